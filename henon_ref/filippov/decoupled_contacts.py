@@ -1,4 +1,4 @@
-"""Contacts that do not act on each other, and the equations of all their modes at once.
+"""Equations of all modes at once, and those of contacts that do not act on each other.
 
 With m surfaces there are 3^m modes. Where every surface is x_k = r(t), each in a state of its own, and its sign
 acts on that state's rate alone (blocks on a belt, each with its own dry friction), sliding on one of them
@@ -103,10 +103,21 @@ class SwitchedEquations:
     switches: tuple[ModeIndicators, ...]
     """One a surface."""
     contacts: tuple[Contact, ...]
+    rates: tuple[sp.Expr, ...] = ()
+    """x' of all states, where the contacts act on each other."""
+    definitions: tuple[tuple[sp.Symbol, sp.Expr], ...] = ()
+    """Names in it, and in the ends of the contacts' slides, and what they stand for: each in names before it."""
+
+    @property
+    def coupled(self) -> bool:
+        """Whether contacts act on each other (:mod:`henon_ref.filippov.coupled_contacts`)."""
+        return bool(self.rates)
 
     @cached_property
     def field(self) -> tuple[sp.Expr, ...]:
         """x' of all states."""
+        if self.coupled:
+            return self.rates
         field = list(self.system.field)
         for own, contact in zip(self.switches, self.contacts, strict=True):
             field[contact.row] = own.slip * contact.slipping + own.slide * contact.sliding
@@ -217,11 +228,15 @@ def switched_equations(system: Contacts) -> SwitchedEquations | None:
         taken.add(contact.row)
     if any(len(contact.slipping.free_symbols & acting.keys()) != 1 for contact in contacts):
         return None
-    switches = tuple(
+    return SwitchedEquations(system, indicators(system.signs), tuple(contacts))
+
+
+def indicators(signs: Sequence[sp.Symbol]) -> tuple[ModeIndicators, ...]:
+    """The symbols that the entries of a mode set, one set a surface."""
+    return tuple(
         ModeIndicators(s, sp.Symbol(f"slip_{i}", real=True), sp.Symbol(f"slide_{i}", real=True))
-        for i, s in enumerate(system.signs)
+        for i, s in enumerate(signs)
     )
-    return SwitchedEquations(system, switches, tuple(contacts))
 
 
 def _contact(system: Contacts, index: int, acting: Sequence[int], places: Mapping[sp.Symbol, int]) -> Contact | None:

@@ -191,14 +191,14 @@ class ModeEvaluation:
     @cached_property
     def _shared(self) -> ModeTape | None:
         """The tape of a system whose modes have one in common."""
-        made = self.system.shared
-        return (
-            None if made is None else ModeTape(build_tape(self.system.states, made.field, made.outputs), made.entries)
-        )
+        made = self.system.of_all_modes
+        if made is None:
+            return None
+        return ModeTape(build_tape(self.system.states, made.field, made.outputs, made.definitions), made.entries)
 
     def _shared_equations(self, mode: Mode) -> tuple[ModeEquations, Tape, list[Any]]:
         """A mode's equations, its own part of that tape, and its constants, each worked out once."""
-        shared, made = self._shared, self.system.shared
+        shared, made = self._shared, self.system.of_all_modes
         assert shared is not None
         assert made is not None
         own = tuple(shared.tape.outputs[row] for row in made.rows(mode))
@@ -209,7 +209,7 @@ class ModeEvaluation:
                 alone = replace(shared.tape, constants=(shared.constant(at, mode),))
                 self._numbers[key] = self._constants(alone)[0]
             numbers.append(self._numbers[key])
-        return self.system.equations(mode), replace(shared.tape, outputs=own), numbers
+        return ModeEquations((), made.own_guards(mode), {}), replace(shared.tape, outputs=own), numbers
 
     def _tape(self, mode: Mode) -> ModeWithTape | None:
         """Equations of a mode and their tape; None where it has none."""

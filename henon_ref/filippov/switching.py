@@ -198,7 +198,7 @@ class Switching(ModeConsistency):
     ) -> Mode | None:
         """The mode that follows where contacts do not act on each other, and each is clear of its limits; else None."""
         switched = self.system.switched
-        if switched is None:
+        if switched is None or switched.coupled:
             return None
         entries = [self._entry_alone(t, x, mode, switched.contacts[i], i, i in slipped) for i in active]
         found = [entry for entry in entries if entry is not None]

@@ -19,6 +19,7 @@ from henon_ref.errors import ModelError
 from henon_ref.filippov.bounds import put
 from henon_ref.filippov.branches import has_no_value, leaves_out
 from henon_ref.filippov.contact_loops import closed, relations
+from henon_ref.filippov.coupled_contacts import coupled_equations
 from henon_ref.filippov.decoupled_contacts import FEW, SwitchedEquations, switched_equations
 from henon_ref.filippov.equations import Guard, ModeEquations, Refusal, along
 from henon_ref.filippov.held_contacts import held_field
@@ -87,13 +88,14 @@ class FilippovSystem(SwitchedField):
     def has_equations(self, mode: Mode) -> bool:
         """Whether a mode has equations."""
         try:
-            return self.shared is not None or bool(self.equations(mode))
+            return self.of_all_modes is not None or bool(self.equations(mode))
         except ModelError:
             return False
 
     def guards(self, mode: Mode) -> tuple[Guard, ...]:
         """Guards of the equations of a mode."""
-        return self.shared.own_guards(mode) if self.shared is not None else self.equations(mode).guards
+        made = self.of_all_modes
+        return self.equations(mode).guards if made is None else made.own_guards(mode)
 
     def slip_signs(self, mode: Mode) -> dict[sp.Symbol, sp.Expr]:
         """What a mode puts for the signs of its surfaces in slip."""
@@ -158,13 +160,22 @@ class FilippovSystem(SwitchedField):
 
     @cached_property
     def switched(self) -> SwitchedEquations | None:
-        """One set of equations for all modes of many contacts that do not act on each other."""
-        return switched_equations(self) if len(self.surfaces) > FEW else None
+        """One set of equations for all modes of many contacts."""
+        if len(self.surfaces) <= FEW:
+            return None
+        return switched_equations(self) or coupled_equations(self, self)
 
     @property
     def shared(self) -> SwitchedEquations | None:
-        """The same where some contacts have static friction, whose modes are derived from it."""
-        return self.switched if self.overrides else None
+        """The same where contacts do not act on each other and some have static friction: modes are derived from it."""
+        made = self.of_all_modes
+        return None if made is None or made.coupled else made
+
+    @property
+    def of_all_modes(self) -> SwitchedEquations | None:
+        """The one set by which modes are decided: :attr:`shared`, or that of contacts which act on each other."""
+        switched = self.switched
+        return switched if switched is not None and (switched.coupled or self.overrides) else None
 
     def shared_equations(self, sliding: frozenset[int]) -> ModeEquations:
         """Equations that all modes with this set of sliding surfaces share, slip signs kept as symbols.

@@ -18,6 +18,7 @@ from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.tape_program import tape_program
 from henon_ref.jit.ir_writer import declarations, row_length
 from henon_ref.jit.native_module import NativeModule
+from henon_ref.kernel.shared import kernel
 from henon_ref.taylor.llvm.expansion import expansion_ir
 from henon_ref.taylor.llvm.looped import looped_expansion_ir
 from henon_ref.taylor.llvm.rounding import rounding_ir
@@ -111,26 +112,21 @@ def common_mode_code(system: FilippovSystem, mode: Mode, order: int, passed: fro
         entries: Entries = (({}, {}, {}),) * len(mode)
     else:
         entries = tuple(tuple({sign: sp.Integer(s)} for s in (-1, 0, 1)) for sign in system.signs)
-    return _mode_code(system, order, equations.field, outputs, sides, entries)
+    return _mode_code(system, order, build_tape(system.states, equations.field, outputs), sides, entries)
 
 
 def switched_mode_code(system: FilippovSystem, equations: SwitchedEquations, order: int) -> ModeCode:
     """One code for the modes of all combinations of sliding surfaces."""
     sides = _speeds(system, equations.guards((1,) * len(system.surfaces)))
-    return _mode_code(system, order, equations.field, equations.outputs, sides, equations.entries)
+    expansion = build_tape(system.states, equations.field, equations.outputs, equations.definitions)
+    return _mode_code(system, order, expansion, sides, equations.entries)
 
 
 def _mode_code(
-    system: FilippovSystem,
-    order: int,
-    field: Sequence[sp.Expr],
-    outputs: Sequence[sp.Expr],
-    sides: Sequence[sp.Expr],
-    entries: Entries,
+    system: FilippovSystem, order: int, expansion: Tape, sides: Sequence[sp.Expr], entries: Entries
 ) -> ModeCode:
-    n = len(system.states)
-    expansion, probe = build_tape(system.states, field, outputs), build_tape(system.states, (), sides)
-    nodes = expansion.nodes
+    n, nodes = len(system.states), expansion.nodes
+    probe = build_tape(system.states, (), sides)
     degrees = [*(nodes[row].degree + 1 for row in expansion.field), *(nodes[row].degree for row in expansion.outputs)]
     degree = max(degrees) if max(degrees) <= order else 0
     field_branches = _has_branch_points(expansion, expansion.field)
@@ -141,7 +137,7 @@ def _mode_code(
     code = native_module(
         declarations()
         + expansion_code(expansion, n, order, "expansion")
-        + end_code(n, len(outputs), order, "closing")
+        + end_code(n, len(expansion.outputs), order, "closing")
         + expansion_code(probe, n, 0, "probe")
         + rounding_ir(expansion, n, "rounding")
         + (expansion_code(expansion, n, 1, "slopes", row_length(order)) if has_branch_points else ""),
@@ -176,16 +172,59 @@ def _speeds(
 
 @dataclass(frozen=True, eq=False)
 class NormalVelocities:
-    """Normal velocities of all surfaces, in states and signs."""
+    """Normal velocities of all surfaces, in states and signs; with static friction see :func:`_of_contacts`."""
 
     tape: Tape
     address: int
     code: NativeModule
+    contacts: NDArray[np.int64] | None
+    """What is known of each contact (bits of ``enum contact``), shape (surfaces,); None without static friction."""
+    beside: NDArray[np.int64]
+    """Whether two surfaces act on each other, shape (surfaces, surfaces)."""
 
 
 def normal_velocities(system: FilippovSystem) -> NormalVelocities:
     """Their tape and machine code."""
-    inputs = (*system.states, *system.signs)
-    tape = build_tape(inputs, (), [system.normal_velocity(i) for i in range(len(system.surfaces))])
+    surfaces = range(len(system.surfaces))
+    inputs, outputs = (*system.states, *system.signs), [system.normal_velocity(i) for i in surfaces]
+    contacts = None
+    if system.overrides:
+        loads, outputs = _of_contacts(system)
+        inputs = (*inputs, *loads)
+        contacts = np.array([_known_of(system, i) for i in surfaces], dtype=np.int64)
+    tape = build_tape(inputs, (), outputs)
     code = native_module(declarations() + expansion_ir(tape, len(inputs), 0, "normals"))
-    return NormalVelocities(tape, code.address("normals"), code)
+    beside = np.array([[j in system.together(i, (i, j)) for j in surfaces] for i in surfaces], dtype=np.int64)
+    return NormalVelocities(tape, code.address("normals"), code, contacts, beside)
+
+
+def _of_contacts(system: FilippovSystem) -> tuple[list[sp.Symbol], list[sp.Expr]]:
+    """Symbols for the loads of all contacts; and the normal velocities in states, signs and loads, then four numbers a
+    surface: the ends of its hold zone at +1 and -1, its inertia, and by how much its friction slows it down.
+
+    It is what :mod:`henon_ref.filippov.held_groups` reads of a group, for ``henon_ref/kernel/contact_problem.c``.
+    """
+    loads = [sp.Symbol(f"load_{i}", real=True) for i in range(len(system.signs))]
+    pushes = {i: own.push for i, own in system.overrides.items() if own.push}
+    field = tuple(
+        sp.Add(rate, *(push[k] * loads[i] for i, push in pushes.items())) for k, rate in enumerate(system.field)
+    )
+    numbers: list[sp.Expr] = []
+    for i, sign in enumerate(system.signs):
+        own, speed = system.overrides.get(i), system.normal_velocity(i)
+        ends = (
+            {guard.to_sign: guard.expression for guard in system.hold_guards(i)}
+            if own
+            else {1: sp.S.Zero, -1: sp.S.Zero}
+        )
+        inertia = sp.S.One if own is None or own.inertia is None else own.inertia
+        friction = speed.xreplace({sign: sp.S.Zero}) - speed.xreplace({sign: sp.S.One}) if own else sp.S.One
+        numbers += [ends[1], ends[-1], inertia, friction]
+    return loads, [*(along(h, system.states, field) for h in system.surfaces), *numbers]
+
+
+def _known_of(system: FilippovSystem, index: int) -> int:
+    own = system.overrides.get(index)
+    if own is None:
+        return 0
+    return kernel.FIXED | (kernel.KNOWN_INERTIA if own.inertia is not None else 0) | (kernel.BY_LOAD if own.push else 0)

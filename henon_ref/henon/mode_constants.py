@@ -55,6 +55,8 @@ def loop_data(
         selection.velocities, selection.constants = ffi.cast("expand_code", velocities.address), doubles(normals)
         selection.signs, selection.rows = integers(compiled.signs), integers(compiled.rows)
         selection.surfaces, selection.decoupled = compiled.signs.shape[1], mode_table.decoupled
+        if velocities.contacts is not None:
+            selection.contact, selection.beside = integers(velocities.contacts), integers(velocities.beside)
     return LoopData(compiled, numbers, normals, tables)
 
 

@@ -109,7 +109,7 @@ class ModeTable:
         surfaces = len(system.surfaces)
         self._switched = system.switched
         self._jumps = jump_code(system)
-        several = 1 < surfaces <= kernel.SURFACES_IN_TABLE and not (system.overrides or system.resets)
+        several = 1 < surfaces <= kernel.SURFACES_IN_TABLE and not system.resets and _in_groups(system)
         self._records = GrowingRows(mode_dtype(self.most_guards), ())
         self._signs, self._sources = GrowingRows(np.int64, (surfaces,)), GrowingRows(np.int64, (0, 0))
         self._rows = np.full(3**surfaces if several else 0, -1, dtype=np.int64)
@@ -200,9 +200,9 @@ class ModeTable:
         """
         system, sliding = self.system, [i for i, entry in enumerate(mode) if entry == 0]
         slid = {system.signs[i] for i in sliding}
-        found = set()
+        found, selects = set(), self.compiled.rows.size and not system.overrides
         for i in self._sections if sliding else ():
-            selected = self.compiled.rows.size and slid.isdisjoint(system.normal_velocity(i).free_symbols)
+            selected = selects and slid.isdisjoint(system.normal_velocity(i).free_symbols)
             if mode[i] and not selected and len(system.in_play([i], sliding)) > 1:
                 found.add(i)
         return frozenset(found)
@@ -247,9 +247,10 @@ class ModeTable:
                 if found is not None:
                     self._link(guards, row, i, other, found)
                     self._link(guards, found, i, entry, row)
-        # Where it may not attract, compiled code does not settle on it; nor where normal velocities written for all
-        # modes hold operations that it does not.
-        if self._rows.size and mode not in self._codes and all(g.kind != "attracts" for g in self.guards(mode)):
+        # Where normal velocities written for all modes hold operations that it does not, compiled code does not settle
+        # on it; nor where it may not attract, unless it looks whether it does.
+        told = self.system.overrides or all(g.kind != "attracts" for g in self.guards(mode))
+        if self._rows.size and mode not in self._codes and told:
             self._rows[number] = row
         self.compiled = self._published()
         self.index[mode] = row  # whoever finds it there finds the tables that have it
@@ -280,6 +281,8 @@ class ModeTable:
         found = np.zeros(1, dtype=mode_dtype(self.most_guards))
         system, guards = self.system, self.guards(mode)
         sliding, passed = [i for i, s in enumerate(mode) if s == 0], self._passed(mode)
+        if self._switched and self._switched.coupled:  # the guards of a surface are those of its own entry alone
+            sliding = list(range(len(mode)))
         own, records = found[0]["mode"], found[0]["guards"]
         for name, value in code.fields.items():
             own[name] = value
@@ -323,3 +326,13 @@ class ModeTable:
 def _number(mode: Mode) -> int:
     """A mode's number; 0 where an integer of the machine holds none."""
     return mode_number(mode) if len(mode) <= MOST_SURFACES else 0
+
+
+def _in_groups(system: FilippovSystem) -> bool:
+    """Whether what has static friction is decided by compiled code: contacts in no loop, each held up to two limits."""
+    held = all(system.held_inside(i) and _two_ends(system, i) for i in system.overrides)
+    return held and not (system.overrides and system.has_loops)
+
+
+def _two_ends(system: FilippovSystem, index: int) -> bool:
+    return sorted(end.to_sign for end in system.hold_guards(index)) == [-1, 1]

@@ -224,7 +224,7 @@ class Run(ModeChanges):
                 length=float(scalars.step_length),
                 suspect=float(scalars.suspect),
                 guard=None if self.scalars.guard == kernel.NOWHERE else places[int(self.scalars.guard)],
-                known_zeros=tuple(zeros.get(g, 0) for g in range(len(integrator.system.equations(mode).guards))),
+                known_zeros=tuple(zeros.get(g, 0) for g in range(len(integrator.system.guards(mode)))),
             ),
         )
         if found is None:
@@ -242,7 +242,7 @@ class Run(ModeChanges):
         if left < -resolution or (left < resolution and not (found.falling or found.touching)):
             scalars.time, scalars.time_low = until, until_low
             return None
-        guards = integrator.system.equations(mode).guards
+        guards = integrator.system.guards(mode)
         for g in found.below_rounding:
             self._passed_over(guards[g])
         falling = [guards[g] for g in found.falling]

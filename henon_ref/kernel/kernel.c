@@ -23,6 +23,7 @@
 #include "events.c"
 #include "below_rounding.c"
 #include "selection.c"
+#include "contact_problem.c"
 #include "jump.c"
 #include "transition.c"
 #include "close_event.c"

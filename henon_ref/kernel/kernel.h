@@ -26,6 +26,10 @@ enum transition_kind { STICK, RELEASED, CROSSING, GRAZE, RESET };
 /* Surfaces whose event is not decided by two normal velocities alone: they act on each other, or reset the state. */
 enum coupling { UNCOUPLED, COUPLED, RESETTING };
 
+/* What is known of a contact: whether it has static friction, and then how its load grows with its acceleration, and
+ * what a load does. */
+enum contact { FIXED = 1, KNOWN_INERTIA = 2, BY_LOAD = 4 };
+
 /* Ways of landing. */
 enum landing { HENON, NEWTON, BRENT, BRACKET };
 
@@ -77,6 +81,7 @@ enum {
                               tried (Python does) */
     NOWHERE = -1,          /* in place of the guard last hit: nothing was hit, one is at zero where a step begins */
     UNCLEAR = -1,          /* in place of a mode's row: Python has to decide, or the mode is not compiled */
+    SELECTED = -1,         /* in place of a transition's kind: a mode that was selected is not compiled yet */
     SET_ASIDE = -1,        /* in place of a return code: Python has to do this point */
     UNCLEAR_SIGN = 2       /* of a number that may be zero */
 };
@@ -147,12 +152,16 @@ struct mode {
 
 /* What decides an event of several surfaces. */
 struct selection {
-    expand_code velocities;  /* normal velocities of all surfaces, in states and signs; null: Python decides */
+    expand_code velocities;  /* normal velocities of all surfaces, in states and signs; null: Python decides. In a system
+                                with static friction in states, signs and loads, and numbers of each contact behind
+                                them */
     const double *constants; /* theirs */
     const int64_t *signs;    /* (M, surfaces): the entries of each row's mode */
     const int64_t *rows;     /* row of every mode, written in base 3; -1 where not compiled */
     int64_t surfaces;
     int64_t decoupled; /* whether no normal velocity has the sign of another surface in it */
+    const int64_t *contact; /* of each surface bits of enum contact; null where none has static friction */
+    const int64_t *beside;  /* (surfaces, surfaces): whether two act on each other, likewise */
 };
 
 /* The compiled modes at given parameter values. */
@@ -343,5 +352,7 @@ HENON_EXPORT struct first_root test_first_falling_root(const double *a, int64_t 
 HENON_EXPORT struct landed test_land(const double *q, int64_t degree, double low, double high, int64_t method);
 HENON_EXPORT struct landed test_brent(const double *q, int64_t degree, double low, double high);
 HENON_EXPORT int64_t test_select_mode(struct run *run, const struct tables *tables);
+HENON_EXPORT int64_t test_clearly_solved(int64_t count, const double *a, const double *m, const double *lower,
+                                         const double *upper, int64_t *entries);
 
 #endif

@@ -26,3 +26,20 @@ HENON_EXPORT int64_t test_select_mode(struct run *run, const struct tables *tabl
     struct work work = work_of(run, tables);
     return select_mode(&work);
 }
+
+/* A contact problem, m row by row: filled are the entries; whether they are clear. */
+HENON_EXPORT int64_t test_clearly_solved(int64_t count, const double *a, const double *m, const double *lower,
+                                         const double *upper, int64_t *entries)
+{
+    struct contact_problem problem = {.count = count};
+    struct accelerations found;
+    for (int64_t k = 0; k < count; k++) {
+        problem.a[k] = a[k], problem.lower[k] = lower[k], problem.upper[k] = upper[k];
+        for (int64_t j = 0; j < count; j++)
+            problem.m[k][j] = m[count * k + j];
+    }
+    bool clear = clearly_solved(&problem, &found);
+    for (int64_t k = 0; k < count; k++)
+        entries[k] = found.entry[k];
+    return clear;
+}

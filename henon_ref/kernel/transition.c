@@ -49,13 +49,44 @@ struct change {
     int64_t zeros; /* with which the surface is left; 0 at a release: to be measured */
 };
 
+/* Whether no guard of a mode that ends the run, as where its sliding does not attract, is close to zero here. */
+static bool goes_on(const struct work *w, int64_t row)
+{
+    const struct run *run = w->run;
+    const struct mode *mode = mode_at(w, row);
+    bool expanded = false;
+    for (int64_t g = 0; g < mode->guards; g++) {
+        if (mode->guard[g].kind != VALID)
+            continue;
+        if (!expanded)
+            mode->expansion(run->time, run->time_low, run->unit, w->x, constants_of(w->tables, row, 0), w->ahead);
+        expanded = true;
+        const double *values = row_ahead(w, run->states + g);
+        double size = 0.0;
+        for (int64_t k = 0; k <= run->order; k++)
+            size += fabs(values[k]);
+        if (!(values[0] > CLEAR_MARGIN * size))
+            return false;
+    }
+    return true;
+}
+
 /* Go over to the mode that several surfaces lead to; ON, or why Python is needed. */
 static int64_t apply_selection(struct work *w)
 {
-    if (!w->tables->selection.velocities)
+    const struct selection *selection = &w->tables->selection;
+    int64_t target, number = UNCLEAR;
+    if (!selection->velocities)
         return SELECT_MODE;
-    int64_t target = select_mode(w);
-    if (target < 0 || !change_mode(w, target))
+    if (selection->contact) {
+        number = mode_of_contacts(w);
+        target = number < 0 ? UNCLEAR : selection->rows[number];
+    } else {
+        target = select_mode(w);
+    }
+    if (target < 0 && number >= 0)
+        return not_compiled(w->run, SELECTED, number);
+    if (target < 0 || (selection->contact && !goes_on(w, target)) || !change_mode(w, target))
         return SELECT_MODE;
     return events_accumulate(w->run) ? EVENTS_ACCUMULATE : ON;
 }
@@ -281,7 +312,8 @@ static int64_t apply_event(struct work *w)
         if (code != ON)
             return code;
     } else if (coincident || guard->coupled != UNCOUPLED) {
-        return cross_kinks(w);
+        int64_t code = apply_selection(w);
+        return code == SELECT_MODE ? cross_kinks(w) : code;
     }
     if (found.mode < 0) {
         run->pending_kind = found.kind, run->pending_mode = -1;

@@ -85,7 +85,12 @@ class Tape:
         return found
 
 
-def build_tape(states: Sequence[sp.Symbol], field: Iterable[sp.Expr], outputs: Iterable[sp.Expr] = ()) -> Tape:
+def build_tape(
+    states: Sequence[sp.Symbol],
+    field: Iterable[sp.Expr],
+    outputs: Iterable[sp.Expr] = (),
+    definitions: Sequence[tuple[sp.Symbol, sp.Expr]] = (),
+) -> Tape:
     """Write a smooth field and further functions of time and state as a tape.
 
     Parameters
@@ -95,6 +100,9 @@ def build_tape(states: Sequence[sp.Symbol], field: Iterable[sp.Expr], outputs: I
         x_i' in time, states and constants (parameters, slip signs: every other symbol).
     outputs : iterable of Expr
         Functions whose series along the solution are wanted too.
+    definitions : sequence of (Symbol, Expr)
+        Names in these, and what they stand for, each in names before it. A name is a node of its own, even where it
+        stands for a constant: that is not multiplied out with others.
 
     Raises
     ------
@@ -102,7 +110,10 @@ def build_tape(states: Sequence[sp.Symbol], field: Iterable[sp.Expr], outputs: I
         For a function that has no coefficient recurrence here (sign, Abs, Piecewise ...).
     """
     field, outputs = list(field), list(outputs)
-    builder = _Builder(tuple(states), _repeated([*field, *outputs]))
+    named = [expression for _, expression in definitions]
+    builder = _Builder(tuple(states), _repeated([*named, *field, *outputs]), {name for name, _ in definitions})
+    for name, expression in definitions:
+        builder.define(name, expression)
     field_nodes = tuple(builder.node(expression) for expression in field)
     output_nodes = tuple(builder.node(expression) for expression in outputs)
     degrees = _degrees(builder.nodes, field_nodes)
@@ -113,8 +124,8 @@ def build_tape(states: Sequence[sp.Symbol], field: Iterable[sp.Expr], outputs: I
 class _Builder:
     """Turns expressions into nodes; equal expressions become one node."""
 
-    def __init__(self, states: tuple[sp.Symbol, ...], repeated: frozenset[sp.Expr]) -> None:
-        self.moving = {TIME, *states}
+    def __init__(self, states: tuple[sp.Symbol, ...], repeated: frozenset[sp.Expr], names: set[sp.Symbol]) -> None:
+        self.moving = {TIME, *states, *names}
         self.repeated = repeated
         self.nodes: list[Node] = []
         self.constants: list[sp.Expr] = []
@@ -129,6 +140,10 @@ class _Builder:
         if expression not in self._memo:
             self._memo[expression] = self._make(expression)
         return self._memo[expression]
+
+    def define(self, name: sp.Symbol, expression: sp.Expr) -> None:
+        """Give a node a name."""
+        self._memo[name] = self.node(expression)
 
     def _is_constant(self, expression: sp.Expr) -> bool:
         """Whether it holds neither time nor states (SymPy would look through it for its symbols again each time)."""

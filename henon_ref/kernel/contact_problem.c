@@ -1,0 +1,379 @@
+/* Contacts that act on each other, decided at an event where double precision tells.
+ *
+ * The rule is that of henon_ref/filippov/held_groups.py and contact_problem.py: Gauss's principle with Coulomb's
+ * friction. The relative accelerations of a group's contacts are affine in their forces, N = a - M f; each force is
+ * between its bounds, at the upper one where N > 0, at the lower one where N < 0 (Moreau 1985, Sec. 2; Glocker 2001,
+ * Ch. 6). Which contacts hold is found by block principal pivoting (Judice and Pires, Comput. Oper. Res. 21 (1994)
+ * 587-596). The bounds of a contact at rest are those of its static friction; what slips in the solution and had not
+ * slipped before in this instant falls to kinetic friction, and the problem is solved again.
+ *
+ * Loads are in the units that the forces have in the equations: a contact whose override says what a load does ("push")
+ * has its load for force, any other one the sign that stands for it, a load over the friction in sliding.
+ *
+ * Every number may be off by the part CLEAR_MARGIN of its terms (the states are, too), and what that does to the forces
+ * is bounded by Skeel's componentwise condition, to first order (J. ACM 26 (1979) 494-526): where some sign could be
+ * another one within these bounds, Python decides.
+ */
+
+/* Part of a number's terms by which it may be beyond a bound while the pivots go on. */
+#define PIVOT_ROUNDING 1e-12
+/* Part of a contact's own inverse inertia below which what the others leave of it is none. */
+#define RANK 1e-8
+/* Part of its terms by which a sum of accelerations may differ from what it is. */
+#define SAME 1e-9
+/* Blocks of pivots in a row that bring no fewer contacts out of bounds; pivots a contact. */
+#define PATIENCE 10
+#define MOST_PIVOTS 100
+
+typedef double square[SURFACES_IN_TABLE][SURFACES_IN_TABLE];
+
+/* N = a - M f for the contacts of a group. */
+struct contact_problem {
+    int64_t count;
+    double a[SURFACES_IN_TABLE], lower[SURFACES_IN_TABLE], upper[SURFACES_IN_TABLE];
+    square m;
+};
+
+/* Its solution. */
+struct accelerations {
+    double force[SURFACES_IN_TABLE], speed[SURFACES_IN_TABLE], size[SURFACES_IN_TABLE]; /* f, N, and the sizes of the terms of N */
+    int64_t entry[SURFACES_IN_TABLE]; /* 0: the force is between its bounds; -1, +1: at the lower one, at the upper one */
+};
+
+/* Of the contacts that hold, their number, places, and the factors of their part of M. */
+struct held_part {
+    int64_t count, place[SURFACES_IN_TABLE], row[SURFACES_IN_TABLE];
+    square lu;
+};
+
+/* Factors of the held contacts' part of M, rows exchanged; false where it is close to singular. */
+static bool factorised(const struct contact_problem *p, const int64_t *entry, struct held_part *held)
+{
+    held->count = 0;
+    for (int64_t k = 0; k < p->count; k++)
+        if (entry[k] == 0)
+            held->place[held->count++] = k;
+    int64_t count = held->count;
+    for (int64_t r = 0; r < count; r++) {
+        held->row[r] = r;
+        for (int64_t q = 0; q < count; q++)
+            held->lu[r][q] = p->m[held->place[r]][held->place[q]];
+    }
+    for (int64_t k = 0; k < count; k++) {
+        int64_t pivot = k;
+        for (int64_t r = k + 1; r < count; r++)
+            if (fabs(held->lu[held->row[r]][k]) > fabs(held->lu[held->row[pivot]][k]))
+                pivot = r;
+        int64_t chosen = held->row[pivot];
+        held->row[pivot] = held->row[k], held->row[k] = chosen;
+        if (!(fabs(held->lu[chosen][k]) > RANK * p->m[held->place[k]][held->place[k]]))
+            return false;
+        for (int64_t r = k + 1; r < count; r++) {
+            double *row = held->lu[held->row[r]];
+            row[k] /= held->lu[chosen][k];
+            for (int64_t q = k + 1; q < count; q++)
+                row[q] -= row[k] * held->lu[chosen][q];
+        }
+    }
+    return true;
+}
+
+/* Solve with these factors; x is by the order of the held contacts, as the right side is. */
+static void solve_factorised(const struct held_part *held, const double *right, double *x)
+{
+    int64_t count = held->count;
+    for (int64_t r = 0; r < count; r++) {
+        x[r] = right[held->row[r]];
+        for (int64_t q = 0; q < r; q++)
+            x[r] -= held->lu[held->row[r]][q] * x[q];
+    }
+    for (int64_t r = count - 1; r >= 0; r--) {
+        for (int64_t q = r + 1; q < count; q++)
+            x[r] -= held->lu[held->row[r]][q] * x[q];
+        x[r] /= held->lu[held->row[r]][r];
+    }
+}
+
+/* Forces and relative accelerations for these entries; false where the held contacts do not settle them. */
+static bool balanced(const struct contact_problem *p, struct accelerations *s, struct held_part *held)
+{
+    int64_t count = p->count;
+    double right[SURFACES_IN_TABLE], found[SURFACES_IN_TABLE];
+    if (!factorised(p, s->entry, held))
+        return false;
+    for (int64_t k = 0; k < count; k++)
+        s->force[k] = s->entry[k] > 0 ? p->upper[k] : s->entry[k] < 0 ? p->lower[k] : 0.0;
+    for (int64_t r = 0; r < held->count; r++) {
+        int64_t k = held->place[r];
+        right[r] = p->a[k];
+        for (int64_t j = 0; j < count; j++)
+            right[r] -= p->m[k][j] * s->force[j];
+    }
+    solve_factorised(held, right, found);
+    for (int64_t r = 0; r < held->count; r++)
+        s->force[held->place[r]] = found[r];
+    for (int64_t k = 0; k < count; k++) {
+        s->speed[k] = p->a[k], s->size[k] = fabs(p->a[k]);
+        for (int64_t j = 0; j < count; j++) {
+            s->speed[k] -= p->m[k][j] * s->force[j];
+            s->size[k] += fabs(p->m[k][j] * s->force[j]);
+        }
+    }
+    return true;
+}
+
+/* Whether every sign that a solution rests on stays what it is when each number is off by the part CLEAR_MARGIN. */
+static bool is_clear(const struct contact_problem *p, const struct accelerations *s, const struct held_part *held)
+{
+    double off[SURFACES_IN_TABLE] = {0.0}, right[SURFACES_IN_TABLE], column[SURFACES_IN_TABLE];
+    for (int64_t c = 0; c < held->count; c++) { /* column c of the inverse */
+        for (int64_t r = 0; r < held->count; r++)
+            right[r] = r == c ? 1.0 : 0.0;
+        solve_factorised(held, right, column);
+        for (int64_t r = 0; r < held->count; r++)
+            off[held->place[r]] += CLEAR_MARGIN * fabs(column[r]) * s->size[held->place[c]];
+    }
+    for (int64_t k = 0; k < p->count; k++) {
+        double room, margin = off[k];
+        if (s->entry[k] == 0) {
+            room = smaller(p->upper[k] - s->force[k], s->force[k] - p->lower[k]);
+            margin += CLEAR_MARGIN * larger(fabs(p->upper[k]), fabs(p->lower[k]));
+        } else {
+            room = (double)s->entry[k] * s->speed[k];
+            margin = CLEAR_MARGIN * s->size[k];
+            for (int64_t r = 0; r < held->count; r++)
+                margin += fabs(p->m[k][held->place[r]]) * off[held->place[r]];
+        }
+        if (!(room > margin))
+            return false;
+    }
+    return true;
+}
+
+/* Solve a contact problem; whether it has a solution that is clear. */
+static bool clearly_solved(const struct contact_problem *p, struct accelerations *s)
+{
+    int64_t count = p->count, fewest = count + 1, patience = PATIENCE;
+    struct held_part held;
+    for (int64_t k = 0; k < count; k++)
+        s->entry[k] = 0;
+    for (int64_t pivots = 0; pivots < MOST_PIVOTS * (count + 1); pivots++) {
+        if (!balanced(p, s, &held))
+            return false;
+        int64_t turned[SURFACES_IN_TABLE], wrong = 0, last = -1;
+        for (int64_t k = 0; k < count; k++) {
+            double tolerance = PIVOT_ROUNDING * (fabs(s->force[k]) + s->size[k] / p->m[k][k]);
+            turned[k] = s->entry[k];
+            if (s->entry[k] == 0)
+                turned[k] = s->force[k] - p->upper[k] > tolerance ? 1 : p->lower[k] - s->force[k] > tolerance ? -1 : 0;
+            else if ((double)s->entry[k] * s->speed[k] < -PIVOT_ROUNDING * s->size[k])
+                turned[k] = 0;
+            if (turned[k] != s->entry[k])
+                wrong += 1, last = k;
+        }
+        if (wrong == 0)
+            return is_clear(p, s, &held);
+        patience = wrong < fewest ? PATIENCE : patience - 1;
+        fewest = least(fewest, wrong);
+        for (int64_t k = 0; k < count; k++)
+            if (patience > 0 || k == last)
+                s->entry[k] = turned[k];
+    }
+    return false;
+}
+
+/* A group at the point where the run stands. */
+struct group {
+    int64_t count, contact[SURFACES_IN_TABLE]; /* surfaces in play, in order */
+    int64_t static_ones;                   /* contacts among them that have static friction */
+    bool slipped[SURFACES_IN_TABLE];           /* whether the load of such a one has reached its limit in this instant */
+    double least[SURFACES_IN_TABLE], most[SURFACES_IN_TABLE]; /* forces that static friction allows */
+    struct contact_problem problem;        /* with the bounds of friction in sliding */
+};
+
+/* What is evaluated of a surface: its velocity in the fields, dh/dt, stands apart. */
+enum { RISING_END, FALLING_END, INERTIA, KINETIC, OF_CONTACT }; /* henon_ref/henon/mode_code.py has the same order */
+
+/* What is known of the contact at a place: bits of enum contact. */
+static int64_t kind_of(const struct work *w, const struct group *g, int64_t k)
+{
+    return w->tables->selection.contact[g->contact[k]];
+}
+
+/* Let the contact at a place act, or no more. */
+static void act(const struct work *w, const struct group *g, int64_t k, double *point, double force)
+{
+    int64_t loads = kind_of(w, g, k) & BY_LOAD ? w->tables->selection.surfaces : 0;
+    point[w->run->states + loads + g->contact[k]] = force;
+}
+
+/* What a contact at a place slides with, and what its static friction allows, in units of its force; false where that
+ * is not known.
+ *
+ * own: its numbers where no contact of the group acts. end_slopes: how its end into the mode +1 grows with the force of
+ * each: with how its acceleration does, that tells the inertia where its override does not.
+ */
+static bool bound_forces(struct group *g, int64_t k, int64_t what, const double *own, const double *end_slopes)
+{
+    struct contact_problem *p = &g->problem;
+    double inertia = own[INERTIA], largest = 0.0;
+    p->upper[k] = 1.0, p->lower[k] = -1.0;
+    if (!(what & FIXED))
+        return true;
+    for (int64_t j = 0; j < p->count && !(what & KNOWN_INERTIA); j++)
+        if (j != k && fabs(p->m[k][j]) > largest)
+            largest = fabs(p->m[k][j]), inertia = end_slopes[j] / p->m[k][j];
+    if (what & BY_LOAD)
+        p->upper[k] = inertia * own[KINETIC], p->lower[k] = -p->upper[k];
+    g->most[k] = (own[RISING_END] + inertia * p->a[k]) / (inertia * p->m[k][k]);
+    g->least[k] = -(own[FALLING_END] - inertia * p->a[k]) / (inertia * p->m[k][k]);
+    return inertia > 0.0 && fabs(g->most[k]) < BLOWN_UP && fabs(g->least[k]) < BLOWN_UP;
+}
+
+/* Velocities and numbers of all surfaces where the run stands, no contact of the group acting: the point for that. */
+static double *resting_point(const struct work *w, const struct group *g)
+{
+    const struct selection *selection = &w->tables->selection;
+    int64_t n = w->run->states, surfaces = selection->surfaces;
+    double *point = w->room;
+    for (int64_t i = 0; i < n; i++)
+        point[i] = w->x[i];
+    for (int64_t i = 0; i < surfaces; i++) {
+        point[n + i] = (double)selection->signs[w->run->mode * surfaces + i];
+        point[n + surfaces + i] = 0.0;
+    }
+    for (int64_t k = 0; k < g->count; k++)
+        point[n + g->contact[k]] = 0.0;
+    return point;
+}
+
+/* The group's balance of forces where the run stands; false where it is not one of friction, or no number. */
+static bool balance(const struct work *w, struct group *g)
+{
+    int64_t surfaces = w->tables->selection.surfaces, count = g->count;
+    double *point = resting_point(w, g), *values = point + w->run->states + 2 * surfaces;
+    const double *speeds = values + w->run->states + 2 * surfaces, *numbers = speeds + surfaces;
+    double own[SURFACES_IN_TABLE][OF_CONTACT];
+    square end_slopes;
+    struct contact_problem *p = &g->problem;
+    p->count = count;
+    velocities_at(w, point, values);
+    for (int64_t k = 0; k < count; k++) {
+        p->a[k] = speeds[g->contact[k]];
+        memcpy(own[k], numbers + OF_CONTACT * g->contact[k], sizeof own[k]);
+    }
+    for (int64_t j = 0; j < count; j++) {
+        act(w, g, j, point, 1.0);
+        velocities_at(w, point, values);
+        act(w, g, j, point, 0.0);
+        for (int64_t k = 0; k < count; k++) {
+            p->m[k][j] = p->a[k] - speeds[g->contact[k]];
+            end_slopes[k][j] = numbers[OF_CONTACT * g->contact[k] + RISING_END] - own[k][RISING_END];
+        }
+    }
+    for (int64_t j = 0; j < count; j++)
+        act(w, g, j, point, 1.0);
+    velocities_at(w, point, values);
+    for (int64_t k = 0; k < count; k++) {
+        double rest = speeds[g->contact[k]] - p->a[k], size = fabs(p->a[k]);
+        for (int64_t j = 0; j < count; j++)
+            rest += p->m[k][j], size += fabs(p->m[k][j]);
+        if (!(fabs(rest) <= SAME * size && p->m[k][k] > SAME * size)) /* not affine, or no contact */
+            return false;
+        if (!bound_forces(g, k, kind_of(w, g, k), own[k], end_slopes[k]))
+            return false;
+    }
+    return true;
+}
+
+/* Surfaces that are at zero or slid on, and by which a hit one is open: it, and what acts on it by way of others; false
+ * where a guard that is no contact's is at zero, or they are too many. */
+static bool find_group(const struct work *w, struct group *g)
+{
+    const struct selection *selection = &w->tables->selection;
+    int64_t surfaces = selection->surfaces;
+    const int64_t *before = selection->signs + w->run->mode * surfaces;
+    bool zero[SURFACES_IN_TABLE], open[SURFACES_IN_TABLE] = {false}, slipped[SURFACES_IN_TABLE] = {false}, more = true;
+    for (int64_t i = 0; i < surfaces; i++)
+        zero[i] = before[i] == 0;
+    for (int64_t k = 0; k < w->mode->guards; k++)
+        if (w->hits[k] == 1) {
+            int64_t i = w->mode->guard[k].index;
+            if (w->mode->guard[k].kind == VALID)
+                return false;
+            zero[i] = open[i] = true;
+            slipped[i] = slipped[i] || w->mode->guard[k].kind == RELEASE;
+        }
+    while (more) {
+        more = false;
+        for (int64_t i = 0; i < surfaces; i++)
+            for (int64_t j = 0; j < surfaces; j++)
+                if (open[i] && zero[j] && !open[j] && selection->beside[i * surfaces + j])
+                    open[j] = more = true;
+    }
+    g->count = g->static_ones = 0;
+    for (int64_t i = 0; i < surfaces; i++)
+        if (open[i]) {
+            bool fixed = selection->contact[i] & FIXED;
+            g->static_ones += fixed;
+            g->slipped[g->count] = slipped[i] && fixed;
+            g->contact[g->count++] = i;
+        }
+    return true;
+}
+
+/* Which contacts of a group hold, and how the others slip; false where that is not clear. */
+static bool settled(const struct work *w, struct group *g, struct accelerations *s)
+{
+    if (!balance(w, g))
+        return false;
+    for (bool more = true; more;) {
+        struct contact_problem problem = g->problem;
+        for (int64_t k = 0; k < g->count; k++)
+            if (kind_of(w, g, k) & FIXED && !g->slipped[k])
+                problem.lower[k] = g->least[k], problem.upper[k] = g->most[k];
+        if (!clearly_solved(&problem, s))
+            return false;
+        more = false;
+        for (int64_t k = 0; k < g->count; k++)
+            if (kind_of(w, g, k) & FIXED && !g->slipped[k] && s->entry[k] != 0)
+                g->slipped[k] = more = true;
+    }
+    for (int64_t k = 0; k < g->count; k++) /* what would hold by kinetic friction may be beyond static friction */
+        if (g->slipped[k] && s->entry[k] == 0)
+            return false;
+    return true;
+}
+
+/* Number of the mode that follows where guards of the present one are at zero (hits), in a system with static friction;
+ * UNCLEAR where that is not clear. */
+static int64_t mode_of_contacts(const struct work *w)
+{
+    const struct selection *selection = &w->tables->selection;
+    const int64_t *before = selection->signs + w->run->mode * selection->surfaces;
+    struct group g;
+    struct accelerations s;
+    if (!find_group(w, &g))
+        return UNCLEAR;
+    if (g.static_ones || g.count > MOST_COUPLED) {
+        if (!settled(w, &g, &s))
+            return UNCLEAR;
+    } else { /* its forces need not be those of friction */
+        struct in_play p = {.count = g.count, .first = w->run->states + 2 * selection->surfaces};
+        struct affine f;
+        p.point = resting_point(w, &g), p.values = p.point + p.first;
+        memcpy(p.surface, g.contact, sizeof p.surface);
+        int64_t found = affine_velocities(w, &p, &f) ? only_candidate(&f, p.count) : UNCLEAR;
+        if (found < 0)
+            return UNCLEAR;
+        for (int64_t k = 0; k < g.count; k++)
+            s.entry[k] = choice(found, k);
+    }
+    int64_t number = 0;
+    for (int64_t i = 0, k = 0; i < selection->surfaces; i++) {
+        bool open = k < g.count && g.contact[k] == i;
+        number += ((open ? s.entry[k] : before[i]) + 1) * three_to(i);
+        k += open;
+    }
+    return number;
+}
