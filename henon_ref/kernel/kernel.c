@@ -16,6 +16,7 @@
 #include "compensated_time.c"
 #include "step_size.c"
 #include "validation.c"
+#include "contacts.c"
 #include "recorder.c"
 #include "step.c"
 #include "events.c"
