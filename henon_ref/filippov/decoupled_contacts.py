@@ -147,11 +147,6 @@ class SwitchedEquations:
         pairs = (own[entry] for own, entry in zip(self._pairs, mode, strict=True))
         return (*chain.from_iterable(pairs), *self._valid)
 
-    def guard(self, mode: Mode, place: int) -> Guard:
-        """One of them."""
-        index, which = divmod(place, 2)
-        return self._pairs[index][mode[index]][which] if index < len(mode) else self._valid[place - 2 * len(mode)]
-
     @cached_property
     def _pairs(self) -> tuple[Mapping[int, tuple[Guard, Guard]], ...]:
         """For each surface and entry its two guards."""

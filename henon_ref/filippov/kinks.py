@@ -57,6 +57,8 @@ class HiddenKinks:
 
     def shown(self, mode: Mode) -> Mode:
         """A mode with +1 for what is hidden in it, so that it is one mode however these signs change."""
+        if not self.system.kinks:
+            return mode
         return tuple(1 if self.hidden(i, mode) else entry for i, entry in enumerate(mode))
 
     def hides_none(self, modes: Iterable[Mode]) -> bool:

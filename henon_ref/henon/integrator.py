@@ -56,11 +56,17 @@ class Integrator:
         self.system = system
         self.order = order
         self.mode_table = ModeTable(system, order)
-        self.workspaces = WorkspacePool(len(system.states), self.mode_table.most_guards, order)
         self.no_zeros = (0,) * self.mode_table.most_guards
         """Known zeros of the guards where a start is off every surface."""
         self._constants: dict[tuple[sp.Expr, ...], ModeConstants] = {}
         self.double_constants = lru_cache(maxsize=KEPT_VALUES)(self._double_constants)
+
+    @cached_property
+    def workspaces(self) -> WorkspacePool:
+        """Memory of runs."""
+        table = self.mode_table
+        sizes = len(self.system.states), table.most_guards, self.order, table.contacts, table.row_length
+        return WorkspacePool(*sizes)
 
     def constants(self, values: FilippovSystem) -> ModeConstants:
         """The compiled modes' constants at a system's parameter values; the same object for the same values.
@@ -169,7 +175,8 @@ class Integrator:
     def row_at_start(self, signs: Mode) -> tuple[int, int] | None:
         """Row of a start's mode, and the surface that it is on (-1: none); None where Python has to decide the mode.
 
-        On a surface the row is that of the mode below it; those that may follow are compiled.
+        On a surface the row is that of the mode below it; those that may follow are compiled. Of contacts that do not
+        act on each other it is the mode's number.
 
         Parameters
         ----------
@@ -194,7 +201,9 @@ class Integrator:
         Row -1 where it is not clear. ``signs``: see :meth:`row_at_start`.
         """
         found = self.row_at_start(signs)
-        if found is None or found[1] < 0:
+        if found is None or found[1] < 0 or self.mode_table.contacts:
+            if found is not None and found[1] >= 0:
+                return -1, self.no_zeros
             return (-1 if found is None else found[0]), self.no_zeros
         data = constants.latest if constants.latest.compiled is self.mode_table.compiled else constants.update()
         point, speeds = np.array(x, dtype=np.float64), np.empty(len(x) + 2 * len(self.no_zeros))
@@ -203,7 +212,7 @@ class Integrator:
         order = zeros[0]
         if row < 0 or order == 0:
             return row, self.no_zeros
-        entered = self.mode_table.guards(self.mode_table.modes[row])
+        entered = self.mode_table.guards(self.mode_table.mode(row))
         own = tuple(order if g.kind == "surface" and g.index == found[1] else 0 for g in entered)
         return row, own + self.no_zeros[len(own) :]
 

@@ -16,6 +16,7 @@ from henon_ref.filippov.modes import Mode, numbered_mode, replaced, transition_k
 from henon_ref.filippov.resets import resetting, rows_at
 from henon_ref.filippov.resting import REMAINING
 from henon_ref.henon.endings import ending_of
+from henon_ref.henon.entries import written
 from henon_ref.henon.guard_branch_point import behind_branch_point
 from henon_ref.henon.precise_motion import PreciseMotion
 from henon_ref.henon.records import RESET, STEP, STEP_PLACES, STICK, TRANSITION, TRANSITION_PLACES
@@ -113,14 +114,18 @@ class ModeChanges(State):
 
     def _fill_samples_on_line(self, length: float, state: Sequence[float]) -> None:
         """Fill the samples on such a step."""
-        scalars, samples = self.scalars, self.samples
+        scalars, samples, contacts = self.scalars, self.samples, self.integrator.mode_table.contacts
         while scalars.next_sample < len(samples):
             row = samples[scalars.next_sample]
             part = ((row[0] - scalars.time) - scalars.time_low) / length
             if part > 1.0:
                 return
-            row[1:-1] = self.x + max(part, 0.0) * (np.asarray(state) - self.x)
-            row[-1] = scalars.mode
+            states = slice(1, 1 + self.x.size)
+            row[states] = self.x + max(part, 0.0) * (np.asarray(state) - self.x)
+            if contacts:
+                row[states.stop :].view(np.int64)[:] = self._entries
+            else:
+                row[-1] = scalars.mode
             scalars.next_sample += 1
 
     def _put(self, time: Pair, state: Sequence[Pair]) -> None:
@@ -179,11 +184,11 @@ class ModeChanges(State):
         """
         if decision.mode is None:
             return decision.ending, decision.reason
-        before, source = self.mode, int(self.scalars.mode)
+        before, source = self.mode, self.row
         row = self.integrator.mode_table.row(decision.mode)
         if row is None:
             return self._without_equations()
-        self.scalars.mode = row
+        self.row = row
         self._set_known_zeros(decision.mode, zeros)
         if applied:
             changed = rows_at(before, decision.mode, [i for i, _ in applied])
@@ -273,14 +278,16 @@ class ModeChanges(State):
         if self.scalars.transitions >= self.scalars.transition_capacity:
             self._close_block()
         scalars = self.scalars
-        row = self.workspace.transitions[scalars.transitions]
-        row[TRANSITION_PLACES:], made = (
-            self.x if state is None else state,
-            row[:TRANSITION_PLACES].view(TRANSITION)[0],
-        )
+        row, last = self.workspace.transitions[scalars.transitions], TRANSITION_PLACES + self.x.size
+        row[TRANSITION_PLACES:last] = self.x if state is None else state
+        made, contacts = row[:TRANSITION_PLACES].view(TRANSITION)[0], self.integrator.mode_table.contacts
         made["time"], made["time_low"] = scalars.time, scalars.time_low
         made["kind"], made["surface"], made["landing"] = kind, surface, scalars.landing
-        made["from_mode"], made["to_mode"] = source, target
+        if contacts:
+            made["from_mode"] = made["to_mode"] = 0
+            row[last:].view(np.int64)[:] = [*written(source, contacts), *written(target, contacts)]
+        else:
+            made["from_mode"], made["to_mode"] = source, target
         scalars.transitions += 1
         ends_here = scalars.stop_falling if side > 0 else scalars.stop_rising if side < 0 else 0
         scalars.stopped |= int(ends_here) >> surface & 1
@@ -297,7 +304,7 @@ class ModeChanges(State):
                 return None
             self.scalars.event_pending = 0
             return self._without_equations() if what == RESET else self._select_mode()
-        entry = 0 if what == STICK else self.integrator.mode_table.guard(mode, hit).to_sign
+        entry = 0 if what == STICK else self.integrator.mode_table.guards(mode)[hit].to_sign
         if self._compiled_behind(mode, hit, entry):
             return None
         return self._select_mode()  # there is no such mode, or zeros have to be measured
@@ -305,7 +312,7 @@ class ModeChanges(State):
     def _compiled_behind(self, mode: Mode, hit: int, entry: int) -> bool:
         """Whether the loop can now be led to the mode behind a guard: it then goes through the event anew."""
         mode_table, row = self.integrator.mode_table, int(self.scalars.mode)
-        guard = mode_table.guard(mode, hit)
+        guard = mode_table.guards(mode)[hit]
         if mode_table.row(replaced(mode, guard.index, entry)) is None or mode_table.leads_to(row, hit, entry) < 0:
             return False
         self._count("new_modes")
@@ -326,7 +333,8 @@ class ModeChanges(State):
         switching = self.start.constants.switching
         switching.forget()  # what another run has worked out at the same point is none of this one's work
         decision = switching.after_event(self.time, x, before, hits)
-        self._count("mode_selections" if decision.mode in self.integrator.mode_table.index else "new_modes")
+        seen = decision.mode is not None and self.integrator.mode_table.known(decision.mode) is not None
+        self._count("mode_selections" if seen else "new_modes")
         if decision.mode is None:
             return decision.ending, decision.reason
         early = self.scalars.guard == kernel.NOWHERE
@@ -342,7 +350,7 @@ class ModeChanges(State):
     def _misses_stick(self, hits: Sequence[Guard]) -> bool:
         """Whether the loop wants the mode in which a contact is held, to see whether it is, and now goes on with it."""
         hit = int(self.scalars.guard)
-        if len(hits) != 1 or hit == kernel.NOWHERE:
+        if len(hits) != 1 or hit == kernel.NOWHERE or self.integrator.mode_table.contacts:
             return False
         guard = self.integrator.mode_table.compiled.records["guards"][int(self.scalars.mode), hit]
         missing = guard["hold_zone"] and not guard["coupled"] and guard["mode_stuck"] < 0

@@ -49,6 +49,9 @@ def loop_data(
     tables.modes, tables.count = ffi.from_buffer(compiled.records), len(compiled.records)
     tables.numbers = doubles(numbers)
     tables.tapes, tables.length = numbers.shape[-2:]
+    if mode_table.contacts and len(compiled.records):
+        owned = mode_table.owned
+        tables.contacts, tables.owned_ends, tables.owned = mode_table.contacts, *map(integers, owned)
     if compiled.rows.size:
         velocities, selection = mode_table.normals, tables.selection
         assert velocities is not None
@@ -69,6 +72,7 @@ class ModeConstants(ABC):
 
     Attributes
     ----------
+    table : ModeTable
     latest : LoopData
         For the modes that were compiled when it was last asked for; replaced as a whole by :meth:`update`.
     """
@@ -76,7 +80,7 @@ class ModeConstants(ABC):
     latest: LoopData
 
     def __init__(self, mode_table: ModeTable) -> None:
-        self._table = mode_table
+        self.table = mode_table
         self._values = np.zeros(1)
         """See :class:`henon_ref.henon.distinct_constants.DistinctConstants`."""
         self._rows = GrowingRows(np.float64, (0, 0))
@@ -104,7 +108,7 @@ class ModeConstants(ABC):
     def update(self) -> LoopData:
         """Take in modes that have been compiled since."""
         with one_at_a_time(), compiling():
-            compiled = self._table.compiled
+            compiled = self.table.compiled
             if self.latest.compiled is not compiled:
                 self.latest = self._extended(compiled)
             return self.latest
@@ -112,16 +116,16 @@ class ModeConstants(ABC):
     def _extended(self, compiled: CompiledModes) -> LoopData:
         known = len(self._values) // 2
         if compiled.constants > known:
-            new = self._pairs(self._table.constants.expressions[known : compiled.constants])
+            new = self._pairs(self.table.constants.expressions[known : compiled.constants])
             self._values = np.concatenate([self._values, new])
         if len(compiled.sources) > len(self._rows):
             self._rows.extend(self._values[compiled.sources[len(self._rows) :]])
-        return loop_data(self._table, compiled, self._rows.rows, self._normals)
+        return loop_data(self.table, compiled, self._rows.rows, self._normals)
 
     @cached_property
     def _normals(self) -> NDArray[np.float64]:
         """Constants of the normal velocities of all surfaces, in states and signs."""
-        made = self._table.normals
+        made = self.table.normals
         pairs = self._pairs(() if made is None else made.tape.constants).reshape(-1, 2)
         return np.concatenate([pairs[:, 0], pairs[:, 1], [0.0]])
 
@@ -144,12 +148,12 @@ class ExactConstants(ModeConstants):
     @cached_property
     def switching(self) -> Switching:
         """See :class:`ModeConstants`."""
-        return Switching(self._table.system, self._system)
+        return Switching(self.table.system, self._system)
 
     @cached_property
     def precise(self) -> PreciseModes:
         """See :class:`ModeConstants`."""
-        system, values = self._table.system, self._system
+        system, values = self.table.system, self._system
         return PreciseModes(system, self.switching, lambda: BallSwitching(system, values))
 
     def _pairs(self, expressions: Sequence[sp.Expr]) -> NDArray[np.float64]:

@@ -3,10 +3,10 @@ them (:mod:`henon_ref.henon.mode_constants`)."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from henon_ref.filippov.kinks import continuous
 from henon_ref.filippov.modes import Mode, mode_number
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.distinct_constants import DistinctConstants
+from henon_ref.henon.entries import packed, unpacked
 from henon_ref.henon.growing_rows import GrowingRows
 from henon_ref.henon.jump_code import MOST_SURFACES, jump_code
 from henon_ref.henon.mode_code import (
@@ -59,6 +60,15 @@ class CompiledModes:
     """How many constants these are."""
 
 
+class Owned(NamedTuple):
+    """Constants of contacts that do not act on each other, as ``struct tables`` of ``kernel.h`` has them."""
+
+    ends: NDArray[np.int64]
+    """Of each contact, where its places end."""
+    places: NDArray[np.int64]
+    """In a mode's row of constants."""
+
+
 class Readers(list[None]):
     """An entry for each thread that is within ``with readers:``."""
 
@@ -71,6 +81,9 @@ class Readers(list[None]):
 
 class ModeTable:
     """Grows a row for each mode that is asked for, from any thread.
+
+    Where contacts do not act on each other a mode is no row but a number (:mod:`henon_ref.henon.entries`): the table
+    has three rows, of the modes in which every entry is the same, and the loop puts all others together from these.
 
     :attr:`compiled` is replaced by one with the new row before other rows lead to it. A thread that lets compiled code
     read a table is among :attr:`readers` meanwhile, and looks only then whether it is the latest: either it has the new
@@ -90,6 +103,8 @@ class ModeTable:
         Row of each mode that is compiled.
     constants : DistinctConstants
         Those of all modes.
+    contacts : int
+        How many contacts' entries a mode is, a number; 0 where it is a row.
     readers : Readers
         Threads that are in compiled code which reads the table.
 
@@ -108,8 +123,10 @@ class ModeTable:
         self.readers = Readers()
         surfaces = len(system.surfaces)
         self._switched = system.switched
+        self.contacts = surfaces if self._switched and not (self._switched.coupled or system.resets) else 0
         self._jumps = jump_code(system)
-        several = 1 < surfaces <= kernel.SURFACES_IN_TABLE and not system.resets and _in_groups(system)
+        rows = not (system.resets or self.contacts) and _in_groups(system)
+        several = rows and 1 < surfaces <= kernel.SURFACES_IN_TABLE
         self._records = GrowingRows(mode_dtype(self.most_guards), ())
         self._signs, self._sources = GrowingRows(np.int64, (surfaces,)), GrowingRows(np.int64, (0, 0))
         self._rows = np.full(3**surfaces if several else 0, -1, dtype=np.int64)
@@ -135,7 +152,27 @@ class ModeTable:
         return 2 * surfaces + releases + minors + len(system.valid)
 
     def row(self, mode: Mode) -> int | None:
-        """Row of a mode, compiled on first sight; None where the mode has no equations."""
+        """Row of a mode, compiled on first sight, or its number; None where the mode has no equations."""
+        if self.contacts:
+            return packed(mode) if all(self._row(same) is not None for same in self._uniform) else None
+        return self._row(mode)
+
+    def known(self, mode: Mode) -> int | None:
+        """The same for a mode that is compiled; None where it is not."""
+        if self.contacts:
+            return packed(mode) if len(self.index) == len(self._uniform) else None
+        return self.index.get(mode)
+
+    def mode(self, row: int) -> Mode:
+        """The mode of a row, or of a number."""
+        return unpacked(row, self.contacts) if self.contacts else self.modes[row]
+
+    @cached_property
+    def _uniform(self) -> tuple[Mode, ...]:
+        """The modes in which all entries are -1, 0 or +1."""
+        return tuple((entry,) * self.contacts for entry in (-1, 0, 1))
+
+    def _row(self, mode: Mode) -> int | None:
         if mode not in self.index:
             with one_at_a_time():
                 if mode not in self.index:  # another thread may have been at it
@@ -149,14 +186,11 @@ class ModeTable:
 
     def guards(self, mode: Mode) -> tuple[Guard, ...]:
         """Guards of a mode in the order of its row."""
+        if self._switched:
+            return self._switched.guards(mode)
         if mode not in self._guards:
-            switched = self._switched
-            self._guards[mode] = switched.guards(mode) if switched else self.system.equations(mode).guards
+            self._guards[mode] = self.system.equations(mode).guards
         return self._guards[mode]
-
-    def guard(self, mode: Mode, place: int) -> Guard:
-        """One of them."""
-        return self._switched.guard(mode, place) if self._switched else self.guards(mode)[place]
 
     def leads_to(self, row: int, place: int, entry: int) -> int:
         """Row of the mode behind a guard, in which its surface has this entry; -1 where the loop is not to go there."""
@@ -171,6 +205,24 @@ class ModeTable:
         """Whether no surface's normal velocity has the sign of another one in it."""
         surfaces = range(len(self.system.surfaces))
         return all(len(self.system.together(i, surfaces)) == 1 for i in surfaces)
+
+    @cached_property
+    def owned(self) -> Owned:
+        """Which constants are those of each contact."""
+        tapes = self.codes[0].tapes
+        length = self.compiled.sources.shape[2]
+        own: list[list[int]] = [[] for _ in range(self.contacts)]
+        for first, tape in zip(range(0, length * len(tapes), length), tapes, strict=True):
+            for at, contacts in enumerate(tape.owners):
+                for contact in contacts:  # one at most: see decoupled_contacts
+                    own[contact] += [first + at, first + len(tape.owners) + at]
+        ends = np.cumsum(list(map(len, own)), dtype=np.int64)
+        return Owned(ends, np.array([place for places in own for place in places], dtype=np.int64))
+
+    @property
+    def row_length(self) -> int:
+        """Numbers in the constants of a mode of contacts; 0 where a mode is a row, or none has equations."""
+        return self.compiled.sources[0].size if self.contacts and self.row(self._uniform[0]) is not None else 0
 
     @cached_property
     def normals(self) -> NormalVelocities | None:
@@ -239,14 +291,9 @@ class ModeTable:
         if self.readers:  # they do not have the row
             self._records.move()
             self._rows = self._rows.copy()
-        self._by_number[number] = row
-        guards, known = self._records.rows["guards"], self._by_number.get
-        for i, (entry, power) in enumerate(zip(mode, self._powers, strict=True)):
-            for other in _OTHERS[entry]:  # one event leads to them, or from them
-                found = known(number + (other - entry) * power)
-                if found is not None:
-                    self._link(guards, row, i, other, found)
-                    self._link(guards, found, i, entry, row)
+        if not self.contacts:
+            self._by_number[number] = row
+            self._link_all(mode, number, row)
         # Where normal velocities written for all modes hold operations that it does not, compiled code does not settle
         # on it; nor where it may not attract, unless it looks whether it does.
         told = self.system.overrides or all(g.kind != "attracts" for g in self.guards(mode))
@@ -255,25 +302,35 @@ class ModeTable:
         self.compiled = self._published()
         self.index[mode] = row  # whoever finds it there finds the tables that have it
 
+    def _link_all(self, mode: Mode, number: int, row: int) -> None:
+        """Link a new row with those that one event leads to, or from."""
+        guards, known = self._records.rows["guards"], self._by_number.get
+        for i, (entry, power) in enumerate(zip(mode, self._powers, strict=True)):
+            for other in _OTHERS[entry]:
+                found = known(number + (other - entry) * power)
+                if found is not None:
+                    self._link(guards, row, i, other, found)
+                    self._link(guards, found, i, entry, row)
+
     def _published(self) -> CompiledModes:
         """The tables as they are now."""
         records, signs, sources = self._records.rows, self._signs.rows, self._sources.rows
         return CompiledModes(records, signs, self._rows, sources, len(self.constants.expressions))
 
     def _record(self, mode: Mode, code: ModeCode) -> NDArray[Any]:
-        """A mode's row, which leads to no other mode yet, shape (1,)."""
-        if self._switched is None or self._jumps or self.system.resets:
+        """A mode's row, shape (1,): it leads to no other mode yet; of contacts, to the rows of their entries."""
+        if self._switched is None or self.contacts or self._jumps or self.system.resets:
             return self._written_record(mode, code)
         # All modes have one code, and the guards of a surface depend on its own entry alone.
-        found, surfaces = self._uniform[:1].copy(), len(mode)
-        own = self._uniform["guards"][:, : 2 * surfaces].reshape(3, surfaces, 2)
+        found, surfaces = self._entry_records[:1].copy(), len(mode)
+        own = self._entry_records["guards"][:, : 2 * surfaces].reshape(3, surfaces, 2)
         found["guards"][0, : 2 * surfaces] = own[np.array(mode) + 1, np.arange(surfaces)].ravel()
         found["mode"]["number"] = _number(mode)
         return found
 
     @cached_property
-    def _uniform(self) -> NDArray[Any]:
-        """Rows of the modes in which all surfaces have one entry: -1, 0, +1."""
+    def _entry_records(self) -> NDArray[Any]:
+        """Records of the modes in which all surfaces have one entry: -1, 0, +1."""
         modes = [(entry,) * len(self.system.surfaces) for entry in (-1, 0, 1)]
         return np.concatenate([self._written_record(mode, self._code(mode)) for mode in modes])
 
@@ -306,17 +363,15 @@ class ModeTable:
             if guard.kind == "release":
                 tangent = 0 if guard.index in system.overrides else 2
                 record["zeros_at_release"] = -1 if guard.index in system.resets else tangent
+            if self.contacts and guard.ends is None:
+                record["mode_across"], record["mode_stuck"] = 1 + guard.to_sign, 1
         return found
 
     def _link(self, guards: NDArray[Any], row: int, index: int, entry: int, target: int) -> None:
         """Lead the events of a mode on one surface to the mode in which that has another entry."""
-        mode = self.modes[row]
-        if self._switched:
-            places: Iterable[int] = (2 * index, 2 * index + 1)
-        else:
-            places = (g for g, guard in enumerate(self.guards(mode)) if guard.index == index)
-        for g in places:
-            guard = self.guard(mode, g)
+        for g, guard in enumerate(self.guards(self.modes[row])):
+            if guard.index != index:
+                continue
             if guard.kind == "surface" and entry == 0:
                 guards["mode_stuck"][row, g] = target
             if guard.ends is None and guard.to_sign == entry:

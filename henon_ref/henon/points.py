@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -10,12 +10,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from henon_ref.filippov.modes import Mode
+from henon_ref.henon.entries import numbered, words_of, written
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.mode_constants import LoopData, loop_data
 from henon_ref.henon.pairs import decimal_pairs, exact_expression, threes
 from henon_ref.henon.records import HENON, TRANSITION_PLACES, transition_dtype
 from henon_ref.henon.run import Run
 from henon_ref.henon.start import MOST_STEPS, Start, out_of_steps
+from henon_ref.henon.transition_array import numbered_rows
 from henon_ref.henon.workspace import CHUNK, Workspace
 from henon_ref.kernel.shared import doubles, ffi, integers, kernel, record_dtype
 from henon_ref.trajectory import Status, Trajectory
@@ -103,7 +105,7 @@ class PointRuns:
     Attributes
     ----------
     ends : ndarray, shape (points,) of :data:`END`
-        Time, row of the mode, and counts at the end of each run.
+        Time, number of the mode, and counts at the end of each run.
     states : ndarray, shape (points, n)
         States there.
     others : dict of int to Trajectory
@@ -141,6 +143,17 @@ class PointRuns:
         self.ends = np.zeros(points, dtype=END)
         self.states = np.zeros((points, n))
         self.others: dict[int, Trajectory] = {}
+        self._numbers: dict[Mode, int] = {}
+
+    @property
+    def modes(self) -> Sequence[Mode]:
+        """Modes by the numbers that transitions and ends hold."""
+        return list(self._numbers) if self.integrator.mode_table.contacts else self.integrator.mode_table.modes
+
+    def numbers(self, modes: Iterable[Mode]) -> NDArray[np.int64]:
+        """Numbers of modes that are entries of contacts."""
+        found = [self._numbers.setdefault(mode, len(self._numbers)) for mode in modes]
+        return np.array(found, dtype=np.int64)
 
     @property
     def transition_dtype(self) -> np.dtype[Any]:
@@ -161,7 +174,7 @@ class PointRuns:
         """The mode in which the run of a point ended."""
         if point in self.others:
             return self.others[point].end_mode
-        return self.integrator.mode_table.modes[self.ends["mode"][point]]
+        return self.modes[self.ends["mode"][point]]
 
     def exact(self, point: int) -> ExactPoint:
         """The exact numbers of a point."""
@@ -206,8 +219,9 @@ class _Part:
         self.runs, self.first, self.part = runs, first, slice(first, last)
         n, surfaces = runs.states.shape[1], len(runs.integrator.system.surfaces)
         self.values = runs.values[self.part] if len(runs.values) > 1 else runs.values
-        self.kept = np.empty((BUFFER, 1 + TRANSITION_PLACES + n))
-        self.pending = np.zeros((surfaces, 1 + TRANSITION_PLACES + n))
+        self.words = words_of(runs.integrator.mode_table.contacts)
+        width = 1 + TRANSITION_PLACES + n + 2 * self.words
+        self.kept, self.pending = np.empty((BUFFER, width)), np.zeros((surfaces, width))
         self.memory = np.zeros(1, dtype=PROGRESS)
         self.progress, keep = self.memory[0], runs.keep
         self.progress["after"], self.progress["kinds"], self.progress["surfaces"] = keep[:3]
@@ -254,6 +268,23 @@ class _Part:
             elif code == kernel.BUFFER_FULL:
                 yield from self._handed_out()
         yield from self._handed_out()
+        if self.words:
+            done = np.flatnonzero(runs.ends["code"][self.part] != kernel.SET_ASIDE)
+            modes, places = numbered(rows[done], table.contacts)
+            runs.ends["mode"][self.first + done] = runs.numbers(modes)[places]
+
+    def _array(self, kept: NDArray[np.float64]) -> NDArray[Any]:
+        """Transitions that are kept, as they are handed out."""
+        contacts, rows = self.runs.integrator.mode_table.contacts, kept
+        if contacts:
+            own, modes = numbered_rows(kept[:, 1:], contacts)
+            rows = np.column_stack([kept[:, 0], own])  # copies the points' numbers bit by bit
+        found = rows.view(self.runs.transition_dtype)[:, 0]
+        if contacts:
+            numbers = self.runs.numbers(modes)
+            for end in ("from_mode", "to_mode"):
+                found[end] = numbers[found[end]]
+        return found
 
     @property
     def _progress(self) -> Any:
@@ -267,7 +298,7 @@ class _Part:
         return buffer
 
     def _rows(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Row of each point's mode at the start, and the surface that it starts on, -1 for none.
+        """Row, or words, of each point's mode at the start, and the surface that it starts on, -1 for none.
 
         Where it is on one, the row is that of the mode below it; -1 where the start is not clear.
         """
@@ -275,13 +306,15 @@ class _Part:
         points = threes(np.concatenate([runs.times[self.part, :1], runs.initial[self.part]], axis=1))
         values = np.broadcast_to(self.values, (len(points), *self.values.shape[1:]))
         signs = integrator.programs.start_signs(np.concatenate([points, values], axis=1))
-        rows, surfaces = np.full(len(points), -1), np.full(len(points), -1)
+        contacts = integrator.mode_table.contacts
+        rows, surfaces = np.full((len(points), max(self.words, 1)), -1), np.full(len(points), -1)
         modes, places = np.unique(signs, axis=0, return_inverse=True)
         for k, mode in enumerate(modes.tolist()):
             found = integrator.row_at_start(tuple(mode))
             if found is not None:
                 own = places.ravel() == k
-                rows[own], surfaces[own] = found
+                row, surfaces[own] = found
+                rows[own] = written(row, contacts) if contacts else row
         return rows, surfaces
 
     def _constants(self, points: Any) -> LoopData:
@@ -302,7 +335,7 @@ class _Part:
         if done:
             found = self.kept[:done].copy()
             found.view(np.int64)[:, 0] += self.first
-            yield found.view(self.runs.transition_dtype)[:, 0]
+            yield self._array(found)
         elif progress["running"]:  # one point has filled it
             self.kept = np.empty((2 * len(self.kept), self.kept.shape[1]))
         self.kept[: len(rest)] = rest
@@ -311,16 +344,15 @@ class _Part:
     def _in_python(self, point: int) -> Iterator[NDArray[Any]]:
         """Do the run of a point that is set aside."""
         runs, number = self.runs, self.first + point
-        states = runs.states.shape[1]
         run, memory, ends = Run(runs.integrator, runs.start(number)), self.memory.copy(), runs.ends[number]
         memory["point"], self.pending[:, 0], ends["transitions"] = number, 0.0, 0
         kept = [np.empty((0, self.kept.shape[1]))]
         for block in run.stream():
             memory["kept"] = 0
             room = np.empty((len(block) + len(self.pending), self.kept.shape[1]))
-            records = np.ascontiguousarray(block.rows)
+            records = np.ascontiguousarray(block.recorded)
             progress = ffi.cast("struct progress *", ffi.from_buffer(memory))
-            kernel.keep_transitions(progress, doubles(records), len(records), states, self._buffer(room))
+            kernel.keep_transitions(progress, doubles(records), len(records), self._buffer(room))
             kept.append(room[: memory["kept"][0]])
             ends["transitions"] += len(block)
         end = run.ended
@@ -329,7 +361,8 @@ class _Part:
         ends["time"], ends["time_low"], ends["code"] = end.end_time, 0.0, kernel.SET_ASIDE
         if run.start.refused is None:
             ends["time_low"] = run.scalars.time_low
-        ends["mode"] = runs.integrator.mode_table.index.get(end.end_mode, -1)
+        table = runs.integrator.mode_table
+        ends["mode"] = runs.numbers([end.end_mode])[0] if table.contacts else table.index.get(end.end_mode, -1)
         ends["steps"], ends["expansions"], ends["guard_evaluations"] = end.counts
         if len(found := np.concatenate(kept)):
-            yield found.view(runs.transition_dtype)[:, 0]
+            yield self._array(found)

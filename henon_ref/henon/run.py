@@ -9,8 +9,10 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.resets import resetting
 from henon_ref.henon.endings import ending_of
+from henon_ref.henon.entries import numbered, words_of
 from henon_ref.henon.exponent_range import range_ending
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.mode_changes import Jumped, ModeChanges
@@ -87,7 +89,8 @@ class Run(ModeChanges):
             self.scalars.transition_capacity = block
         self.samples, self._sampled = _NO_SAMPLES, ffi.NULL
         if sample_times is not None:
-            self.samples = np.full((sample_times.size, len(start.x) + 2), np.nan)
+            words = max(1, words_of(integrator.mode_table.contacts))
+            self.samples = np.full((sample_times.size, 1 + len(start.x) + words), np.nan)
             self.samples[:, 0], self._sampled = sample_times, doubles(self.samples)
         self.blocks = []
         self.step_blocks = []
@@ -134,7 +137,7 @@ class Run(ModeChanges):
         """
         while (end := self._advance()) is None:
             for records in self.blocks:
-                yield TransitionArray(records, self.integrator.mode_table.modes)
+                yield self._array(records)
             self.blocks.clear()
         self.ended = end
         if end.transitions:
@@ -149,13 +152,13 @@ class Run(ModeChanges):
         while (end := self._advance(stop=True)) is None:
             if self.scalars.transitions:
                 last = slice(self.scalars.transitions - 1, self.scalars.transitions)
-                return TransitionArray(self.workspace.transitions[last], self.integrator.mode_table.modes)[0]
+                return self._array(self.workspace.transitions[last])[0]
         return end
 
     def last_jump(self) -> Jumped | None:
         """The jump of the state at the event that :meth:`next_event` has come to; None where the state went on."""
         records = np.concatenate([*self.blocks, self.workspace.transitions[: self.scalars.transitions]])
-        resets = [t for t in TransitionArray(records, self.integrator.mode_table.modes) if t.kind == "reset"]
+        resets = [t for t in self._array(records) if t.kind == "reset"]
         if not resets:
             return None
         surfaces, before = tuple(t.surface for t in resets), tuple(self.before_jump.tolist())
@@ -166,7 +169,7 @@ class Run(ModeChanges):
         refused = self.start.refused
         if refused is not None:
             unasked = self.samples is _NO_SAMPLES
-            return refused if unasked else refused._replace(samples=self.samples[:, 1:-1], sample_modes=())
+            return refused if unasked else refused._replace(samples=self._sampled_states(), sample_modes=())
         with self.integrator.mode_table.readers:
             data = self.start.constants.latest
             if data.compiled is not self.integrator.mode_table.compiled:
@@ -209,7 +212,7 @@ class Run(ModeChanges):
     def _locate(self) -> tuple[Status, str] | None:
         """Take a step that double precision leaves undecided in multiprecision; None if the run goes on."""
         self._count("event_locations")
-        integrator, scalars, mode, row = self.integrator, self.scalars, self.mode, int(self.scalars.mode)
+        integrator, scalars, mode, row = self.integrator, self.scalars, self.mode, self.row
         places = integrator.mode_table.places(mode)
         zeros = dict(zip(places, self.known_zeros.tolist(), strict=False))
         time, low = float(scalars.time), float(scalars.time_low)
@@ -262,22 +265,36 @@ class Run(ModeChanges):
             self._record(GRAZE, i, row, row, side=0)
         return None
 
+    def _array(self, records: NDArray[np.float64]) -> TransitionArray:
+        table = self.integrator.mode_table
+        return TransitionArray(records, table.modes, table.contacts)
+
+    def _sampled_states(self) -> NDArray[np.float64]:
+        return self.samples[:, 1 : 1 + len(self.start.x)]
+
+    def _sampled_modes(self) -> tuple[Mode, ...]:
+        table, found = self.integrator.mode_table, self.samples[: self.scalars.next_sample, 1 + len(self.start.x) :]
+        if not table.contacts:
+            return tuple(table.modes[int(row)] for row in found[:, 0])
+        modes, places = numbered(np.ascontiguousarray(found).view(np.int64), table.contacts)
+        return tuple(modes[place] for place in places)
+
     def _end(self, status: Status, reason: str) -> Trajectory:
-        state, start, modes = self.state, self.start, self.integrator.mode_table.modes
+        state, start = self.state, self.start
         mode, *counted, count, below = _counts(state, _FIRST_COUNT)
         transitions: Sequence[Transition] = ()
         if count or self.blocks:
             records = self.workspace.transitions[:count].copy()
-            transitions = TransitionArray(np.concatenate([*self.blocks, records]) if self.blocks else records, modes)
+            transitions = self._array(np.concatenate([*self.blocks, records]) if self.blocks else records)
         samples = sample_modes = None
         if self.samples is not _NO_SAMPLES:
-            samples = self.samples[:, 1:-1]
-            sample_modes = tuple(modes[int(m)] for m in self.samples[: self.scalars.next_sample, -1])
+            samples, sample_modes = self._sampled_states(), self._sampled_modes()
         # As the tuples they are, past Python's constructors: a tenth of a short run.
         counts = _tuple(Counts, counted)
         if self.decisions is not _NO_DECISIONS:
             counts.decisions = self.decisions
         end, x = state.item(0), start.unpacked(state, _STATE)
         since = self._since() if below else ()
-        fields = status, transitions, end, x, modes[mode], reason, counts, 0.0, samples, sample_modes, since
+        own = self.mode if self.integrator.mode_table.contacts else self.integrator.mode_table.modes[mode]
+        fields = status, transitions, end, x, own, reason, counts, 0.0, samples, sample_modes, since
         return _tuple(Trajectory, fields)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.filippov.resting import REMAINING
+from henon_ref.henon.entries import words_of, written
 from henon_ref.henon.mode_constants import ModeConstants
 from henon_ref.henon.workspace import CHUNK, LAST_STEPS, RUN_VIEW, STATE_PLACE, places
 from henon_ref.kernel.shared import ffi
@@ -43,7 +44,7 @@ class Start:
     refused: Trajectory | None
     """What every run comes to where there is no mode to begin with; None where there is one."""
     row: int
-    """Row of the mode at the start in the compiled tables."""
+    """Row of the mode at the start in the compiled tables, or its number (:meth:`ModeTable.row`)."""
     zeros: tuple[int, ...]
     """Known zeros of the guards, as many as the largest mode has: surfaces that the start lies on."""
     order: int
@@ -71,11 +72,17 @@ class Start:
         """What a run begins with (``struct run`` of ``kernel.h``, then vectors); each run copies it to its memory."""
         n, guards = len(self.x), len(self.zeros)
         limits = self.stop_falling, self.stop_rising, self.most_steps
-        state = _template(n, guards, self.order, self.landing, self.tolerance, *limits).copy()
+        table = self.constants.table
+        contacts = table.contacts, table.row_length
+        state = _template(n, guards, self.order, self.landing, self.tolerance, *limits, *contacts).copy()
         length = (self.until[0] - self.time[0]) + (self.until[1] - self.time[1])
         _BEGIN.pack_into(state.data, _BEGIN_PLACE, *self.time, max(length, 1e-280), self.time[0])
         _HORIZON.pack_into(state.data, _HORIZON_PLACE, *self.until)
-        _MODE.pack_into(state.data, _MODE_PLACE, self.row)
+        if table.contacts:
+            last = len(state) - guards
+            state[last - words_of(table.contacts) : last].view(np.int64)[:] = written(self.row, table.contacts)
+        else:
+            _MODE.pack_into(state.data, _MODE_PLACE, self.row)
         high, low = zip(*self.x, strict=True)
         state[STATE_PLACE : STATE_PLACE + 2 * n] = high + low
         if any(self.zeros):
@@ -94,13 +101,16 @@ def _template(
     stop_falling: int,
     stop_rising: int,
     most_steps: int,
+    contacts: int,
+    constants: int,
 ) -> NDArray[np.float64]:
     """What is the same for many starts. (To put each field in its place takes several microseconds.)"""
-    state = np.zeros(places(states, guards, order).end_of_state)
+    state = np.zeros(places(states, guards, order, contacts, constants).end_of_state)
     state[len(state) - guards :] = np.inf
     run = state[:LAST_STEPS].view(RUN_VIEW)[0]
     run.event_time, run.tolerance, run.order, run.method = -np.inf, tolerance, order, method
     run.rest_part, run.more_digits = REMAINING, 1
     run.stepped_mode, run.transition_capacity, run.states, run.guards = -1, CHUNK, states, guards
     run.stop_falling, run.stop_rising, run.most_steps = stop_falling, stop_rising, most_steps
+    run.contacts, run.constants = contacts, constants
     return state

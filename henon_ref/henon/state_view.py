@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode
+from henon_ref.henon.entries import read, words_of, written
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.start import Start
 from henon_ref.henon.workspace import LAST_STEPS, RUN_VIEW, STATE_PLACE, Workspace
@@ -43,7 +44,26 @@ class State:
     @property
     def mode(self) -> Mode:
         """Present mode."""
-        return self.integrator.mode_table.modes[self.scalars.mode]
+        return self.integrator.mode_table.mode(self.row)
+
+    @property
+    def row(self) -> int:
+        """Its row, or number (:meth:`henon_ref.henon.mode_table.ModeTable.row`)."""
+        return read(self._entries) if self.integrator.mode_table.contacts else int(self.scalars.mode)
+
+    @row.setter
+    def row(self, row: int) -> None:
+        if not self.integrator.mode_table.contacts:
+            self.scalars.mode = row
+        elif row != self.row:
+            self._entries[:] = written(row, self.integrator.mode_table.contacts)
+            self.scalars.stepped_mode = -1  # the loop looks which mode it is
+
+    @property
+    def _entries(self) -> NDArray[np.int64]:
+        """Words of the mode's entries, where it is no row: a view."""
+        last = len(self.state) - len(self.start.zeros)
+        return self.state[last - words_of(self.integrator.mode_table.contacts) : last].view(np.int64)
 
     @property
     def _integers(self) -> NDArray[np.int64]:

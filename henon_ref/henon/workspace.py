@@ -22,14 +22,17 @@ RUN_VIEW = np.dtype((np.record, RUN))
 """What Python sees the scalars as."""
 LAST_STEPS = RUN.itemsize // 8
 """Where, in doubles, the last steps stand in the block."""
-STATE_PLACE: int = kernel.places_of(0, 0, 0).state
+STATE_PLACE: int = kernel.places_of(0, 0, 0, 0, 0).state
 """Where the state stands, followed by what rounding it lost, and by the state before the last jump."""
 
 
 @lru_cache(maxsize=64)
-def places(states: int, guards: int, order: int) -> Any:
-    """Where the parts of a block stand: of so many states, and guards of the largest mode."""
-    return kernel.places_of(states, guards, order)
+def places(states: int, guards: int, order: int, contacts: int = 0, constants: int = 0) -> Any:
+    """Where the parts of a block stand: of so many states, and guards of the largest mode.
+
+    ``contacts``, ``constants``: where modes are entries of contacts, how many these are, and a mode's constants.
+    """
+    return kernel.places_of(states, guards, order, contacts, constants)
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,15 +49,16 @@ class Workspace:
     """A view: coefficients of the last expansion, a row a state, then a guard."""
     transitions: NDArray[np.float64]
     """A view: transitions, shape (CHUNK, TRANSITION_PLACES + n), each :data:`henon_ref.henon.records.TRANSITION` and a
-    state. (An array of records is copied field by field: as long as half of a short run.)"""
+    state, and behind it with contacts the words of the mode before and after. (An array of records is copied field by
+    field: as long as half of a short run.)"""
 
     @classmethod
-    def of(cls, states: int, guards: int, order: int) -> Workspace:
-        """For systems of so many states, with so many guards in the largest mode.
+    def of(cls, *sizes: int) -> Workspace:
+        """For systems of some :func:`places`.
 
         Parts of an unused one may be used at once: they are zero where the loop takes that for granted.
         """
-        own = places(states, guards, order)
+        own = places(*sizes)
         block = np.zeros(own.size + kernel.ALIGNMENT)
         first = -(block.ctypes.data // 8) % kernel.ALIGNMENT
         block = block[first : first + own.size]
@@ -75,8 +79,8 @@ class WorkspacePool:
 
     Parameters
     ----------
-    states, guards, order : int
-        See :meth:`Workspace.of`.
+    sizes : int
+        See :func:`places`.
 
     Attributes
     ----------
@@ -84,8 +88,8 @@ class WorkspacePool:
         Those that nobody has.
     """
 
-    def __init__(self, states: int, guards: int, order: int) -> None:
-        self._sizes = states, guards, order
+    def __init__(self, *sizes: int) -> None:
+        self._sizes = sizes
         self.free: list[Workspace] = []
 
     def new(self) -> Workspace:

@@ -416,8 +416,8 @@ static int64_t settle(struct work *w, struct pair_expansion *e, int64_t g, doubl
     bool late = left < -nothing || (left < nothing && near.what != FALLING);
     struct change found;
     double rate = fabs(slope_in_pairs(e, q, at_place(near.at)).high);
-    if (near.what == FALLING && !late && !change_at(w, e, g, time, state, rate, &found))
-        return UNDECIDED_EVENT;
+    if (near.what == FALLING && !late && (w->words || !change_at(w, e, g, time, state, rate, &found)))
+        return UNDECIDED_EVENT; /* (the modes of contacts are no rows) */
     step_to(w, time, state, step.high);
     if (late) {
         run->time = run->horizon, run->time_low = run->horizon_low;
@@ -439,7 +439,7 @@ static int64_t settle(struct work *w, struct pair_expansion *e, int64_t g, doubl
 /* Decide the event at which a step was left undecided; UNDECIDED_EVENT where multiprecision has to. */
 static int64_t settle_event(struct work *w, double natural)
 {
-    struct pair_expansion e = expansion_in(w, w->run->mode);
+    struct pair_expansion e = {.tape = w->mode->tape, .constants = w->constants};
     if (!make_room(&e))
         return UNDECIDED_EVENT;
     struct bounded *state = malloc((size_t)w->run->states * sizeof(struct bounded));

@@ -77,6 +77,7 @@ enum {
     ALIGNMENT = 8,         /* doubles in a line of the processor's cache: the parts of a block begin with one */
     LANES = 4,             /* doubles in a vector: rows of coefficients are whole vectors, padded with zeros */
     SURFACES_IN_TABLE = 8, /* with more surfaces no table holds the row of every mode */
+    ENTRIES_IN_WORD = 32,  /* entries of a mode, two bits each, where contacts do not act on each other */
     MOST_COUPLED = 4,      /* surfaces in play that act on each other; with more the candidates are searched, not
                               tried (Python does) */
     NOWHERE = -1,          /* in place of the guard last hit: nothing was hit, one is at zero where a step begins */
@@ -172,16 +173,22 @@ struct tables {
                               the maps of resets; behind them what their rounding to double lost */
     int64_t tapes, length;
     struct selection selection;
+    /* Of contacts that do not act on each other a mode is the entry of each, a number. Rows 0, 1 and 2 are then those
+     * in which every entry is -1, 0 and +1; a run puts its mode's record and constants together from these three, and
+     * a guard's mode_across and mode_stuck say from which one its contact's part comes next (kernel/contacts.c). */
+    int64_t contacts;          /* how many; 0 where a mode is a row */
+    const int64_t *owned_ends; /* of each contact, where its constants end among the next ones */
+    const int64_t *owned;      /* places in a row of "numbers", contact by contact */
 };
 
 /* A transition that is written down. */
 struct transition {
     double time, time_low;      /* s, and what rounding it lost */
-    int32_t from_mode, to_mode; /* rows of the compiled modes */
+    int32_t from_mode, to_mode; /* rows of the compiled modes; where modes are entries of contacts, 0 */
     int16_t surface;
     int8_t kind;    /* enum transition_kind */
     int8_t landing; /* enum landing */
-    double state[]; /* n */
+    double state[]; /* n; where modes are entries of contacts, behind it the words of the mode before and after */
 };
 
 /* A step that was taken. */
@@ -189,7 +196,7 @@ struct step {
     double time, time_low; /* s: its start, and what rounding it lost */
     double length;         /* s: taken */
     double unit;           /* s: of the coefficients */
-    int64_t mode;          /* row of the compiled modes */
+    int64_t mode;          /* row of the compiled modes; where modes are entries of contacts, 0 */
     double coefficients[]; /* (n, order + 1): x_i(time + tau unit) = sum over k of coefficients[i, k] tau^k */
 };
 
@@ -232,6 +239,8 @@ struct run {
                                           of no account */
     double *dense;                     /* where steps are kept; null: they are not */
     int64_t dense_steps, dense_capacity;
+    int64_t contacts;                  /* whose entries the mode is ("mode" is then 0); 0: a mode is a row */
+    int64_t constants;                 /* doubles of a row of the modes' constants, of all tapes; without contacts 0 */
 };
 
 /* Where the parts of a run's block of memory stand, in doubles from its begin (struct run). */
@@ -241,6 +250,7 @@ struct places {
     int64_t known_zeros;  /* G integers: known zeros of each guard at the present point (the surface just left), which
                              are divided out; then G: 1 for one that is at zero; then G: 1 for one that is below its own
                              rounding on the present step */
+    int64_t entries;      /* words: the entries of contacts that are the mode, none without contacts */
     int64_t since;        /* G: since when guards have been below their rounding [s], infinite where they have not */
     int64_t end_of_state; /* all before this is what a run's start says; what follows is work space */
     int64_t band;         /* rows: Taylor coefficients of states and guards in the unit, then the norms of the last
@@ -250,7 +260,10 @@ struct places {
                              normal velocities. Or what the selection of a mode needs */
     int64_t origin;       /* 3 n + 3: the motion from the run's start in double-double: time, and what rounding lost of
                              it; 1 where it is known; states, what rounding lost of them, bounds of their errors */
-    int64_t remembered;   /* REMEMBERED_STEPS integers: modes whose last step the run keeps */
+    int64_t remembered;   /* REMEMBERED_STEPS modes whose last step the run keeps: rows, or words of entries */
+    int64_t left;         /* with contacts: words of the mode that an event has ended */
+    int64_t own;          /* with contacts: the present mode's record (struct mode) */
+    int64_t constants;    /* with contacts: its constants */
     int64_t records;      /* CHUNK transitions (struct transition), one after the other */
     int64_t record_width; /* length of one */
     int64_t size;         /* of the whole block */
@@ -272,7 +285,7 @@ struct progress {
 struct end {
     double time, time_low; /* s */
     int64_t code;          /* of return, or SET_ASIDE */
-    int64_t mode;          /* its row */
+    int64_t mode;          /* its row; where modes are entries of contacts, 0 */
     int64_t steps, expansions, guard_evaluations, transitions;
 };
 
@@ -292,7 +305,8 @@ struct points {
     const double *start;     /* what a run's block begins with, but for the point's own numbers */
     const double *times;     /* (count, 4): initial time and horizon [s], each with what rounding lost of it */
     const double *initial;   /* (count, 2 n): state at the start, and what rounding lost of it */
-    const int64_t *rows;     /* row of the mode at the start; -1: the point is set aside */
+    int64_t *rows;           /* row of the mode at the start, or the words of its entries, which those of the mode at
+                                the end overwrite; -1: the point is set aside */
     const int64_t *surfaces; /* surface on which the point starts, -1 where it is on none; "rows" then has the mode
                                 below it */
     int64_t numbers_step;    /* doubles from one point's constants of the modes to the next one's; 0: all the same */
@@ -326,13 +340,15 @@ struct levels {
 };
 
 HENON_EXPORT struct levels levels(void);
-HENON_EXPORT struct places places_of(int64_t states, int64_t guards, int64_t order);
+HENON_EXPORT struct places places_of(int64_t states, int64_t guards, int64_t order, int64_t contacts,
+                                     int64_t constants);
 HENON_EXPORT int64_t row_length(int64_t order);
+HENON_EXPORT int64_t words_of(int64_t contacts);
 
 HENON_EXPORT int64_t advance(struct run *run, const struct tables *tables, double *samples, int64_t count);
 HENON_EXPORT int64_t run_points(struct progress *progress, const struct points *points, const struct tables *tables,
                                 const struct buffer *buffer);
-HENON_EXPORT void keep_transitions(struct progress *progress, const double *records, int64_t count, int64_t states,
+HENON_EXPORT void keep_transitions(struct progress *progress, const double *records, int64_t count,
                                    const struct buffer *buffer);
 HENON_EXPORT int64_t mode_on_surface(const struct tables *tables, int64_t row, int64_t surface, double t,
                                      const double *x, int64_t states, int64_t guards, double *speeds, int64_t *zeros);

@@ -197,6 +197,7 @@ HENON_EXPORT int64_t advance(struct run *run, const struct tables *tables, doubl
 {
     struct work work = work_of(run, tables);
     work.samples = samples, work.sample_count = count;
+    put_together(&work);
     int64_t stop_at = least(run->steps + BUDGET, run->most_steps);
     int64_t code = run->event_pending == 0 ? ON : EVENT;
     bool shrunk = false;

@@ -19,11 +19,11 @@ static void append(struct progress *progress, const double *transition, const st
  *
  * records: transitions of the present point, one after the other. There is room for "count" more, and one a surface.
  */
-HENON_EXPORT void keep_transitions(struct progress *progress, const double *records, int64_t count, int64_t states,
+HENON_EXPORT void keep_transitions(struct progress *progress, const double *records, int64_t count,
                                    const struct buffer *buffer)
 {
     for (int64_t k = 0; k < count; k++) {
-        const double *record = records + k * (TRANSITION_PLACES + states);
+        const double *record = records + k * (buffer->width - KEPT_PLACE);
         struct transition made;
         memcpy(&made, record, sizeof made);
         if (!(has_bit(progress->kinds, made.kind) && has_bit(progress->surfaces, made.surface)))
@@ -44,26 +44,44 @@ HENON_EXPORT void keep_transitions(struct progress *progress, const double *reco
     }
 }
 
+/* Where the parts of a run's block stand. */
+static inline struct places places_of_run(const struct run *run)
+{
+    return places_of(run->states, run->guards, run->order, run->contacts, run->constants);
+}
+
+/* Mode of a point: its row, or words. */
+static inline int64_t *mode_of_point(const struct points *points, const struct run *run, int64_t point)
+{
+    int64_t words = words_of(run->contacts);
+    return points->rows + point * (words ? words : 1);
+}
+
 /* Put a point's start into the run's block; false where its mode is not clear. */
 static bool begin_point(const struct points *points, const struct tables *tables, int64_t point)
 {
     struct run *run = (struct run *)points->block;
     const struct run *template = (const struct run *)points->start;
-    const struct places p = places_of(template->states, template->guards, template->order);
+    const struct places p = places_of_run(template);
     const double *times = points->times + 4 * point;
-    int64_t row = points->rows[point], surface = points->surfaces[point], n = template->states;
+    const int64_t *start = mode_of_point(points, template, point);
+    int64_t words = words_of(template->contacts), surface = points->surfaces[point], n = template->states;
     memcpy(points->block, points->start, (size_t)p.end_of_state * sizeof(double));
-    run->time = run->begin = times[0], run->time_low = times[1], run->mode = row;
+    memcpy(points->block + p.entries, start, (size_t)words * sizeof(double));
+    run->time = run->begin = times[0], run->time_low = times[1], run->mode = words ? 0 : start[0];
     run->horizon = times[2], run->horizon_low = times[3];
     run->unit = larger(remaining(run), SHORTEST_UNIT);
     memcpy(points->block + p.state, points->initial + point * 2 * n, (size_t)(2 * n) * sizeof(double));
     if (surface >= 0) {
         struct work work = work_of(run, tables);
-        int64_t zeros;
-        run->mode = mode_on_surface(tables, row, surface, run->time, work.x, n, run->guards, work.room, &zeros);
-        if (run->mode < 0)
+        put_together(&work);
+        const double *constants = work.constants + tables->length;
+        int64_t zeros, row = row_on_surface(work.mode, constants, run->mode, surface, run->time, work.x, n, work.room,
+                                            &zeros);
+        if (row < 0)
             return false;
-        set_known_zeros(&work, mode_at(&work, run->mode), surface, zeros);
+        go_over(&work, surface, row);
+        set_known_zeros(&work, work.mode, surface, zeros);
     }
     return true;
 }
@@ -72,10 +90,12 @@ static bool begin_point(const struct points *points, const struct tables *tables
 static void finish_point(const struct points *points, int64_t code, int64_t point)
 {
     const struct run *run = (const struct run *)points->block;
-    const struct places p = places_of(run->states, run->guards, run->order);
+    const struct places p = places_of_run(run);
     struct end *end = points->ends + point;
     end->time = run->time, end->time_low = run->time_low, end->code = code, end->mode = run->mode;
     end->steps = run->steps, end->expansions = run->expansions, end->guard_evaluations = run->guard_evaluations;
+    memcpy(mode_of_point(points, run, point), points->block + p.entries,
+           (size_t)words_of(run->contacts) * sizeof(double));
     memcpy(points->states + point * run->states, points->block + p.state, (size_t)run->states * sizeof(double));
 }
 
@@ -83,7 +103,7 @@ static void finish_point(const struct points *points, int64_t code, int64_t poin
 static bool take_in(struct progress *progress, const struct points *points, int64_t code, const struct buffer *buffer)
 {
     struct run *run = (struct run *)points->block;
-    const struct places p = places_of(run->states, run->guards, run->order);
+    const struct places p = places_of_run(run);
     bool spent = code == BUDGET_SPENT, going_on = code == BLOCK_FULL || (spent && run->steps < run->most_steps);
     struct end *end = points->ends + progress->point;
     if (!(going_on || spent || code == HORIZON || code == STOPPED)) {
@@ -91,7 +111,7 @@ static bool take_in(struct progress *progress, const struct points *points, int6
         return false;
     }
     end->transitions += run->transitions;
-    keep_transitions(progress, points->block + p.records, run->transitions, run->states, buffer);
+    keep_transitions(progress, points->block + p.records, run->transitions, buffer);
     run->transitions = 0;
     if (!going_on)
         finish_point(points, code, progress->point);
@@ -103,7 +123,7 @@ static bool start_next(struct progress *progress, const struct points *points, c
                        const struct buffer *buffer)
 {
     int64_t point = progress->point;
-    if (points->rows[point] < 0 || !begin_point(points, tables, point)) {
+    if (*mode_of_point(points, (const struct run *)points->start, point) == SET_ASIDE || !begin_point(points, tables, point)) {
         points->ends[point].code = SET_ASIDE;
         return false;
     }

@@ -11,9 +11,9 @@ HENON_EXPORT int64_t rounding_place(int64_t valid, int64_t index, int64_t guards
 }
 
 /* A transition among those that are kept. */
-static inline struct transition *transition_at(double *records, int64_t states, int64_t k)
+static inline struct transition *transition_at(const struct work *w, int64_t k)
 {
-    return (struct transition *)(records + k * (TRANSITION_PLACES + states));
+    return (struct transition *)(w->records + k * w->record_width);
 }
 
 /* Write a transition down; "side" of the surface that it came from, 0 for a release.
@@ -25,12 +25,15 @@ static void record_transition(struct work *w, int64_t kind, int64_t index, int64
     struct run *run = w->run;
     if (run->below_rounding != 0 && w->since[index] <= run->time)
         return;
-    struct transition *made = transition_at(w->records, run->states, run->transitions);
+    struct transition *made = transition_at(w, run->transitions);
     made->time = run->time, made->time_low = run->time_low;
     made->kind = (int8_t)kind, made->surface = (int16_t)index, made->landing = (int8_t)run->landing;
     made->from_mode = (int32_t)source, made->to_mode = (int32_t)target;
     for (int64_t i = 0; i < run->states; i++)
         made->state[i] = w->x[i];
+    int64_t *words = (int64_t *)(made->state + run->states);
+    for (int64_t k = 0; k < w->words; k++)
+        words[k] = w->left[k], words[w->words + k] = w->entries[k];
     run->transitions += 1;
     int64_t ends_here = side > 0 ? run->stop_falling : side < 0 ? run->stop_rising : 0;
     if (ends_here != 0 && has_bit(ends_here, index))
@@ -50,15 +53,18 @@ HENON_EXPORT int64_t events_accumulate(struct run *run)
 static void fill_samples(struct work *w, double part)
 {
     struct run *run = w->run;
-    int64_t n = run->states;
+    int64_t n = run->states, words = w->words;
     while (run->next_sample < w->sample_count) {
-        double *sample = w->samples + run->next_sample * (n + 2);
+        double *sample = w->samples + run->next_sample * (1 + n + (words ? words : 1));
         double at = ((sample[0] - run->time) - run->time_low) / run->unit;
         if (at > part)
             return;
         for (int64_t i = 0; i < n; i++)
             sample[1 + i] = value(row_of(w, i), run->order, larger(at, 0.0));
-        sample[1 + n] = (double)run->mode;
+        if (words)
+            memcpy(sample + 1 + n, w->entries, (size_t)words * sizeof(int64_t));
+        else
+            sample[1 + n] = (double)run->mode;
         run->next_sample += 1;
     }
 }

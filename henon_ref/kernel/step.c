@@ -48,18 +48,21 @@ static inline bool add_to_state(struct work *w)
 static void enter_mode(struct work *w)
 {
     struct run *run = w->run;
-    int64_t place = 0;
-    while (place < run->remembered && w->remembered[place] != run->mode)
+    int64_t place = 0, words = w->words ? w->words : 1;
+    size_t size = (size_t)words * sizeof(int64_t);
+    const int64_t *mode = w->words ? w->entries : &run->mode;
+    while (place < run->remembered && memcmp(w->remembered + place * words, mode, size) != 0)
         place += 1;
-    if (place == run->remembered) {
-        if (place < REMEMBERED_STEPS) {
-            w->remembered[place] = run->mode;
-            run->remembered += 1;
-        } else { /* the last place is for all others */
-            place -= 1;
-        }
-    }
-    run->step_place = place, run->stepped_mode = run->mode;
+    bool stays = w->words && place < run->remembered && place == run->step_place;
+    run->stepped_mode = run->mode;
+    if (stays) /* several events at one instant have led back to the mode of the last step */
+        return;
+    if (place == REMEMBERED_STEPS) /* the last place is for all others */
+        place -= 1;
+    else if (place == run->remembered)
+        run->remembered += 1;
+    memcpy(w->remembered + place * words, mode, size);
+    run->step_place = place;
     if (w->last_steps[place] > 0.0)
         run->unit = smaller(w->last_steps[place], run->longest_step);
 }

@@ -11,7 +11,16 @@
 /* Size of the smallest release guard, relative to all their coefficients, below which Python looks closer. */
 #define HOLD_MARGIN 1e-9
 
-/* Normal velocities of the guards of the mode in a row, where the run stands; counted. */
+/* Normal velocities of the guards of the present mode, where the run stands. */
+static const double *speeds_at(struct work *w)
+{
+    const struct run *run = w->run;
+    const double *constants = w->constants + w->tables->length;
+    w->mode->normal_velocities(run->time, run->time_low, 1.0, w->x, constants, w->speeds);
+    return w->speeds + run->states;
+}
+
+/* Those of the mode in a row; counted. */
 static const double *speeds_in(struct work *w, int64_t row)
 {
     struct run *run = w->run;
@@ -23,12 +32,12 @@ static const double *speeds_in(struct work *w, int64_t row)
 
 /* +1 inside the hold zone of a surface, -1 outside, 0 where that is not clear; "stick": row of the mode that slides on
  * it. */
-static int64_t inside_hold_zone(const struct work *w, int64_t surface, int64_t stick)
+static int64_t inside_hold_zone(struct work *w, int64_t surface, int64_t stick)
 {
     const struct run *run = w->run;
-    const struct mode *mode = mode_at(w, stick);
-    const double *constants = constants_of(w->tables, stick, 0);
-    mode->expansion(run->time, run->time_low, run->unit, w->x, constants, w->ahead);
+    int64_t back = go_over(w, surface, stick);
+    const struct mode *mode = w->mode;
+    mode->expansion(run->time, run->time_low, run->unit, w->x, w->constants, w->ahead);
     double lowest = 1e300, size = 0.0;
     for (int64_t g = 0; g < mode->guards; g++)
         if (mode->guard[g].kind == RELEASE && mode->guard[g].index == surface) {
@@ -37,6 +46,7 @@ static int64_t inside_hold_zone(const struct work *w, int64_t surface, int64_t s
             for (int64_t k = 0; k <= run->order; k++)
                 size += fabs(row[k]);
         }
+    go_over(w, surface, back);
     if (!(fabs(lowest) > HOLD_MARGIN * size))
         return 0;
     return lowest > 0.0 ? 1 : -1;
@@ -91,11 +101,12 @@ static int64_t apply_selection(struct work *w)
     return events_accumulate(w->run) ? EVENTS_ACCUMULATE : ON;
 }
 
-/* What follows where the surface of a guard of the mode in a row is reached; ON, or why Python is needed. */
-static int64_t at_surface(struct work *w, int64_t row, int64_t g, struct change *found)
+/* What follows where the surface of a guard of a mode is reached alone, at the mode's normal velocities; ON, or why
+ * Python is needed. */
+static int64_t at_surface(struct work *w, const struct mode *mode, int64_t g, const double *speeds,
+                          struct change *found)
 {
-    const struct guard *guard = &mode_at(w, row)->guard[g];
-    const double *speeds = speeds_in(w, row);
+    const struct guard *guard = &mode->guard[g];
     double inside = speeds[2 * g], beyond = speeds[2 * g + 1];
     if (!(inside > 0.0 && fabs(beyond) > TANGENT * inside))
         return SELECT_MODE;
@@ -270,8 +281,10 @@ static int64_t cross_kinks(struct work *w)
     struct change found = {CROSSING, at.row, 0};
     if (at.other >= 0) {
         const struct guard *guard = &w->mode->guard[at.other];
-        int64_t code = guard->kind == RELEASE ? at_end_of_slide(w, &at, length, &found)
-                                              : at_surface(w, at.row, guard_on(mode_at(w, at.row), guard->index), &found);
+        const struct mode *behind = mode_at(w, at.row);
+        int64_t code = guard->kind == RELEASE
+                           ? at_end_of_slide(w, &at, length, &found)
+                           : at_surface(w, behind, guard_on(behind, guard->index), speeds_in(w, at.row), &found);
         if (code != ON)
             return code;
         int64_t entry = found.kind == STICK ? 0 : guard->to_sign;
@@ -290,16 +303,90 @@ static int64_t cross_kinks(struct work *w)
     return leave_instant(w, &at, &found);
 }
 
+/* Whether all slides' ends that are at zero fall through it, and each contact has one guard there at most. */
+static bool ends_fall(struct work *w)
+{
+    const struct run *run = w->run;
+    bool found = true, expanded = false;
+    for (int64_t g = 0; g < w->mode->guards; g++) {
+        if (w->hits[g] != 1)
+            continue;
+        found = found && g < 2 * run->contacts && w->hits[g ^ 1] == 0;
+        if (w->mode->guard[g].kind == SURFACE || g == run->guard)
+            continue;
+        if (!expanded)
+            w->mode->expansion(run->time, run->time_low, run->unit, w->x, w->constants, w->ahead);
+        expanded = true;
+        const double *row = row_ahead(w, run->states + g);
+        double size = 0.0;
+        for (int64_t k = 1; k <= run->order; k++)
+            size += fabs(row[k]);
+        found = found && row[1] < -TANGENT * size;
+    }
+    return found;
+}
+
+/* What follows where a contact's guard is at zero, whatever the others do, noted in its entry; false where that is not
+ * clear. */
+static bool contact_changes(struct work *w, int64_t g, const double *speeds)
+{
+    int64_t index = w->mode->guard[g].index;
+    struct change found = {RELEASED, w->mode->guard[g].mode_across, w->mode->guard[g].zeros_at_release};
+    if (w->mode->guard[g].kind == SURFACE && at_surface(w, w->mode, g, speeds, &found) != ON)
+        return false;
+    go_over(w, index, found.mode);
+    if (found.zeros == 0 && found.kind == RELEASED)
+        found.zeros = zeros_at_release(w->mode, index, speeds_at(w));
+    w->faint[2 * index] = found.zeros;
+    return found.kind == STICK || found.zeros > 0;
+}
+
+/* Change the entries of all contacts whose guards are at zero at one instant, each by itself: they do not act on each
+ * other. ON, or why Python is needed, the mode then being as it was. */
+static int64_t apply_to_each(struct work *w)
+{
+    struct run *run = w->run;
+    const double *speeds = speeds_at(w);
+    int64_t changes = 0;
+    bool clear = ends_fall(w);
+    for (int64_t g = 0; g < w->mode->guards && clear; g++)
+        if (w->hits[g] == 1) {
+            clear = contact_changes(w, g, speeds);
+            changes += 1;
+        }
+    bool full = clear && run->transitions > 0 && run->transitions + changes > run->transition_capacity;
+    if (!clear || full) {
+        for (int64_t i = 0; i < run->contacts; i++)
+            if (entry_in(w->entries, i) != entry_in(w->left, i))
+                go_over(w, i, entry_in(w->left, i) + 1);
+        run->event_pending = full ? 1 : 0;
+        return full ? BLOCK_FULL : SELECT_MODE;
+    }
+    for (int64_t g = 0; g < w->mode->guards; g++)
+        w->known_zeros[g] = 0;
+    for (int64_t i = 0; i < run->contacts; i++) {
+        int64_t before = entry_in(w->left, i), now = entry_in(w->entries, i);
+        if (before == now)
+            continue;
+        w->known_zeros[2 * i] = now == 0 ? 0 : w->faint[2 * i];
+        record_transition(w, now == 0 ? STICK : before == 0 ? RELEASED : CROSSING, i, before, 0, 0);
+    }
+    return events_accumulate(run) ? EVENTS_ACCUMULATE : ON;
+}
+
 /* Change the mode at the event the run stands at; ON, or why Python is needed. */
 static int64_t apply_event(struct work *w)
 {
     struct run *run = w->run;
     const struct guard *guard = &w->mode->guard[run->guard];
     bool coincident = false;
+    leave(w);
     for (int64_t g = 0; g < w->mode->guards; g++)
         coincident = coincident || (w->hits[g] == 1 && g != run->guard);
     if (guard->kind == VALID)
         return LEFT_DOMAIN;
+    if (coincident && w->words)
+        return apply_to_each(w);
     struct change found = {RELEASED, guard->mode_across, guard->zeros_at_release};
     if (guard->kind == SURFACE) {
         if (guard->jump && !coincident)
@@ -308,7 +395,8 @@ static int64_t apply_event(struct work *w)
             int64_t code = apply_selection(w);
             return code == SELECT_MODE ? cross_kinks(w) : code;
         }
-        int64_t code = at_surface(w, run->mode, run->guard, &found);
+        run->expansions += 1;
+        int64_t code = at_surface(w, w->mode, run->guard, speeds_at(w), &found);
         if (code != ON)
             return code;
     } else if (coincident || guard->coupled != UNCOUPLED) {
@@ -319,15 +407,19 @@ static int64_t apply_event(struct work *w)
         run->pending_kind = found.kind, run->pending_mode = -1;
         return MODE_NOT_COMPILED;
     }
-    const struct mode *after = mode_at(w, found.mode);
-    if (found.kind == RELEASED && found.zeros == 0)
-        found.zeros = zeros_at_release(after, guard->index, speeds_in(w, found.mode));
-    else if (found.kind == RELEASED && found.zeros < 0)
-        found.zeros = zeros_ahead(w, after, guard->index, 1, expand_mode(w, found.mode));
-    if (found.kind == RELEASED && found.zeros == 0)
+    int64_t index = guard->index, side = guard->side, mode = run->mode;
+    int64_t back = go_over(w, index, found.mode);
+    if (found.kind == RELEASED && found.zeros < 0) {
+        found.zeros = zeros_ahead(w, w->mode, index, 1, expand_mode(w, run->mode));
+    } else if (found.kind == RELEASED && found.zeros == 0) {
+        run->expansions += 1;
+        found.zeros = zeros_at_release(w->mode, index, speeds_at(w));
+    }
+    if (found.kind == RELEASED && found.zeros == 0) {
+        go_over(w, index, back);
         return SELECT_MODE;
-    record_transition(w, found.kind, guard->index, guard->side, run->mode, found.mode);
-    run->mode = found.mode;
-    set_known_zeros(w, after, guard->index, found.zeros);
+    }
+    record_transition(w, found.kind, index, side, mode, run->mode);
+    set_known_zeros(w, w->mode, index, found.zeros);
     return events_accumulate(run) ? EVENTS_ACCUMULATE : ON;
 }

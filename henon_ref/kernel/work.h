@@ -39,7 +39,12 @@ struct work {
     double *point, *speeds;
     double *origin;
     int64_t *remembered;
+    int64_t *entries, *left;        /* words of the present mode's entries, and of the mode that an event has ended */
+    int64_t words;                  /* how many; 0 where a mode is a row */
+    struct mode *own;               /* with contacts: the present mode, and its constants */
+    double *own_constants;
     double *records;
+    int64_t record_width;
     int64_t width;                  /* of a row of c, ahead and stack */
     const struct tables *tables;
     const struct mode *mode;        /* the present one */
@@ -54,22 +59,40 @@ HENON_EXPORT int64_t row_length(int64_t order)
     return order ? (order + LANES) / LANES * LANES : 1;
 }
 
+/* Words that hold the entries of a mode. */
+HENON_EXPORT int64_t words_of(int64_t contacts)
+{
+    return (contacts + ENTRIES_IN_WORD - 1) / ENTRIES_IN_WORD;
+}
+
+/* Doubles of a mode's record. */
+static inline int64_t mode_size(int64_t guards)
+{
+    return (int64_t)((sizeof(struct mode) + (size_t)guards * sizeof(struct guard)) / sizeof(double));
+}
+
 /* Where the parts of a block stand: see struct places. */
-HENON_EXPORT struct places places_of(int64_t states, int64_t guards, int64_t order)
+HENON_EXPORT struct places places_of(int64_t states, int64_t guards, int64_t order, int64_t contacts,
+                                     int64_t constants)
 {
     struct places p;
+    int64_t words = words_of(contacts);
     p.last_steps = sizeof(struct run) / sizeof(double);
     p.state = p.last_steps + REMEMBERED_STEPS;
     p.known_zeros = p.state + 3 * states;
-    p.since = p.known_zeros + 3 * guards;
+    p.entries = p.known_zeros + 3 * guards;
+    p.since = p.entries + words;
     p.end_of_state = p.since + guards;
     p.width = row_length(order);
     p.band = (p.end_of_state + ALIGNMENT - 1) / ALIGNMENT * ALIGNMENT;
     p.room = p.band + (2 * (states + guards + 1) + ROOT_ROWS) * p.width;
     p.origin = p.room + 3 * states + 5 * guards;
     p.remembered = p.origin + 3 * states + 3;
-    p.records = p.remembered + REMEMBERED_STEPS;
-    p.record_width = TRANSITION_PLACES + states;
+    p.left = p.remembered + REMEMBERED_STEPS * (words ? words : 1);
+    p.own = p.left + words;
+    p.constants = p.own + (contacts ? mode_size(guards) : 0);
+    p.records = p.constants + constants;
+    p.record_width = TRANSITION_PLACES + states + 2 * words;
     p.size = p.records + CHUNK * p.record_width;
     return p;
 }
@@ -77,8 +100,7 @@ HENON_EXPORT struct places places_of(int64_t states, int64_t guards, int64_t ord
 /* Record of the mode in a row of the tables. */
 static inline const struct mode *mode_in(const struct tables *tables, int64_t row, int64_t guards)
 {
-    int64_t size = (int64_t)(sizeof(struct mode) + (size_t)guards * sizeof(struct guard));
-    return (const struct mode *)(tables->modes + row * size);
+    return (const struct mode *)(tables->modes + row * mode_size(guards) * (int64_t)sizeof(double));
 }
 
 /* Constants of a mode: tape 0 is its expansion's, 1 that of normal velocities, 2 that of the maps of resets. */
@@ -92,20 +114,20 @@ static inline const struct mode *mode_at(const struct work *w, int64_t row)
     return mode_in(w->tables, row, w->run->guards);
 }
 
-/* Make the run's mode the present one. */
+/* Make the run's mode the present one; that of contacts is put together before (put_together). */
 static inline void enter(struct work *w)
 {
-    w->mode = mode_at(w, w->run->mode);
-    w->constants = constants_of(w->tables, w->run->mode, 0);
+    w->mode = w->words ? w->own : mode_at(w, w->run->mode);
+    w->constants = w->words ? w->own_constants : constants_of(w->tables, w->run->mode, 0);
 }
 
 /* A run's block as the loop works on it. */
 static inline struct work work_of(struct run *run, const struct tables *tables)
 {
     int64_t n = run->states, most = run->guards;
-    const struct places p = places_of(n, most, run->order);
+    const struct places p = places_of(n, most, run->order, run->contacts, run->constants);
     double *block = (double *)run;
-    struct work w = {.run = run, .tables = tables, .width = p.width};
+    struct work w = {.run = run, .tables = tables, .width = p.width, .record_width = p.record_width};
     w.last_steps = block + p.last_steps;
     w.x = block + p.state, w.x_low = w.x + n, w.x_before = w.x + 2 * n;
     w.known_zeros = (int64_t *)(block + p.known_zeros), w.hits = w.known_zeros + most, w.faint = w.hits + most;
@@ -116,6 +138,9 @@ static inline struct work work_of(struct run *run, const struct tables *tables)
     w.speeds = w.change + 2 * n + most;
     w.origin = block + p.origin;
     w.remembered = (int64_t *)(block + p.remembered);
+    w.entries = (int64_t *)(block + p.entries), w.left = (int64_t *)(block + p.left);
+    w.words = words_of(run->contacts);
+    w.own = (struct mode *)(block + p.own), w.own_constants = block + p.constants;
     w.records = block + p.records;
     enter(&w);
     return w;

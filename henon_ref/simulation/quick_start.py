@@ -118,7 +118,7 @@ class QuickStart:
             signs = self._signs(time[0], *(high for high, _ in x), *constants.doubles)
         if signs is None or kernel.UNCLEAR_SIGN in signs or 0 in signs or -1 in signs[count:]:
             return None
-        return self._integrator.mode_table.index.get(signs[:count])
+        return self._integrator.mode_table.known(signs[:count])
 
     def _exact_signs(
         self, start: Any, initial: Mapping[str, Any], parameters: Mapping[str, Any]

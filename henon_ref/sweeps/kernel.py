@@ -21,6 +21,7 @@ from henon_ref.henon.run import Run
 from henon_ref.henon.transition_array import TransitionArray
 from henon_ref.kernel.shared import kernel
 from henon_ref.sweeps.runs import Settings, Vector
+from henon_ref.trajectory import Transition
 
 OK = "the run reached its horizon"
 
@@ -110,7 +111,7 @@ def run_points(
         counts=np.column_stack([runs.ends[name] for name in ("steps", "expansions", "guard_evaluations")]),
         run=records["point"][order].astype(np.int64),
         records=records[order],
-        modes=tuple(integrator.mode_table.modes),
+        modes=tuple(runs.modes),
         refused=np.zeros(count, dtype=bool),
     )
 
@@ -163,6 +164,7 @@ def _one_by_one(
     """The same where all runs start in a mode that is given: each is started by itself."""
     states = len(integrator.system.states)
     ends, records, nowhere = [], [np.zeros(0, dtype=transition_dtype(states))], []
+    numbers: dict[Mode, int] = {}
     for own in points:
         start = integrator.start_at(
             own.values, own.initial, start=own.start, until=own.until, tolerance=local_error(settings.rtol),
@@ -171,20 +173,35 @@ def _one_by_one(
         end = Run(integrator, start).to_horizon()
         ends.append(end)
         nowhere.append(start.refused is not None)
-        records.append(end.transitions.records if isinstance(end.transitions, TransitionArray) else records[0])
-    rows = integrator.mode_table.index
+        records.append(_numbered(end.transitions, numbers) if len(end.transitions) else records[0])
+    pairs = zip(ends, nowhere, strict=True)
+    last = [-1 if no else numbers.setdefault(end.end_mode, len(numbers)) for end, no in pairs]
     return Ended(
         status=np.array([end.status for end in ends], dtype=object),
         message=np.array([end.reason or OK for end in ends], dtype=object),
         end_time=np.array([end.end_time for end in ends]),
         end_state=np.array([end.end_state for end in ends]).reshape(-1, states),
-        end_mode=np.array([-1 if no else rows[end.end_mode] for end, no in zip(ends, nowhere, strict=True)]),
+        end_mode=np.array(last, dtype=np.int64),
         counts=np.array([tuple(end.counts) for end in ends]).reshape(-1, 3),
         run=np.repeat(np.arange(len(ends)), [len(r) for r in records[1:]]),
         records=np.concatenate(records),
-        modes=tuple(integrator.mode_table.modes),
+        modes=tuple(numbers),
         refused=np.zeros(len(ends), dtype=bool),
     )
+
+
+def _with_modes(records: NDArray[Any], rows: NDArray[np.int64]) -> NDArray[Any]:
+    """Records with other numbers for modes."""
+    own = records.copy()
+    own["from_mode"], own["to_mode"] = rows[own["from_mode"]], rows[own["to_mode"]]
+    return own
+
+
+def _numbered(transitions: Sequence[Transition], numbers: dict[Mode, int]) -> NDArray[Any]:
+    """Records of transitions with modes by some numbers, to which new ones are added."""
+    assert isinstance(transitions, TransitionArray)
+    rows = np.array([numbers.setdefault(mode, len(numbers)) for mode in transitions.modes])
+    return _with_modes(transitions.records, rows)
 
 
 def joined(parts: Sequence[tuple[NDArray[np.int64], Ended]]) -> Ended:
@@ -205,9 +222,7 @@ def joined(parts: Sequence[tuple[NDArray[np.int64], Ended]]) -> Ended:
     for _, ended in parts:
         rows = np.array([*(numbers.setdefault(mode, len(numbers)) for mode in ended.modes), -1])
         end_mode.append(rows[ended.end_mode])
-        own = ended.records.copy()
-        own["from_mode"], own["to_mode"] = rows[own["from_mode"]], rows[own["to_mode"]]
-        records.append(own)
+        records.append(_with_modes(ended.records, rows))
     run = np.concatenate([own[ended.run] for own, ended in parts])
     by_run = np.argsort(run, kind="stable")
     return Ended(

@@ -135,7 +135,7 @@ class FinalState(Observation):
 
     def columns(self, runs: Runs) -> Columns:
         states = {f"final_{name}": runs.end_state[:, i].copy() for i, name in enumerate(runs.system.state)}
-        return {**states, "final_mode": runs.mode_names[runs.end_mode]}
+        return {**states, "final_mode": runs.mode_names(runs.end_mode)}
 
 
 @dataclass(frozen=True)

@@ -117,12 +117,12 @@ class Runs:
         """Modes as an array, shape (modes, surfaces)."""
         return np.array(self.modes or np.zeros((0, 1)), dtype=np.int64)
 
-    @cached_property
-    def mode_names(self) -> NDArray[Any]:
-        """Text of each mode, without the sections; None behind the last one, where row -1 finds it."""
+    def mode_names(self, rows: NDArray[np.int64]) -> NDArray[Any]:
+        """Texts of modes by their numbers, without the sections; None for -1."""
         names = self.system.model.sign_names
-        texts = [mode_text(self._kinks.shown(mode[: len(names)]), names) for mode in self.modes]
-        return np.array([*texts, None], dtype=object)
+        different, places = np.unique(rows, return_inverse=True)
+        modes = [None if row < 0 else self._kinks.shown(self.modes[row][: len(names)]) for row in different.tolist()]
+        return np.array([mode and mode_text(mode, names) for mode in modes], dtype=object)[places]
 
     def changes(self, surface: int) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
         """Transitions of one surface: their places, and the surface's entry of the mode before and after each."""

@@ -50,7 +50,9 @@ def runs(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> tuple[Trajectory,
 
 def slow_integrator(problem: Problem) -> Integrator:
     """An integrator whose every event of several surfaces is decided in Python."""
-    integrator = Integrator(problem.system, 18)
+    system = replace(problem.system)
+    vars(system)["switched"] = None  # else contacts that do not act on each other are decided each by itself
+    integrator = Integrator(system, 18)
     table = integrator.mode_table
     table.compiled = replace(table.compiled, rows=table.compiled.rows[:0])
     return integrator
@@ -174,7 +176,8 @@ def test_equal_blocks_stick_and_slip_together(seed: int, monkeypatch: pytest.Mon
     ours, theirs, asked = runs(straight([f"x{i}" for i in range(5)], field, start, 5, 12), monkeypatch)
     same_transitions(ours, theirs)
     let_go = {round(t.time, 9) for t in ours.transitions if t.kind == "release"}
-    assert asked == len(let_go) > 0  # several at once: left to Python
+    assert len(let_go) > 0  # several at once
+    assert asked == 0
 
 
 @pytest.mark.parametrize(
@@ -182,8 +185,8 @@ def test_equal_blocks_stick_and_slip_together(seed: int, monkeypatch: pytest.Mon
     [
         ({}, True),
         ({4: ("1/2 - s4/2", "x4: -1")}, False),  # it stays with nothing that holds it from above
-        ({4: ("1/2 - s4/2 - 10^(-9)", "x4: -1 + 10^(-9)")}, False),  # or hardly anything
-        ({0: ("t/2 - s0/2 - 10^(-9)", "x0: 0")}, False),  # it slides, and is about to be let go
+        ({4: ("1/2 - s4/2 - 10^(-10)", "x4: -1 + 10^(-10)")}, False),  # or hardly anything
+        ({0: ("t/2 - s0/2 - 10^(-9)", "x0: 0")}, True),  # it slides, and is about to be let go: no affair of the others
         ({0: ("1 + s0/2 + (s1 + s2 + s3 + s4 + 4)/8", "x0: -1/2")}, False),  # five that act on each other
     ],
 )
@@ -204,7 +207,9 @@ def after_first_event(integrator: Integrator, problem: Problem, transitions: int
     run = Run(integrator, integrator.start(problem, tolerance=1e-15, landing=HENON), block=transitions)
     while not run.blocks and run.scalars.transitions < transitions:
         assert run._advance() is None
-    return run.mode, run.known_zeros[: len(run.guards)].tolist()
+    places = integrator.mode_table.places(run.mode)
+    zeros = sorted(pair for pair in zip(places, run.known_zeros.tolist(), strict=False) if pair[0] >= 0)
+    return run.mode, [zero for _, zero in zeros]
 
 
 @pytest.mark.parametrize("name", ["five", "three", "coupled", "stick_and_cross", "duplicate"])
@@ -232,6 +237,8 @@ class Corner:
         names += [f"b{i}_{j}" for i, j in acts]
         field = [f"a{i}" + "".join(f" + b{i}_{j}*s{j}" for k, j in acts if k == i) for i in range(surfaces)]
         field += ["0"] * (len(names) - surfaces)
+        names.append("z")  # moved by all: signs that act on one state each are decided each by itself
+        field.append(" + ".join(f"s{i}" for i in range(surfaces)))
         problem = straight(names, field, [f"{name}: 1" for name in names], surfaces, 1)
         self.integrator = Integrator(problem.system, 8)
         for mode in product((-1, 0, 1), repeat=surfaces):
@@ -249,7 +256,7 @@ class Corner:
             Before the surfaces ``hit`` were.
         """
         compiled = self.integrator.mode_table
-        x = [0.0] * self.surfaces + [float(v) for v in numbers]
+        x = [0.0] * self.surfaces + [float(v) for v in numbers] + [0.0]
         row, guards = compiled.index[mode], compiled.guards(mode)
         at_zero = [g.kind == "surface" and g.index in hit for g in guards]
         hits = np.zeros(compiled.most_guards, dtype=np.int64)
