@@ -20,7 +20,7 @@ from henon_ref.casefile.notebook import equations_html
 from henon_ref.errors import CaseError
 from henon_ref.jit.cache_folder import cache_root
 from henon_ref.rows import AnyRow, RunRow, StickRow, TransitionRow
-from henon_ref.score.gate import gate_failures
+from henon_ref.score.gate import Gate, bounds_of, gate
 from henon_ref.solver import Solver
 from henon_ref.text import html, message
 
@@ -128,13 +128,14 @@ class Comparison:
         """The runs of one reading."""
         return [record for record in self.records if record.run.reading == name]
 
+    @property
+    def gate(self) -> Gate:
+        """What became of the bounds of the case's gate."""
+        return gate(bounds_of(self.case), self.run_rows)
+
     def gate_failures(self) -> list[str]:
         """One sentence for every bound of the case's gate that is not met; bounds on what did not run left out."""
-        return [
-            words
-            for result in self.readings
-            for words in gate_failures(result.reading, [record.run for record in self.of_reading(result.reading.name)])
-        ]
+        return [words for _, words in self.gate.unmet]
 
 
 def compare(

@@ -28,17 +28,11 @@ MOST_SHOWN = 8
 
 
 class Shown(Silent, AbstractContextManager["Shown"]):
-    """Progress on a terminal; elsewhere nothing. It never starts a thread, so that workers can be forked.
+    """Progress on a terminal; elsewhere nothing. It never starts a thread, so that workers can be forked."""
 
-    Parameters
-    ----------
-    quiet : bool
-        Show nothing on a terminal, either.
-    """
-
-    def __init__(self, *, quiet: bool = False) -> None:
-        self.on_terminal = status_line.is_terminal() and not quiet
-        self._wait_is_said = self.on_terminal or quiet
+    def __init__(self) -> None:
+        self.on_terminal = status_line.is_terminal()
+        self._wait_is_said = self.on_terminal
         """Whether it need not be said any more that a truth takes its time."""
         self._progress: Progress | None = None
         self._task: TaskID | None = None

@@ -93,7 +93,3 @@ def test_where_no_progress_is_shown_a_truth_that_takes_long_is_said_once(
     said = capsys.readouterr().err
     assert said.count("\n") == 1
     assert said.startswith("computing what is not stored: level default truth")
-    with Shown(quiet=True) as silent:
-        silent.begun("level", f"default {TRUTH}")
-        silent.tick()
-    assert capsys.readouterr().err == ""

@@ -57,8 +57,8 @@ NOTES = (
     ),
     (
         "right, verdict",
-        "Of the library with its default way of being restarted on the surface after an event: `--restart` tries the "
-        "others.",
+        "Of the library with its default way of being restarted on the surface after an event; `--solvers heyoka@offset` "
+        "tries another one.",
     ),
     (
         "steps, right-hand sides, event functions",

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
 from urllib.parse import quote
 
 import numpy as np
@@ -33,8 +32,6 @@ library that is called without Python in its way."""
 @dataclass(frozen=True)
 class PairRow(Row):
     """The reference and another solver at settings with the same digits, their runs interleaved."""
-
-    later: ClassVar[tuple[str, ...]] = ("rival_own_s",)
 
     case: str
     reading: str
