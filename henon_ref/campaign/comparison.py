@@ -14,7 +14,7 @@ from henon_ref.campaign.options import Draw, Observer, Options
 from henon_ref.campaign.progress import ProgressLine, is_seen
 from henon_ref.campaign.results import ReadingResult
 from henon_ref.campaign.rows import Record
-from henon_ref.campaign.summary import html_table, text_table
+from henon_ref.campaign.summary import LONGEST_NOTE, summary
 from henon_ref.casefile.case import Case
 from henon_ref.casefile.notebook import equations_html
 from henon_ref.errors import CaseError
@@ -83,13 +83,13 @@ class Comparison:
         runs = f"{len(self.records)} runs, {len(self.records) - wrong} of them right"
         readings = f"{len(self.readings)} reading{'s' * (len(self.readings) != 1)}"
         head = message(f"Comparison of {self.case.name}: {readings}, {runs}")
-        return f"{head}\n{text_table(self.run_rows)}" if self.records else head
+        return f"{head}\n{summary(self.run_rows, longest=LONGEST_NOTE).text}" if self.records else head
 
     def _repr_html_(self) -> str:
         """What a notebook shows: the table that ``print`` shows, and the case's equations as formulas."""
         problems = {result.reading.name: result.reading.problem for result in self.readings}
         title = f"<p><b>{html(self.case.name)}</b>: {html(self.case.title)}</p>"
-        return f"{title}{html_table(self.run_rows)}{equations_html(problems)}"
+        return f"{title}{summary(self.run_rows).html}{equations_html(problems)}"
 
     def plot(self, reading: str | None = None) -> Axes:
         """The work-precision diagram of one reading, which the title names: worst error of a time over wall time.

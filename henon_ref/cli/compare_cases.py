@@ -12,11 +12,12 @@ from henon_ref.campaign.comparison import Comparison, compare_all
 from henon_ref.campaign.journal import FILE, read
 from henon_ref.campaign.options import Observer, Options
 from henon_ref.campaign.plan import check_required, check_solvers
+from henon_ref.campaign.progress import ProgressLine
 from henon_ref.casefile.case import Case
+from henon_ref.cli import status_line
 from henon_ref.cli.end_output import case_line, document, print_end
 from henon_ref.cli.end_table import EndTable
 from henon_ref.cli.exit_status import say
-from henon_ref.cli.progress import Shown
 from henon_ref.cli.request import Request
 from henon_ref.report.case_report import write_report
 from henon_ref.report.files.figure_jobs import figure_job, preload
@@ -94,10 +95,11 @@ def _compared(cases: Sequence[Case], options: Options, request: Request) -> Unme
         gates.append(comparison.gate)
         for solver in demands:
             demands[solver] += demand(solver, comparison.run_rows)
-        if not (request.json or shown.on_terminal):
+        if not (request.json or shown.seen):
             print(case_line(comparison.case.name, comparison.run_rows, written[-1]), flush=True)
 
-    with Shown() as shown:
+    status_line.clear()
+    with ProgressLine() as shown:
         draw = figure_job if request.figures else None
         compare_all(cases, options, deliver, draw=draw, ready=preload, observer=shown)
         if request.whole:

@@ -15,12 +15,13 @@ from typing import Annotated
 
 import typer
 
+from henon_ref.atomic_write import replace_file
 from henon_ref.cli.arguments import names
 from henon_ref.cli.exit_status import DONE, NOT_MET, exit_status, parsed, say
 from henon_ref.cli.typer_app import application, examples
 from henon_ref.errors import CaseError
 from henon_ref.report.files.manifest import read_bounds
-from henon_ref.report.files.write import MANIFEST, RUNS, replace_file
+from henon_ref.report.files.write import MANIFEST, RUNS
 from henon_ref.report.text.ci import junit_xml, step_summary
 from henon_ref.report.text.formats import count
 from henon_ref.report.text.gate import bounds_left_out, demands_state, gate_state, why_unchecked

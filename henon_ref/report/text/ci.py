@@ -8,9 +8,9 @@ from xml.etree import ElementTree
 
 from henon_ref.report.text.formats import digits, setting
 from henon_ref.report.text.ranking import by_solver, right
-from henon_ref.report.text.tables import Table
 from henon_ref.rows import RunRow, csv_field
 from henon_ref.score.row_result import Kind, RowResult
+from henon_ref.table import Table
 from henon_ref.text import code, markdown, short_line
 
 OUTPUT = (

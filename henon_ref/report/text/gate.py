@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 from henon_ref.campaign.comparison import Comparison
 from henon_ref.report.text.formats import listing, setting
-from henon_ref.report.text.tables import Table
 from henon_ref.score.gate import Demand, Gate
+from henon_ref.table import Table
 from henon_ref.text import code, markdown
 
 

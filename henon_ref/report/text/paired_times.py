@@ -13,8 +13,8 @@ from henon_ref.report.files.write import REPORT
 from henon_ref.report.text.formats import digits as shown_digits
 from henon_ref.report.text.formats import duration, setting, significant
 from henon_ref.report.text.ranking import LEVELS
-from henon_ref.report.text.tables import Table
 from henon_ref.rows import Row, RunRow, read_rows
+from henon_ref.table import Table
 from henon_ref.text import code, markdown
 
 FIRST = "henon"
