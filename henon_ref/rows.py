@@ -10,9 +10,9 @@ import csv
 import io
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import MISSING, dataclass, field, fields
 from pathlib import Path
-from typing import Any, ClassVar, TypeVar, get_type_hints
+from typing import Any, TypeVar, get_type_hints
 
 from henon_ref.text import cell, from_cell, shortened
 
@@ -29,10 +29,7 @@ Key = tuple[str, str, str, float | None, float | None]
 
 @dataclass(frozen=True)
 class Row:
-    """A row of a result file: its fields are the file's columns."""
-
-    later: ClassVar[tuple[str, ...]] = ()
-    """Columns that files of earlier versions do not have."""
+    """A row of a result file: its fields are the file's columns; a file need not have those that have a default."""
 
     @classmethod
     def columns(cls, states: Sequence[str] = ()) -> tuple[str, ...]:
@@ -48,8 +45,6 @@ class Row:
 @dataclass(frozen=True)
 class RunRow(Row):
     """One run: a reading, solver and setting (``runs.csv``)."""
-
-    later: ClassVar[tuple[str, ...]] = ("undecided_after_s",)
 
     case: str
     reading: str
@@ -297,9 +292,10 @@ def read_rows(kind: type[AnyRow], path: Path) -> list[AnyRow]:
     try:
         present = [name.strip() for name in next(reader, [])]
         readers = _readers(kind)
-        missing = [column for column in readers if column not in (*present, *kind.later)]
-        if missing:
-            raise TableError(f"there is no column '{missing[0]}'; wanted are {', '.join(kind.columns())}")
+        needed = [own.name for own in fields(kind) if own.default is MISSING and own.default_factory is MISSING]
+        for column in needed:
+            if column not in present:
+                raise TableError(f"there is no column '{column}'; needed are {', '.join(needed)}")
         states = [name for name in present if name not in readers] if kind is TransitionRow else []
         for cells in filter(None, reader):
             if len(cells) != len(present):
@@ -309,7 +305,10 @@ def read_rows(kind: type[AnyRow], path: Path) -> list[AnyRow]:
             values = {c: _read(read, line[c], *where) for c, read in readers.items() if c in line}
             if states:
                 values[STATE] = {name: _read(_number, line[name], *where) for name in states}
-            rows.append(kind(**values))
+            try:
+                rows.append(kind(**values))
+            except ValueError as error:
+                raise TableError(str(error), reader.line_num) from None
     except csv.Error as error:
         raise TableError(str(error), reader.line_num) from error
     return rows

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from markdown_it import MarkdownIt
 from markdown_it.token import Token
 
-from henon_ref.report.text.tables import Table
 from henon_ref.rows import StickRow, TableError, TransitionRow, read_rows, rows_text
+from henon_ref.table import Table
 from henon_ref.text import LONGEST_LINE, cell, code, from_cell, link, markdown, message, one_line, paragraphs, printable
 
 HARMLESS = {"text", "text_special", "code_inline", "softbreak", "paragraph_open", "paragraph_close", "inline"}
@@ -138,7 +138,7 @@ def test_what_is_wrong_with_a_file_is_told_with_its_place(tmp_path, line, words,
 
 def test_a_file_of_another_kind_is_told_by_the_column_that_it_lacks(tmp_path):
     (tmp_path / "a.csv").write_text("case,reading\na,b\n")
-    with pytest.raises(TableError, match="there is no column 'solver'; wanted are case, reading, solver, rtol, "):
+    with pytest.raises(TableError, match="there is no column 'solver'; needed are case, reading, solver, rtol, "):
         read_rows(StickRow, tmp_path / "a.csv")
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import typer
 
 from henon_ref.cli.main import SUBCOMMANDS, application
-from henon_ref.report.text.tables import Table
+from henon_ref.table import Table
 from henon_ref.text import code
 
 _OPTION = re.compile(r"(?<!\S)--[a-z-]+( [a-z]+@[a-z]+)?")

@@ -14,7 +14,7 @@ from henon_ref.report.text.formats import significant
 from henon_ref.report.text.index import commits
 from henon_ref.report.text.matrix_rows import MatrixRow, read_matrix
 from henon_ref.report.text.ranking import LEVELS, by_solver
-from henon_ref.report.text.tables import Table
+from henon_ref.table import Table
 from henon_ref.text import code
 from website.tolerance_table import loosest
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from henon_ref import registry
-from henon_ref.report.text.tables import Table
+from henon_ref.table import Table
 from henon_ref.text import code
 
 

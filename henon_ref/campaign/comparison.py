@@ -14,13 +14,13 @@ from henon_ref.campaign.options import Draw, Observer, Options
 from henon_ref.campaign.progress import ProgressLine, is_seen
 from henon_ref.campaign.results import ReadingResult
 from henon_ref.campaign.rows import Record
-from henon_ref.campaign.summary import html_table, text_table
+from henon_ref.campaign.summary import LONGEST_NOTE, summary
 from henon_ref.casefile.case import Case
 from henon_ref.casefile.notebook import equations_html
 from henon_ref.errors import CaseError
 from henon_ref.jit.cache_folder import cache_root
 from henon_ref.rows import AnyRow, RunRow, StickRow, TransitionRow
-from henon_ref.score.gate import gate_failures
+from henon_ref.score.gate import Gate, bounds_of, gate
 from henon_ref.solver import Solver
 from henon_ref.text import html, message
 
@@ -83,13 +83,13 @@ class Comparison:
         runs = f"{len(self.records)} runs, {len(self.records) - wrong} of them right"
         readings = f"{len(self.readings)} reading{'s' * (len(self.readings) != 1)}"
         head = message(f"Comparison of {self.case.name}: {readings}, {runs}")
-        return f"{head}\n{text_table(self.run_rows)}" if self.records else head
+        return f"{head}\n{summary(self.run_rows, longest=LONGEST_NOTE).text}" if self.records else head
 
     def _repr_html_(self) -> str:
         """What a notebook shows: the table that ``print`` shows, and the case's equations as formulas."""
         problems = {result.reading.name: result.reading.problem for result in self.readings}
         title = f"<p><b>{html(self.case.name)}</b>: {html(self.case.title)}</p>"
-        return f"{title}{html_table(self.run_rows)}{equations_html(problems)}"
+        return f"{title}{summary(self.run_rows).html}{equations_html(problems)}"
 
     def plot(self, reading: str | None = None) -> Axes:
         """The work-precision diagram of one reading, which the title names: worst error of a time over wall time.
@@ -128,13 +128,14 @@ class Comparison:
         """The runs of one reading."""
         return [record for record in self.records if record.run.reading == name]
 
+    @property
+    def gate(self) -> Gate:
+        """What became of the bounds of the case's gate."""
+        return gate(bounds_of(self.case), self.run_rows)
+
     def gate_failures(self) -> list[str]:
         """One sentence for every bound of the case's gate that is not met; bounds on what did not run left out."""
-        return [
-            words
-            for result in self.readings
-            for words in gate_failures(result.reading, [record.run for record in self.of_reading(result.reading.name)])
-        ]
+        return [words for _, words in self.gate.unmet]
 
 
 def compare(

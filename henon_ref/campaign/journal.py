@@ -16,6 +16,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from henon_ref.atomic_write import replace_file
 from henon_ref.campaign.code_version import code_version
 from henon_ref.campaign.rows import Record
 from henon_ref.campaign.settings import Setting
@@ -150,11 +151,10 @@ def _row(line: bytes, *, case: str) -> tuple[str, Record]:
 
 def _set_aside(path: Path, kept: Kept) -> None:
     """Keep the damaged lines in a file beside, and only the others in the journal; say so."""
-    aside, waiting = path.with_name(SET_ASIDE), path.with_name(f"{FILE}.new")
+    aside = path.with_name(SET_ASIDE)
     with aside.open("ab") as file:
         file.writelines(line.rstrip(b"\r\n") + b"\n" for _, line, _ in kept.damaged)
-    waiting.write_bytes(b"".join(kept.lines))
-    os.replace(waiting, path)
+    replace_file(path, b"".join(kept.lines))
     number, _, reason = kept.damaged[0]
     others = f" and {len(kept.damaged) - 1} more" if len(kept.damaged) > 1 else ""
     _LOG.warning("%s: line %d is damaged (%s)%s; set aside in %s, run again", path, number, reason, others, aside)

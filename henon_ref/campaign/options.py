@@ -36,8 +36,6 @@ class Options:
 
     solvers: tuple[str | Solver, ...] | None = None
     """Solvers to run, out of those that a case lists; None: all that it lists."""
-    restarts: tuple[str, ...] = ()
-    """How libraries are restarted after an event; none: each solver in its own way."""
     tolerances: tuple[float, ...] | None = None
     """In place of the cases' own."""
     repeats: int | None = None

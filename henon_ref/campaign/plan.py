@@ -44,8 +44,6 @@ def check_solvers(cases: Sequence[Case], options: Options) -> None:
     for entry in options.solvers or ():
         if isinstance(entry, str) and entry != registry.ALL:
             registry.check(entry)
-    for restart in options.restarts:
-        registry.check_restart(restart)
     for case in cases:
         if not any(chosen_solvers(reading, options) for reading in case.readings):
             listed = sorted({name for reading in case.readings for name in reading.solvers or ()})
@@ -78,22 +76,17 @@ def chosen_solvers(reading: Reading, options: Options) -> dict[str, str | Solver
     """
     if options.solvers is None:
         listed = reading.solvers or registry.default_names()
-        return {name: name for solver in registry.names() if solver in listed for name in _restarted(solver, options)}
+        return {name: name for name in registry.names() if name in listed}
     chosen: dict[str, str | Solver] = {}
     for entry in options.solvers:
         if not isinstance(entry, str):
             chosen[entry.name] = entry
         elif entry == registry.ALL:
             every = reading.solvers or registry.expanded((registry.ALL,))
-            chosen.update((name, name) for solver in every for name in _restarted(solver, options))
+            chosen.update((name, name) for name in every)
         elif reading.solvers is None or registry.base_name(entry) in reading.solvers:
-            chosen.update((name, name) for name in _restarted(entry, options))
+            chosen[entry] = entry
     return chosen
-
-
-def _restarted(solver: str, options: Options) -> list[str]:
-    """The solver as it is, or restarted in each of the ways wanted."""
-    return [registry.with_restart(solver, restart) for restart in options.restarts] or [solver]
 
 
 def case_state(case: Case, statements: dict[tuple[str, str], Statement], options: Options) -> CaseState:

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 from henon_ref.rows import RunRow
 from henon_ref.score.standing import RIGHT, standings, tightest
-from henon_ref.text import html, one_line
+from henon_ref.table import Table
 
 COLUMNS = ("solver", "right of judged", "digits", "time [ms]", "times as long", "note")
 LONGEST_NOTE = 60
-"""Characters of a note in the table of a terminal."""
+"""Characters of a note where the table is printed."""
 
 
 def summary_rows(rows: Sequence[RunRow]) -> list[tuple[str, ...]]:
@@ -48,23 +48,10 @@ def _note(rows: Sequence[RunRow]) -> str:
     return f"{rows[0].status}{': ' if reason else ''}{reason}{more}"
 
 
-def text_table(rows: Sequence[RunRow]) -> str:
-    """The table as lines of text, safe for a terminal."""
-    lines = [COLUMNS, *(tuple(map(one_line, line)) for line in summary_rows(rows))]
-    widths = [max(len(line[k]) for line in lines) for k in range(len(COLUMNS) - 1)]
-    return "\n".join(_padded(line, widths) for line in lines)
-
-
-def _padded(line: Sequence[str], widths: Sequence[int]) -> str:
-    """One line of the table: names to the left, numbers to the right, what is long in a note cut off."""
-    *cells, note = line
-    numbers = [cell.rjust(width) for cell, width in zip(cells[1:], widths[1:], strict=True)]
-    short = note if len(note) <= LONGEST_NOTE else f"{note[: LONGEST_NOTE - 3]}..."
-    return "  ".join([cells[0].ljust(widths[0]), *numbers, short]).rstrip()
-
-
-def html_table(rows: Sequence[RunRow]) -> str:
-    """The table as HTML; nothing in it, whoever named a solver, is a tag or a formula."""
-    head = "".join(f"<th>{name}</th>" for name in COLUMNS)
-    body = "".join(f"<tr>{''.join(f'<td>{html(cell)}</td>' for cell in line)}</tr>" for line in summary_rows(rows))
-    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+def summary(rows: Sequence[RunRow], *, longest: int | None = None) -> Table:
+    """The same as a table; ``longest``: characters of a note."""
+    lines = summary_rows(rows)
+    if longest is not None:
+        short = [note if len(note) <= longest else f"{note[: longest - 3]}..." for *_, note in lines]
+        lines = [(*line[:-1], note) for line, note in zip(lines, short, strict=True)]
+    return Table(COLUMNS, "lrrrrl", lines)

@@ -15,7 +15,7 @@ app = application()
 
 SHORTEST, LONGEST = 0.01, 1e6
 """Seconds that may be given to one run."""
-RUNS, SHOWN, DEMANDS, CI = "Runs", "What is shown", "What must hold", "Continuous integration"
+RUNS, SHOWN, DEMANDS = "Runs", "What is shown", "What must hold"
 """Panels of the help."""
 HELP = "Run every solver on every case, score it against the truth, and write a report."
 EXAMPLES = (
@@ -51,7 +51,8 @@ def main(
         str | None,
         typer.Option(
             help="Names with commas; all that a case lists if left out. 'all' stands for those that run by default and "
-            "the peers that are installed (henon-ref[peers]).",
+            "the peers that are installed (henon-ref[peers]). heyoka@direction: heyoka, restarted in another way after "
+            "an event.",
             metavar="NAMES",
         ),
     ] = None,
@@ -67,15 +68,6 @@ def main(
             metavar=FLAG,
         ),
     ] = False,
-    restart: Annotated[
-        str | None,
-        typer.Option(
-            help="How libraries are restarted after an event, with commas: event-free-step, offset, direction, none; "
-            "each solver's own if left out. For one solver alone: --solvers heyoka@direction.",
-            metavar="NAMES",
-            rich_help_panel=RUNS,
-        ),
-    ] = None,
     timeout: Annotated[
         float,
         typer.Option(
@@ -107,15 +99,6 @@ def main(
             "--resume", help="Keep the rows of an interrupted comparison.", metavar=FLAG, rich_help_panel=RUNS
         ),
     ] = False,
-    quiet: Annotated[
-        bool,
-        typer.Option(
-            "--quiet",
-            help="No progress and no table: the report's path, and what is wrong.",
-            metavar=FLAG,
-            rich_help_panel=SHOWN,
-        ),
-    ] = False,
     json: Annotated[
         bool,
         typer.Option(
@@ -144,52 +127,26 @@ def main(
             rich_help_panel=DEMANDS,
         ),
     ] = None,
-    junit: Annotated[
-        Path | None,
-        typer.Option(help="Write the rows as JUnit XML, a test case a row.", metavar="FILE", rich_help_panel=CI),
-    ] = None,
-    baseline: Annotated[
-        Path | None,
-        typer.Option(
-            help="An earlier runs.csv, or a folder of reports: exit with 1 if a row's status got worse, or the digits "
-            "of its times by more than 0.5.",
-            metavar="PATH",
-            rich_help_panel=CI,
-        ),
-    ] = None,
-    known: Annotated[
-        Path | None,
-        typer.Option(
-            help="A CSV file of failures that are expected: they are told, and count for none of the other options.",
-            metavar="FILE",
-            rich_help_panel=CI,
-        ),
-    ] = None,
 ) -> Request:
     """Run every solver on every case, score it against the truth, and write a report."""
     return Request(
         cases=tuple(cases),
         out=out,
-        solvers=_parts(solvers),
-        tolerances=None if tolerances is None else tuple(_tolerance(part) for part in _parts(tolerances) or ()),
+        solvers=names(solvers),
+        tolerances=None if tolerances is None else tuple(_tolerance(part) for part in names(tolerances) or ()),
         repeats=repeats,
         timeout=timeout,
         processes=jobs or min(2, os.cpu_count() or 1),
         resume=resume,
         gate=gate,
         figures=figures,
-        restarts=_parts(restart) or (),
-        required=_parts(require) or (),
-        junit=junit,
-        baseline=baseline,
-        known=known,
+        required=names(require) or (),
         check=check,
-        quiet=quiet,
         json=json,
     )
 
 
-def _parts(text: str | None) -> tuple[str, ...] | None:
+def names(text: str | None) -> tuple[str, ...] | None:
     """Words between commas."""
     if text is None:
         return None

@@ -36,8 +36,8 @@ def main(
     from henon_ref import registry
     from henon_ref.campaign.case_files import load_cases
     from henon_ref.campaign.options import Options
+    from henon_ref.campaign.progress import ProgressLine
     from henon_ref.cli.compare_cases import discard
-    from henon_ref.cli.progress import Shown
     from henon_ref.report.files.folder_lock import locked
     from henon_ref.report.files.manifest import provenance
     from henon_ref.report.files.write import check_index
@@ -53,7 +53,7 @@ def main(
         + (["--solvers", ",".join(named)] if named else [])
         + ([f"--timeout {timeout:g}"] if timeout != Options().timeout else [])
     )
-    with writing_into(out, kept=KEPT), locked([out / FOLDER]), Shown() as shown:
+    with writing_into(out, kept=KEPT), locked([out / FOLDER]), ProgressLine() as shown:
         options = Options(solvers=chosen, processes=jobs, timeout=timeout, resume=resume, keep_journals=True)
         page = run_atlas(loaded, options, provenance(f"henon-ref atlas {words}"), out, shown)
         discard(out / FOLDER, [family.case for family in families(loaded)])

@@ -11,14 +11,13 @@ import typer
 from henon_ref.casefile.outline import Outline, outline
 from henon_ref.casefile.shipped import located, shipped_folder, yaml_files
 from henon_ref.cli.exit_status import DONE, exit_status, parsed
-from henon_ref.cli.text_table import print_table
 from henon_ref.cli.typer_app import application, examples
 from henon_ref.errors import CaseError
+from henon_ref.table import Table
 from henon_ref.text import did_you_mean, listed
 
 app = application()
 HEADINGS = ("name", "readings", "states", "surfaces", "title", "tags")
-NUMBERS = HEADINGS[1:4]
 
 
 @app.command(epilog=examples("cases", "cases --tag grazing", "cases hard my_cases"))
@@ -43,7 +42,7 @@ def main(
         if wanted not in tags:
             raise CaseError(f"no case has the tag '{wanted}'{did_you_mean(wanted, tags)}; tags: {listed(tags, 60)}")
     lines = [_line(case) for case in found if set(tag or ()) <= set(case.tags)]
-    print_table(HEADINGS, lines, right=NUMBERS)
+    print(Table(HEADINGS, "lrrrll", lines).text)
     return DONE
 
 

@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 import shlex
-import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from henon_ref.campaign.case_files import load_cases
 from henon_ref.campaign.comparison import Comparison, compare_all
 from henon_ref.campaign.journal import FILE, read
 from henon_ref.campaign.options import Observer, Options
 from henon_ref.campaign.plan import check_required, check_solvers
+from henon_ref.campaign.progress import ProgressLine
 from henon_ref.casefile.case import Case
-from henon_ref.cli.ci_outputs import CiOutputs, ci_outputs
+from henon_ref.cli import status_line
 from henon_ref.cli.end_output import case_line, document, print_end
 from henon_ref.cli.end_table import EndTable
 from henon_ref.cli.exit_status import say
-from henon_ref.cli.progress import Shown
 from henon_ref.cli.request import Request
 from henon_ref.report.case_report import write_report
 from henon_ref.report.files.figure_jobs import figure_job, preload
@@ -26,11 +25,11 @@ from henon_ref.report.files.folder_lock import locked, locked_for_a_moment
 from henon_ref.report.files.manifest import Provenance, provenance
 from henon_ref.report.files.write import check_index, check_writable, remove_if_empty
 from henon_ref.report.folder_report import write_folder_report
-from henon_ref.report.text.gate import bounds_left_out, why_unchecked
+from henon_ref.report.text.gate import bounds_left_out, demands_state, gate_state, why_unchecked
 from henon_ref.report.text.markdown import environment
 from henon_ref.report.text.paired_times import FOLDER as PAIRED_TIMES
 from henon_ref.report.text.restarts import FOLDER as RESTARTS
-from henon_ref.score.gate import Demand, Tally, demand, gate_tally
+from henon_ref.score.gate import Demand, Gate, demand
 from henon_ref.studies.atlas.page import FOLDER as ATLAS
 from henon_ref.studies.atlas.run import run_atlas
 from henon_ref.studies.causes import FOLDER as CAUSES
@@ -38,9 +37,6 @@ from henon_ref.studies.causes import write_causes
 from henon_ref.studies.price.report_pairs import run_paired_times
 from henon_ref.studies.restarts.run import run_restarts
 from henon_ref.text import message
-
-if TYPE_CHECKING:
-    pass
 
 
 class Unmet(NamedTuple):
@@ -50,8 +46,6 @@ class Unmet(NamedTuple):
     """Bounds of the gate that are not met; where it decides (``--gate``) and none was checked, that."""
     required: list[str]
     """Where a required solver is not right; where one was judged nowhere, that."""
-    baseline: list[str]
-    """Rows that are worse than earlier ones; where none could be held against them, that."""
 
 
 def run(request: Request) -> Unmet:
@@ -70,7 +64,6 @@ def run(request: Request) -> Unmet:
     options = Options(
         keep_journals=True,
         solvers=request.solvers,
-        restarts=request.restarts,
         tolerances=request.tolerances,
         repeats=request.repeats,
         timeout=request.timeout,
@@ -80,17 +73,16 @@ def run(request: Request) -> Unmet:
     )
     check_solvers(cases, options)
     check_required(request.required, cases, options)
-    outputs = ci_outputs(request)
     with locked([*(request.out / case.name for case in cases), *further]):
         _mention_unfinished(cases, request)
-        return _compared(cases, options, request, outputs)
+        return _compared(cases, options, request)
 
 
-def _compared(cases: Sequence[Case], options: Options, request: Request, outputs: CiOutputs) -> Unmet:
+def _compared(cases: Sequence[Case], options: Options, request: Request) -> Unmet:
     """Run everything and write it into folders that nobody else writes into."""
     written: list[Path] = []
     failures: list[str] = []
-    tallies: list[Tally] = []
+    gates: list[Gate] = []
     demands = dict.fromkeys(request.required, Demand())
     table = EndTable()
     environment()
@@ -99,14 +91,15 @@ def _compared(cases: Sequence[Case], options: Options, request: Request, outputs
     def deliver(comparison: Comparison) -> None:
         written.append(write_report(comparison, origin, request.out))
         table.add(comparison.run_rows)
-        failures.extend(outputs.gate_failures(comparison))
-        tallies.append(gate_tally(comparison.case.readings, comparison.run_rows))
+        failures.extend(f"{comparison.case.name}: {words}" for words in comparison.gate_failures())
+        gates.append(comparison.gate)
         for solver in demands:
-            demands[solver] += demand(solver, comparison.run_rows, outputs.is_known)
-        if not (request.quiet or request.json or shown.on_terminal):
+            demands[solver] += demand(solver, comparison.run_rows)
+        if not (request.json or shown.seen):
             print(case_line(comparison.case.name, comparison.run_rows, written[-1]), flush=True)
 
-    with Shown(quiet=request.quiet) as shown:
+    status_line.clear()
+    with ProgressLine() as shown:
         draw = figure_job if request.figures else None
         compare_all(cases, options, deliver, draw=draw, ready=preload, observer=shown)
         if request.whole:
@@ -116,41 +109,18 @@ def _compared(cases: Sequence[Case], options: Options, request: Request, outputs
     for folder in (request.out, request.out / ATLAS):
         discard(folder, cases)
     where = written[0] if len(written) == 1 else index
-    tally = sum(tallies, Tally())
-    told = "".join(f"; {solver} right in {own.right} of {own.judged} judged" for solver, own in demands.items())
-    state = gate_state(tally, failures, wanted=request.gate)
+    gate = sum(gates, Gate())
+    state = gate_state(gate, bool(failures), wanted=request.gate)
     if request.json:
         print(document(table, where, gate=state.removeprefix("; ") or None))
     else:
-        if not request.quiet:
-            print_end(table, readings=sum(len(case.readings) for case in cases))
-        print(message(f"{where}{state}{told}"))
-    if request.gate and tally.missing:
-        failures.append(why_unchecked(tally))
-    if request.gate and tally.left_out:
-        print(message(f"gate: {bounds_left_out(tally)}"), file=sys.stderr)
-    required = [words for solver, own in demands.items() for words in _unmet(solver, own)]
-    unmet = Unmet(failures, required, outputs.worse())
-    outputs.write(unmet._asdict())
-    return unmet
-
-
-def _unmet(solver: str, own: Demand) -> tuple[str, ...]:
-    return own.failures or (
-        () if own.judged or own.known else (f"there is no reading in which {solver} can be judged",)
-    )
-
-
-def gate_state(tally: Tally, failures: Sequence[str], *, wanted: bool) -> str:
-    """What became of the gate, behind the report's name; ``wanted``: whether it decides the exit status."""
-    if not tally.total and not wanted:
-        return ""
-    if failures:
-        return "; gate not met"
-    if not tally.checked:
-        return f"; gate not checked: {why_unchecked(tally)}"
-    part = "" if tally.checked == tally.total else f" ({tally.checked} of {tally.total} bounds checked)"
-    return f"; gate met{part}"
+        print_end(table, readings=sum(len(case.readings) for case in cases))
+        print(message(f"{where}{state}{demands_state(demands)}"))
+    if request.gate and gate.missing:
+        failures.append(why_unchecked(gate))
+    if request.gate and gate.left_out:
+        say(f"gate: {bounds_left_out(gate)}")
+    return Unmet(failures, [words for solver, own in demands.items() for words in own.unmet(solver)])
 
 
 def experiments(
@@ -179,7 +149,6 @@ def rerun_command(request: Request) -> str:
     for option, value in (
         ("--solvers", ",".join(request.solvers) if request.solvers else None),
         ("--tolerances", ",".join(map(_digits, request.tolerances)) if request.tolerances else None),
-        ("--restart", ",".join(request.restarts) or None),
         ("--repeats", request.repeats),
         ("--timeout", _digits(request.timeout) if request.timeout != Options().timeout else None),
     ):

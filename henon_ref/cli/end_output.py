@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from henon_ref.cli.end_table import EndTable, Failing
-from henon_ref.cli.text_table import print_table
 from henon_ref.report.text.formats import count, digits, duration, significant
 from henon_ref.rows import RunRow
+from henon_ref.table import Table
 from henon_ref.text import listed, message
 
 HEADINGS = ("solver", "right of judged", "digits", "time", "times as long")
@@ -32,7 +32,7 @@ def case_line(name: str, rows: Sequence[RunRow], report: Path) -> str:
 
 def print_end(table: EndTable, *, readings: int) -> None:
     """Print the table, and below it what is not right and why."""
-    print_table(HEADINGS, _cells(table), right=HEADINGS[1:])
+    print(Table(HEADINGS, "lrrrr", _cells(table)).text)
     if readings > 1:
         print(NOTE)
     failing = table.failing()

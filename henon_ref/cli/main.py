@@ -34,6 +34,7 @@ class Subcommand:
 
 SUBCOMMANDS = {
     "compare": Subcommand("compare:program", "Run every solver on cases, score it against the truth, write a report."),
+    "gate": Subcommand("gate:command", "Tell whether reports meet their cases' gates, and an earlier comparison."),
     "simulate": Subcommand("simulate:command", "Simulate one case with the reference, and print its transitions."),
     "cases": Subcommand("cases:command", "List cases: names, sizes, titles, tags."),
     "solvers": Subcommand("solvers:command", "List solvers: versions, options, and why one cannot be had."),

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from henon_ref.cli import status_line
 from henon_ref.cli.exit_status import DONE, NOT_MET, exit_status, parsed, say, writing_into
 from henon_ref.cli.typer_app import Folder, application, examples
 
@@ -19,17 +20,15 @@ def main(
     out: Folder = Path("out/paper"),
 ) -> int:
     """Compute everything the paper computes again, and write the page that sets it against the paper."""
-    from rich.console import Console
-
     from henon_ref.report.files.folder_lock import locked
     from henon_ref.report.files.manifest import provenance
     from henon_ref.report.files.write import check_writable
     from henon_ref.studies.paper.page import write_page
 
     check_writable(out)
-    console = Console(stderr=True)
-    with writing_into(out), locked([out]), console.status("the paper, computed again") as status:
-        sections = write_page(out, provenance("python -m henon_ref.paper"), lambda name: status.update(name))
+    with writing_into(out), locked([out]):
+        sections = write_page(out, provenance("python -m henon_ref.paper"), status_line.show)
+    status_line.clear()
     failed = [claim for section in sections for claim in section.claims if claim.verdict == "fails"]
     for claim in failed:
         say(f"fails: {claim.where}: {claim.says}")

@@ -32,12 +32,12 @@ def main(
     ] = False,
 ) -> int:
     """Time every solver at every tolerance, and what landings, effects and horizons cost."""
-    from henon_ref.cli.progress import Shown
+    from henon_ref.campaign.progress import ProgressLine
     from henon_ref.studies.price.run import run
 
     with writing_into(out, kept=KEPT):
         chosen = [name.strip() for name in solvers.split(",")] if solvers else []
-        return run(cases, out, chosen=chosen, jobs=jobs, resume=resume, observer=Shown())
+        return run(cases, out, chosen=chosen, jobs=jobs, resume=resume, observer=ProgressLine())
 
 
 def command(arguments: Sequence[str] | None = None) -> int:

@@ -14,6 +14,7 @@ from typing import Annotated
 
 import typer
 
+from henon_ref.atomic_write import replace_file
 from henon_ref.campaign.case_files import load_cases
 from henon_ref.cli.exit_status import DONE, exit_status, parsed, say
 from henon_ref.report.files.folder_lock import locked_for_a_moment
@@ -27,7 +28,6 @@ from henon_ref.report.files.write import (
     is_page,
     own_files,
     remove_if_empty,
-    replace_file,
 )
 from henon_ref.report.folder_report import write_folder_report
 from henon_ref.report.text.restarts import FOLDER as RESTARTS

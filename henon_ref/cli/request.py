@@ -22,20 +22,10 @@ class Request:
     resume: bool
     gate: bool = False
     figures: bool = True
-    restarts: tuple[str, ...] = ()
-    """How libraries are restarted after an event; none: each solver in its own way."""
     required: tuple[str, ...] = ()
     """Solvers that have to be right in every reading."""
-    junit: Path | None = None
-    """Where the rows are written as JUnit XML."""
-    baseline: Path | None = None
-    """Earlier rows that none may be worse than: a ``runs.csv`` or a folder of reports."""
-    known: Path | None = None
-    """Failures that are expected."""
     check: bool = False
     """Only read and explain the case files."""
-    quiet: bool = False
-    """Show neither progress nor a table."""
     json: bool = False
     """Show the table as a JSON document, and nothing else on standard output."""
 
@@ -47,5 +37,5 @@ class Request:
         """
         from henon_ref.registry import ALL
 
-        chosen = self.tolerances is not None or bool(self.restarts) or self.solvers not in (None, (ALL,))
+        chosen = self.tolerances is not None or self.solvers not in (None, (ALL,))
         return not chosen and any(located(path).is_dir() for path in self.cases)

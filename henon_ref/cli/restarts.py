@@ -28,7 +28,7 @@ def main(
     from henon_ref import registry
     from henon_ref.campaign.case_files import load_cases
     from henon_ref.campaign.options import Options
-    from henon_ref.cli.progress import Shown
+    from henon_ref.campaign.progress import ProgressLine
     from henon_ref.report.files.folder_lock import locked
     from henon_ref.report.files.manifest import provenance
     from henon_ref.report.files.write import check_index
@@ -38,7 +38,7 @@ def main(
     chosen = tuple(registry.check(name.strip()) for name in solvers.split(",")) if solvers else None
     check_index(out / FOLDER)
     words = " ".join(map(str, cases))
-    with writing_into(out), locked([out / FOLDER]), Shown() as shown:
+    with writing_into(out), locked([out / FOLDER]), ProgressLine() as shown:
         options = Options(solvers=chosen, processes=jobs)
         page = run_restarts(load_cases(cases), options, provenance(f"henon-ref restarts {words}"), out, shown)
     for sentence in wrong_defaults(read_suite(out)):

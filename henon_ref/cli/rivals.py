@@ -28,7 +28,7 @@ def main(
     """Time henon in turn with the solvers that reports say are the cheapest for the same digits."""
     from henon_ref.campaign.case_files import load_cases
     from henon_ref.campaign.options import Options
-    from henon_ref.cli.progress import Shown
+    from henon_ref.campaign.progress import ProgressLine
     from henon_ref.errors import CaseError
     from henon_ref.report.files.folder_lock import locked
     from henon_ref.report.files.manifest import provenance
@@ -42,7 +42,7 @@ def main(
             raise CaseError(f"{rows / case.name / RUNS} is not there: henon-ref compare CASES --out {rows} writes it")
     check_index(out / FOLDER)
     words = f"henon-ref rivals {' '.join(map(str, cases))} --rows FOLDER --jobs {jobs}"
-    with writing_into(out), locked([out / FOLDER]), Shown() as shown:
+    with writing_into(out), locked([out / FOLDER]), ProgressLine() as shown:
         options = Options(processes=jobs, timeout=timeout)
         page = run_paired_times(loaded, options, provenance(words), out, shown, reports=rows)
     print(page or "no reading in which henon and another solver get to 3 digits")

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from henon_ref.cli.exit_status import DONE, exit_status, parsed
-from henon_ref.cli.text_table import print_table
 from henon_ref.cli.typer_app import application, examples
+from henon_ref.table import Table
 from henon_ref.text import message
 
 app = application()
@@ -41,7 +41,8 @@ class Listed:
 def main() -> int:
     """List solvers."""
     found = listed_solvers()
-    print_table(HEADINGS, [(s.name, s.package, s.version, s.driven_by, s.restart, s.runs) for s in found])
+    rows = [(s.name, s.package, s.version, s.driven_by, s.restart, s.runs) for s in found]
+    print(Table(HEADINGS, "llllll", rows).text)
     for solver in found:
         if solver.unavailable:
             print(message(f"{solver.name} is unavailable: {solver.unavailable}"))

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from henon_ref.casefile.case import Case, Reading
 from henon_ref.casefile.files import read_cases
+from henon_ref.cli import status_line
 from henon_ref.cli.exit_status import DONE, NOT_MET, exit_status, parsed
 from henon_ref.cli.typer_app import FLAG, Cases, application, examples
 from henon_ref.errors import CaseError, ModelError
@@ -47,23 +45,15 @@ def main(
     if not proof_seconds >= 0:
         raise CaseError(f"--proof-seconds is a number of seconds from 0 on, not {proof_seconds:g}")
     failed = False
-    with _shown(Console()) as shown:
-        for case in read_cases(cases):
-            for reading in case.readings:
-                failed |= not _one(case, reading, shown, check=check, missing=missing, proof_seconds=proof_seconds)
+    for case in read_cases(cases):
+        for reading in case.readings:
+            failed |= not _one(case, reading, check=check, missing=missing, proof_seconds=proof_seconds)
     return NOT_MET if failed else DONE
 
 
 def command(arguments: Sequence[str] | None = None) -> int:
     """Run the command; the exit status."""
     return exit_status(lambda: int(parsed(app, arguments, name="truth")), name="truth", arguments=arguments)
-
-
-@contextmanager
-def _shown(console: Console) -> Iterator[Progress]:
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-        yield progress
 
 
 @dataclass(frozen=True)
@@ -95,29 +85,28 @@ class Stored:
         return cls(truth, fault, truth is not None and compute.claimed(truth, reading))
 
 
-def _one(case: Case, reading: Reading, shown: Progress, *, check: bool, missing: bool, proof_seconds: float) -> bool:
+def _one(case: Case, reading: Reading, *, check: bool, missing: bool, proof_seconds: float) -> bool:
     """One reading; False where something is wrong."""
     folder = store.folder_of(case.path)
     name = f"{case.name}, {reading.name}"
     stored = Stored.of(case, reading, folder)
     if stored.current and missing:
         return True
-    task = shown.add_task(name, total=1.0)
 
     def report(stage: str, done: float) -> None:
-        shown.update(task, description=f"{name}: {stage}", completed=done)
+        status_line.show(f"{name}: {stage}, {done:.0%}")
 
     try:
         fresh = compute.compute(case, reading, proof_seconds=proof_seconds, progress=report)
     except (TruthError, ModelError) as error:
-        _print(shown, f"{name}: {error}")
+        _print(f"{name}: {error}")
         return False
     finally:
-        shown.remove_task(task)
-    return _compared(name, stored, fresh, store.folder_for_new(case.path), shown, check=check)
+        status_line.clear()
+    return _compared(name, stored, fresh, store.folder_for_new(case.path), check=check)
 
 
-def _compared(name: str, stored: Stored, fresh: Truth, folder: Path, shown: Progress, *, check: bool) -> bool:
+def _compared(name: str, stored: Stored, fresh: Truth, folder: Path, *, check: bool) -> bool:
     """Say how a stored truth and a new one stand to each other; store the new one unless only checking.
 
     A certified truth is not given up for one that is not.
@@ -142,7 +131,7 @@ def _compared(name: str, stored: Stored, fresh: Truth, folder: Path, shown: Prog
             store.save(folder, fresh)
         except OSError as error:
             verdict, right = f"cannot be stored in {folder}: {error.strerror or error}", False
-    _print(shown, f"{name}: {_summary(fresh)}; {verdict}{'; what is stored is certified and stays' * weaker}")
+    _print(f"{name}: {_summary(fresh)}; {verdict}{'; what is stored is certified and stays' * weaker}")
     return right
 
 
@@ -153,5 +142,6 @@ def _summary(truth: Truth) -> str:
     return f"{len(truth.transitions)} transitions, {ending}, radius {truth.radius:.1e} s, {proven}, {seconds:.1f} s"
 
 
-def _print(shown: Progress, text: str) -> None:
-    shown.console.print(message(text), markup=False, highlight=False, soft_wrap=True)
+def _print(text: str) -> None:
+    status_line.clear()
+    print(message(text))

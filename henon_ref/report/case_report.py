@@ -7,6 +7,7 @@ import shutil
 import tempfile
 from pathlib import Path
 
+from henon_ref.atomic_write import write_through
 from henon_ref.campaign.comparison import Comparison
 from henon_ref.report.files.figure_jobs import READINGS
 from henon_ref.report.files.folder_lock import locked_for_a_moment
@@ -20,7 +21,6 @@ from henon_ref.report.files.write import (
     STICKS,
     TRANSITIONS,
     own_files,
-    write_through,
 )
 from henon_ref.report.html.case_file import CASE_FILE, case_text
 from henon_ref.report.text.markdown import report_text

@@ -4,113 +4,109 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
-from henon_ref.casefile.case import Gate, Reading
+from henon_ref.casefile.case import Case
 from henon_ref.rows import RunRow
 
 
-class LeftOut(NamedTuple):
-    """What a gate sets bounds to, and no run was made of."""
+@dataclass(frozen=True)
+class Bounds:
+    """What the gate of a case asks of one solver on one reading."""
 
+    case: str
+    reading: str
     solver: str
-    rtol: float | None
-    """The tolerance that did not run; None: the solver did not."""
+    rtol: float
+    """Tolerance of the run that they speak of; of a solver that is driven by a step it is the one with the smallest."""
+    status: str
+    max_time_error: float | None = None
+    """[s]."""
+    max_stick_error: float | None = None
+    """[s]."""
+
+    @property
+    def count(self) -> int:
+        """How many bounds there are: the status, and every largest error."""
+        return 1 + (self.max_time_error is not None) + (self.max_stick_error is not None)
+
+    def unmet(self, row: RunRow) -> list[str]:
+        """A sentence for each that a run does not meet."""
+        found: list[str] = []
+        if row.undecided_after_s is not None and row.verdict == "not judged":
+            found.append(f"decided until t = {row.undecided_after_s} s only: {row.verdict_basis}")
+        if row.status != self.status:
+            found.append(f"status {row.status_text}, wanted {self.status}")
+        for name, value, bound in (
+            ("worst time error", row.max_time_error_s, self.max_time_error),
+            ("worst stick error", row.max_stick_error_s, self.max_stick_error),
+        ):
+            if bound is None or (value is not None and value <= bound):
+                continue
+            if value is not None:
+                found.append(f"{name} {value:.3g} s, wanted <= {bound:g} s")
+            elif row.reference_transitions == 0:
+                found.append(f"{name} <= {bound:g} s bounds nothing: the exact run has no transition")
+            else:
+                found.append(f"{name} unknown, wanted <= {bound:g} s")
+        return found
+
+
+def bounds_of(case: Case) -> list[Bounds]:
+    """The bounds of all readings; those without a tolerance of their own are at the tightest of the reading."""
+    return [
+        Bounds(
+            case.name,
+            reading.name,
+            solver,
+            min(reading.tolerances) if gate.at is None else gate.at,
+            gate.status,
+            gate.max_time_error,
+            gate.max_stick_error,
+        )
+        for reading in case.readings
+        for solver, gate in reading.gate.items()
+    ]
 
 
 @dataclass(frozen=True)
-class Tally:
-    """How many bounds there are, and how many of them were checked."""
+class Gate:
+    """What became of bounds."""
 
     total: int = 0
-    """Bounds of the gate: for each solver the status wanted and every largest error."""
     checked: int = 0
-    """Those on a run that was made."""
-    left_out: tuple[LeftOut, ...] = ()
-    """What the bounds that were not checked are on."""
+    """Bounds on a run that was made."""
+    left_out: tuple[tuple[str, float | None], ...] = ()
+    """What the others are on: a solver, and the tolerance that did not run (None: the solver did not)."""
+    unmet: tuple[tuple[RunRow, str], ...] = ()
+    """A sentence for each bound that is not met, with its run."""
 
     @property
     def missing(self) -> bool:
         """There are bounds, and none of them was checked."""
         return self.total > 0 and not self.checked
 
-    def __add__(self, other: Tally) -> Tally:
-        return Tally(
+    def __add__(self, other: Gate) -> Gate:
+        return Gate(
             self.total + other.total,
             self.checked + other.checked,
             tuple(dict.fromkeys(self.left_out + other.left_out)),
+            self.unmet + other.unmet,
         )
 
 
-def gate_tally(readings: Iterable[Reading], rows: Sequence[RunRow]) -> Tally:
-    """The bounds of some readings' gates; one is checked where its solver ran that reading at its tolerance."""
-    found = Tally()
-    for reading in readings:
-        own = [row for row in rows if row.reading == reading.name]
-        for solver, gate in reading.gate.items():
-            bounds = 1 + sum(bound is not None for bound in (gate.max_time_error, gate.max_stick_error))
-            row, left_out = _row(solver, gate, reading, own)
-            found += Tally(bounds, left_out=(left_out,)) if row is None else Tally(bounds, bounds)
+def gate(bounds: Iterable[Bounds], rows: Sequence[RunRow]) -> Gate:
+    """Hold runs against bounds; those on what did not run are left out."""
+    found = Gate()
+    for own in bounds:
+        ran = [row for row in rows if (*row.problem, row.solver) == (own.case, own.reading, own.solver)]
+        spoken_of = [row for row in ran if row.rtol in (None, own.rtol)]
+        if spoken_of:
+            row = min(spoken_of, key=lambda row: row.size)
+            unmet = tuple((row, f"{own.reading}: {row.label}: {words}") for words in own.unmet(row))
+            found += Gate(own.count, own.count, unmet=unmet)
+        else:
+            found += Gate(own.count, left_out=((own.solver, own.rtol if ran else None),))
     return found
-
-
-def gate_failures(reading: Reading, rows: Sequence[RunRow]) -> list[str]:
-    """One sentence for every bound of a reading's gate that is not met; what did not run is left out.
-
-    Parameters
-    ----------
-    reading : Reading
-    rows : sequence of RunRow
-        The run rows of this reading.
-    """
-    return [words for _, words in unmet_bounds(reading, rows)]
-
-
-def unmet_bounds(reading: Reading, rows: Sequence[RunRow]) -> list[tuple[RunRow, str]]:
-    """The bounds of :func:`gate_failures`, each with the row that does not meet it."""
-    failures: list[tuple[RunRow, str]] = []
-    for solver, gate in reading.gate.items():
-        row, _ = _row(solver, gate, reading, rows)
-        if row is not None:
-            where = f"{reading.name}: {row.label}"
-            failures += [(row, f"{where}: {failure}") for failure in _broken(gate, row)]
-    return failures
-
-
-def _row(solver: str, gate: Gate, reading: Reading, rows: Sequence[RunRow]) -> tuple[RunRow | None, LeftOut]:
-    """The row that a gate speaks of, and what is left out where there is none.
-
-    It is the one at the gate's tolerance, or at the tightest of the case; of a solver that is driven by a step the one
-    with the smallest.
-    """
-    own = [row for row in rows if row.solver == solver]
-    if not own:
-        return None, LeftOut(solver, None)
-    rtol = min(reading.tolerances) if gate.at is None else gate.at
-    spoken_of = [row for row in own if row.rtol is None or row.rtol == rtol]
-    return min(spoken_of, key=lambda row: row.size, default=None), LeftOut(solver, rtol)
-
-
-def _broken(gate: Gate, row: RunRow) -> list[str]:
-    failures: list[str] = []
-    until = row.undecided_after_s
-    if until is not None and row.verdict == "not judged":
-        failures.append(f"decided until t = {until} s only: {row.verdict_basis}")
-    if row.status != gate.status:
-        failures.append(f"status {row.status_text}, wanted {gate.status}")
-    for name, value, bound in (
-        ("worst time error", row.max_time_error_s, gate.max_time_error),
-        ("worst stick error", row.max_stick_error_s, gate.max_stick_error),
-    ):
-        if bound is None:
-            continue
-        if value is None and row.reference_transitions == 0:
-            failures.append(f"{name} <= {bound:g} s bounds nothing: the exact run has no transition")
-        elif value is None:
-            failures.append(f"{name} unknown, wanted <= {bound:g} s")
-        elif value > bound:
-            failures.append(f"{name} {value:.3g} s, wanted <= {bound:g} s")
-    return failures
 
 
 @dataclass(frozen=True)
@@ -134,18 +130,23 @@ class Demand:
             self.known + other.known,
         )
 
+    def unmet(self, solver: str) -> tuple[str, ...]:
+        """The failures of a solver; where it was judged nowhere, that."""
+        judged = self.judged or self.known
+        return self.failures or (() if judged else (f"there is no reading in which {solver} can be judged",))
+
 
 def demand(solver: str, rows: Sequence[RunRow], known: Callable[[RunRow], bool] = lambda row: False) -> Demand:
-    """Whether a solver is right in every reading of a case, at its tightest setting.
+    """Whether a solver is right in every reading, at its tightest setting.
 
     What it does not support, and what is ill-conditioned, not unique or out of time by its own word, is not judged;
-    nor is a failure that is ``known`` (expected, see :mod:`henon_ref.score.known`).
+    nor is a failure that is ``known`` (expected, see :class:`henon_ref.score.row_result.KnownFailure`).
     """
     found = Demand()
-    by_reading: dict[str, list[RunRow]] = {}
+    by_reading: dict[tuple[str, str], list[RunRow]] = {}
     for row in rows:
         if row.solver == solver:
-            by_reading.setdefault(row.reading, []).append(row)
+            by_reading.setdefault(row.problem, []).append(row)
     for own in by_reading.values():
         row = min(own, key=lambda row: row.size)
         failure = f"{row.name}: {row.status_text}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from henon_ref.rows import Key, RunRow
@@ -28,7 +28,7 @@ class Regression:
     """Rows that there are now and were there earlier."""
     worse: dict[Key, str]
     """Rows that got worse, and in what."""
-    missing: tuple[Key, ...]
+    missing: tuple[RunRow, ...]
     """Earlier rows that are not among those of now."""
 
 
@@ -47,7 +47,7 @@ def held_against(rows: Iterable[RunRow], earlier: Iterable[RunRow]) -> Regressio
     return Regression(
         compared=len(both),
         worse={key: words for key, words in changes.items() if words},
-        missing=tuple(key for key in before if key not in now),
+        missing=tuple(row for key, row in before.items() if key not in now),
     )
 
 
@@ -82,8 +82,3 @@ def _floor(row: RunRow) -> float:
     """The least error that is told apart from none [s]: the truth's radius, or half a unit in a time's last place."""
     latest = max(abs(row.end_time_s or 0.0), row.time_unit_s or 1.0)
     return max(row.reference_radius_s or 0.0, HALF_ULP * latest)
-
-
-def names(keys: Sequence[Key]) -> list[str]:
-    """Rows in a message, by their keys."""
-    return [RunRow(case, reading, solver, rtol=rtol, step_s=step).name for case, reading, solver, rtol, step in keys]

@@ -1,17 +1,84 @@
-"""What a row is to a test runner: passed, a failure, an error or skipped, and why."""
+"""What a row is to a test runner (passed, a failure, an error, skipped), and failures that are expected."""
 
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, fields
+from typing import Literal, get_args
 
-from henon_ref.rows import NOT_RUN, RunRow
+from henon_ref.rows import NOT_RUN, Row, RunRow
+from henon_ref.text import did_you_mean, listed, shortened
+from henon_ref.trajectory import Status
 
 Kind = Literal["passed", "failure", "error", "skipped", "known"]
-KINDS: tuple[Kind, ...] = ("passed", "failure", "error", "known", "skipped")
+STATUSES: tuple[str, ...] = get_args(Status)
 UNDECIDED = ("ill-conditioned", "not unique", "not judged", None)
 """Verdicts on rows that are not right by no fault of the solver."""
+
+
+@dataclass(frozen=True)
+class KnownFailure(Row):
+    """Rows that are expected to fail; None stands for any.
+
+    Raises
+    ------
+    ValueError
+        Where it would be any failure, or its status is none with which a row fails.
+    """
+
+    case: str | None = None
+    reading: str | None = None
+    solver: str | None = None
+    rtol: float | None = None
+    """Relative tolerance."""
+    step_s: float | None = None
+    """Step [s]."""
+    status: str | None = None
+    """The status with which they fail."""
+    reason: str | None = None
+    """Why that is expected."""
+
+    def __post_init__(self) -> None:
+        if not (self.case or self.reading or self.solver):
+            raise ValueError("such a line would be any failure; name a case, a reading or a solver")
+        if self.status == "ok":
+            raise ValueError("'ok' is no failure; leave it empty, or give the status with which it fails")
+        if self.status:
+            check_status(self.status)
+
+    @property
+    def name(self) -> str:
+        """As messages name it.
+
+        Examples
+        --------
+        >>> KnownFailure("two_roots", solver="ida", rtol=1e-3).name
+        'case two_roots, solver ida, rtol 0.001'
+        """
+        given = [(own.name, getattr(self, own.name)) for own in fields(self) if own.name != "reason"]
+        return ", ".join(f"{what} {value}" for what, value in given if value is not None)
+
+    def names(self, row: RunRow) -> bool:
+        """Whether it speaks of a row, whatever that row's status."""
+        own = (self.case, self.reading, self.solver, self.rtol, self.step_s)
+        return all(wanted in (None, value) for wanted, value in zip(own, row.key, strict=True))
+
+    def covers(self, row: RunRow) -> bool:
+        """Whether a failure of this row is the one that is expected."""
+        return self.names(row) and self.status in (None, row.status)
+
+
+def check_status(status: str) -> None:
+    """See that a word is a row's status.
+
+    Raises
+    ------
+    ValueError
+        Where it is none: which there are.
+    """
+    if status not in STATUSES:
+        hint = did_you_mean(status, STATUSES)
+        raise ValueError(f"{shortened(status)} is no status; there are {listed(STATUSES)}{hint}")
 
 
 @dataclass(frozen=True)

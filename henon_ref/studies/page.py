@@ -7,8 +7,9 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from henon_ref.atomic_write import replace_file
 from henon_ref.report.files.svg import svg
-from henon_ref.report.files.write import INDEX, replace_file
+from henon_ref.report.files.write import INDEX
 from henon_ref.report.text.markdown import environment
 
 if TYPE_CHECKING:

@@ -8,14 +8,13 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import os
 import re
-import tempfile
 from pathlib import Path
 from typing import Any
 
 import platformdirs
 
+from henon_ref.atomic_write import replace_file
 from henon_ref.truth.reference import ReferenceTransition, Truth, TruthError
 from henon_ref.truth.stored_form import SCHEMA, parse
 
@@ -109,15 +108,7 @@ def save(folder: Path, truth: Truth) -> Path:
     if folder == user_folder():  # with compiled code beside it, which is not used where others can write
         folder.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(dumps(truth))
-        os.chmod(name, 0o644)
-        os.replace(name, path)
-    except BaseException:
-        os.unlink(name)
-        raise
+    replace_file(path, dumps(truth).encode())
     return path
 
 

@@ -20,7 +20,7 @@ from henon_ref.campaign.truth_job import Statement
 from henon_ref.campaign.worker import Job
 from henon_ref.errors import CaseError, HenonRefError
 from henon_ref.rows import JUDGED_COLUMNS, RUN_COLUMNS, STICK_COLUMNS, TRANSITION_COLUMNS, RunRow
-from henon_ref.score.gate import Demand, demand, gate_failures
+from henon_ref.score.gate import Demand, bounds_of, demand, gate
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="made-up truths reach workers by fork")
 
@@ -253,7 +253,7 @@ def test_the_gate_names_what_is_not_met():
 
 def test_a_bound_that_bounds_nothing_is_not_met():
     row = RunRow("made_up", "default", "henon", rtol=1e-6, status="ok", reference_transitions=0)
-    (words,) = gate_failures(case().readings[0], [row])
+    ((_, words),) = gate(bounds_of(case()), [row]).unmet
     assert words.endswith("worst time error <= 1e-05 s bounds nothing: the exact run has no transition")
 
 

@@ -149,13 +149,6 @@ def test_json_of_a_bad_argument_is_nothing_on_standard_output(made_up, capsys):
 
 @command
 @pytest.mark.usefixtures("made_up_solvers")
-def test_quiet_leaves_the_path(made_up, capsys):
-    assert run(made_up, "--quiet") == 0
-    assert capsys.readouterr().out == "out/made_up/report.md; gate met\n"
-
-
-@command
-@pytest.mark.usefixtures("made_up_solvers")
 def test_a_solver_that_raises_is_told_with_its_reason(made_up, monkeypatch, capsys):
     monkeypatch.setattr(registry, "solver", {**SOLVERS, "heyoka": Fake("heyoka", "raises")}.__getitem__)
     assert run(made_up) == 0

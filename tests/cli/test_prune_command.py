@@ -92,12 +92,12 @@ def test_a_bad_case_or_an_index_of_somebody_else_removes_nothing(reports, tmp_pa
 
 
 def test_a_fresh_comparison_of_one_case_by_one_solver_keeps_all_other_rows(reports, tmp_path):
-    before = {(r["case"], r["solver"]): r for r in read_matrix(reports)}
+    before = {(r.case, r.solver): r for r in read_matrix(reports)}
     assert command([str(tmp_path / "made_up.yaml"), "--reports", str(reports)]) == 0
     shutil.rmtree(reports / "made_up")
     assert run(tmp_path / "made_up.yaml", "--out", "out", "--solvers", "henon", "--tolerances", "1e-9") == 0
-    after = {(r["case"], r["solver"]): r for r in read_matrix(reports)}
+    after = {(r.case, r.solver): r for r in read_matrix(reports)}
     assert set(after) == set(before)
     own = ("made_up", "henon")
     assert {key: row for key, row in after.items() if key != own} == {k: row for k, row in before.items() if k != own}
-    assert (before[own]["settings"], after[own]["settings"]) == (2, 1)
+    assert (before[own].settings, after[own].settings) == (2, 1)

@@ -236,8 +236,8 @@ def test_the_figure_has_a_panel_a_kind_and_is_the_same_where_only_times_differ(t
 
 
 def test_a_matrix_that_is_none_is_named(tmp_path):
-    (tmp_path / "matrix.csv").write_text("case,title,reading,kind,solver,settings\na,b,c,d,e,1\n")
-    with pytest.raises(CaseError, match="is no matrix of this package: there is no column 'judged'"):
+    (tmp_path / "matrix.csv").write_text("case,title,reading,kind,settings\na,b,c,d,1\n")
+    with pytest.raises(CaseError, match="is no matrix of this package: there is no column 'solver'"):
         read_matrix(tmp_path)
 
 

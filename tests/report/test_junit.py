@@ -4,14 +4,9 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from pathlib import Path
 from xml.etree import ElementTree
 
-import pytest
-
-from henon_ref.errors import CaseError
-from henon_ref.report.files.junit import check_junit, junit_xml, write_junit
-from henon_ref.report.text.step_summary import MOST_ROWS, step_summary
+from henon_ref.report.text.ci import MOST_ROWS, junit_xml, step_summary
 from henon_ref.rows import RunRow
 from henon_ref.score.row_result import row_result
 
@@ -78,37 +73,6 @@ def test_a_strangers_text_is_text():
     summary = step_summary([(own, row_result(own)) for own in rows], [EVIL])
     assert "<img" not in summary
     assert not {c for c in summary if unicodedata.category(c) in ("Cc", "Cf", "Cs", "Cn")} - {"\n"}
-
-
-def test_the_file_is_whole_or_not_there(tmp_path, monkeypatch):
-    path = tmp_path / "results" / "junit.xml"
-    results = [(own, row_result(own)) for own in ROWS]
-    write_junit(path, results)
-    before = path.read_bytes()
-    assert ElementTree.fromstring(before).get("tests") == "5"
-    monkeypatch.setattr("os.fsync", _full)
-    with pytest.raises(CaseError, match=r"cannot write .*junit\.xml: No space left"):
-        write_junit(path, results[:1])
-    assert [file.name for file in path.parent.iterdir()] == ["junit.xml"]
-    assert path.read_bytes() == before
-
-
-def _full(number: int) -> None:
-    raise OSError(28, "No space left on device")
-
-
-def test_a_path_that_cannot_be_written_is_refused_and_one_that_can_leaves_nothing(tmp_path):
-    check_junit(tmp_path / "a" / "b" / "junit.xml", [])
-    assert list(tmp_path.iterdir()) == []
-    (tmp_path / "file").write_text("")
-    for path, words in (
-        (tmp_path, "is no regular file"),
-        (tmp_path / "file" / "junit.xml", "cannot write"),
-        (Path("/proc/junit.xml"), "cannot write"),
-        (tmp_path / "file", "is read"),
-    ):
-        with pytest.raises(CaseError, match=words):
-            check_junit(path, [tmp_path / "file"])
 
 
 def test_a_summary_counts_what_it_does_not_show():

@@ -33,7 +33,7 @@ from henon_ref.report.text.model import general_form, mode_equations, parameters
 from henon_ref.report.text.ranking import prices
 from henon_ref.report.text.tables import price_table, run_table, stick_table
 from henon_ref.rows import RunRow, csv_text, read_rows, rows_text
-from henon_ref.score.gate import Tally
+from henon_ref.score.gate import Gate
 from henon_ref.trajectory import Samples
 
 
@@ -137,7 +137,7 @@ def test_a_gate_that_is_not_met_says_what_is_not():
     assert (state, checked, left_out) == ("not met", "2 of 2", "")
     assert not_met.startswith("default: henon (rtol 1e-06): status wrong")
     assert "not met" in [own.rows[0][0] for own in tables(report_text(comparison, ORIGIN))]
-    assert why_unchecked(Tally(1, 0)) == "the only bound of the gate is on no solver that ran"
+    assert why_unchecked(Gate(1, 0)) == "the only bound of the gate is on no solver that ran"
 
 
 def test_modes_and_parameters_in_formulas():

@@ -9,9 +9,8 @@ from fakes import case, expected, found, trajectory
 
 from henon_ref.campaign.rows import Outcome, record, scored
 from henon_ref.campaign.settings import Setting
-from henon_ref.casefile.case import Gate
 from henon_ref.score.errors import score
-from henon_ref.score.gate import unmet_bounds
+from henon_ref.score.gate import Bounds
 
 
 @dataclass(frozen=True)
@@ -29,11 +28,11 @@ def test_what_a_run_leaves_open_is_neither_missed_nor_right() -> None:
     run = trajectory(events[:-1])._replace(undecided_after=((events[-1].surface, last - 1e-3),))
     result = score(run, truth, tolerance=1e-9)
     assert (result.status, result.matching.missed, result.verdict.word) == ("ok", (), "not judged")
-    reading = replace(case().readings[0], gate={"henon": Gate(status="ok")})
+    reading = case().readings[0]
     outcome = Outcome("made_up", reading, "henon", Setting(rtol=min(reading.tolerances)), trajectory=run)
     row = record(scored(outcome, truth), truth).run
     assert row.undecided_after_s == last - 1e-3
-    ((_, complaint),) = unmet_bounds(reading, [row])
+    (complaint,) = Bounds("made_up", reading.name, "henon", 1e-9, "ok").unmet(row)
     assert "decided until t = " in complaint
 
 

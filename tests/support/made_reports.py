@@ -13,7 +13,7 @@ from henon_ref.campaign.rows import Outcome, Record, record, scored
 from henon_ref.campaign.settings import Setting
 from henon_ref.campaign.worker import Failure
 from henon_ref.report.files.manifest import Provenance
-from henon_ref.report.text.tables import Table
+from henon_ref.table import Table
 
 ORIGIN = Provenance(
     "python -m henon_ref.compare made_up.yaml",

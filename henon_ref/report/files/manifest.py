@@ -5,12 +5,15 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from henon_ref import registry
 from henon_ref.campaign.comparison import Comparison
 from henon_ref.campaign.results import ReadingResult
+from henon_ref.errors import CaseError
 from henon_ref.rows import csv_text
+from henon_ref.score.gate import Bounds, bounds_of
 from henon_ref.score.kinds import kind_of
 from henon_ref.text import one_line
 from henon_ref.workers.machine import commit, machine
@@ -70,10 +73,28 @@ def manifest_text(comparison: Comparison, origin: Provenance, files: Iterable[st
         "timeout_s": options.timeout,
         "processes": options.processes,
         "readings": {result.reading.name: _reading(result) for result in comparison.readings},
+        "gate": [vars(bounds) for bounds in bounds_of(comparison.case)],
         "case_readings": [reading.name for reading in comparison.case.readings],
         "files": sorted(files),
     }
     return json_text(content) + "\n"
+
+
+def read_bounds(manifest: Path) -> list[Bounds]:
+    """The bounds of a report's gate; none where it is of an earlier version, or has no manifest.
+
+    Raises
+    ------
+    CaseError
+        Where the file is no manifest.
+    """
+    try:
+        content = json.loads(manifest.read_text(encoding="utf-8"))
+        return [Bounds(**own) for own in content.get("gate", ())]
+    except FileNotFoundError:
+        return []
+    except (AttributeError, OSError, RecursionError, TypeError, ValueError) as error:
+        raise CaseError(f"cannot be read: {error}", file=str(manifest)) from error
 
 
 def json_text(value: object, indent: str = "") -> str:

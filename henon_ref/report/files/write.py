@@ -44,25 +44,6 @@ _BEGINNINGS = {
 """How the present version's index, its matrix and the pages of both begin, and any of the above."""
 
 
-def write_through(path: Path, content: bytes) -> None:
-    """Write a new file, not through a link, and wait until it is on the disk."""
-    path.unlink(missing_ok=True)
-    with path.open("xb") as file:
-        file.write(content)
-        file.flush()
-        os.fsync(file.fileno())
-
-
-def replace_file(path: Path, content: bytes) -> None:
-    """Put a whole file in the place of another, or leave the other as it is."""
-    waiting = path.with_name(f".{path.name}.new")
-    try:
-        write_through(waiting, content)
-        os.replace(waiting, path)
-    finally:
-        waiting.unlink(missing_ok=True)
-
-
 def remove_if_empty(folder: Path) -> None:
     """Remove a folder that is there and has nothing in it."""
     if folder.is_dir() and not any(folder.iterdir()):

@@ -7,7 +7,8 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from henon_ref.report.files.write import INDEX, MATRIX, MATRIX_PAGE, PAGE, replace_file
+from henon_ref.atomic_write import replace_file
+from henon_ref.report.files.write import INDEX, MATRIX, MATRIX_PAGE, PAGE
 from henon_ref.report.html.content import content
 from henon_ref.report.html.rendering import rendered, source
 from henon_ref.report.text.choice import ANY, by_kind, package_of, reaches, readings_for

@@ -12,9 +12,9 @@ from henon_ref.report.files.write import REPORT
 from henon_ref.report.text.formats import digits, duration, significant
 from henon_ref.report.text.matrix_rows import MatrixRow
 from henon_ref.report.text.ranking import LEVELS
-from henon_ref.report.text.tables import Table
 from henon_ref.rows import number
 from henon_ref.score.kinds import KINDS
+from henon_ref.table import Table
 from henon_ref.text import code, markdown
 
 ANY = None

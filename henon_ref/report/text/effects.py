@@ -8,7 +8,7 @@ from henon_ref.campaign.results import ReadingResult
 from henon_ref.casefile.assembly import Scene
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.prepared_run import order_for
-from henon_ref.report.text.tables import Table
+from henon_ref.table import Table
 from henon_ref.taylor.llvm.count import count
 from henon_ref.taylor.llvm.expansion import expansion_ir
 from henon_ref.taylor.tape import build_tape

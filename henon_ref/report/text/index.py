@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from henon_ref.atomic_write import replace_file
 from henon_ref.report.files.links import without_dead_links
 from henon_ref.report.files.svg import svg
-from henon_ref.report.files.write import INDEX, MATRIX, MATRIX_PAGE, REPORT, check_index, replace_file
+from henon_ref.report.files.write import INDEX, MATRIX, MATRIX_PAGE, REPORT, check_index
 from henon_ref.report.text.choice import case_table, choice_table
 from henon_ref.report.text.formats import count
 from henon_ref.report.text.kinds_figure import draw_kinds

@@ -27,8 +27,9 @@ from henon_ref.report.text.model import (
 from henon_ref.report.text.overview import overview
 from henon_ref.report.text.published import orbit_table, printed_times_table, published_table
 from henon_ref.report.text.summary import EXPLAINED, solver_table
-from henon_ref.report.text.tables import MARK, Table, price_table, reason_table, run_table, samples_of, stick_table
+from henon_ref.report.text.tables import MARK, price_table, reason_table, run_table, samples_of, stick_table
 from henon_ref.report.text.truth import no_truth, truth_table
+from henon_ref.table import Table
 from henon_ref.text import link, markdown, paragraphs
 
 if TYPE_CHECKING:
@@ -57,8 +58,8 @@ NOTES = (
     ),
     (
         "right, verdict",
-        "Of the library with its default way of being restarted on the surface after an event: `--restart` tries the "
-        "others.",
+        "Of the library with its default way of being restarted on the surface after an event; `--solvers "
+        "heyoka@offset` tries another one.",
     ),
     (
         "steps, right-hand sides, event functions",

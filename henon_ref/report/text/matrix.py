@@ -8,8 +8,8 @@ from henon_ref import registry
 from henon_ref.report.text.formats import digits
 from henon_ref.report.text.matrix_rows import UNJUDGED, MatrixRow, summary
 from henon_ref.report.text.ranking import by_solver
-from henon_ref.report.text.tables import Table
 from henon_ref.rows import RunRow
+from henon_ref.table import Table
 from henon_ref.text import code
 
 MARKS = {"unsupported": "–", "unavailable": "·"}

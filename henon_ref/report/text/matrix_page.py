@@ -11,7 +11,7 @@ from henon_ref.report.text.matrix import matrix_table, solvers_of
 from henon_ref.report.text.matrix_rows import MatrixRow, commits_of
 from henon_ref.report.text.paired_times import link
 from henon_ref.report.text.ranking import LEVELS, readings_of
-from henon_ref.report.text.tables import Table
+from henon_ref.table import Table
 from henon_ref.text import code, markdown
 
 

@@ -12,8 +12,9 @@ from henon_ref.report.text.formats import digits, setting
 from henon_ref.report.text.matrix import KEY, matrix
 from henon_ref.report.text.ranking import AS_GOOD, WholeRow, by_solver, over_all
 from henon_ref.report.text.summary import HEADINGS, times_as_long
-from henon_ref.report.text.tables import MARK, Table, price_table, timed
+from henon_ref.report.text.tables import MARK, price_table, timed
 from henon_ref.rows import NOT_RUN, RunRow, number
+from henon_ref.table import Table
 from henon_ref.text import code
 
 MANY = 4

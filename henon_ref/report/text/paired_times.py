@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
 from urllib.parse import quote
 
 import numpy as np
@@ -14,8 +13,8 @@ from henon_ref.report.files.write import REPORT
 from henon_ref.report.text.formats import digits as shown_digits
 from henon_ref.report.text.formats import duration, setting, significant
 from henon_ref.report.text.ranking import LEVELS
-from henon_ref.report.text.tables import Table
 from henon_ref.rows import Row, RunRow, read_rows
+from henon_ref.table import Table
 from henon_ref.text import code, markdown
 
 FIRST = "henon"
@@ -33,8 +32,6 @@ library that is called without Python in its way."""
 @dataclass(frozen=True)
 class PairRow(Row):
     """The reference and another solver at settings with the same digits, their runs interleaved."""
-
-    later: ClassVar[tuple[str, ...]] = ("rival_own_s",)
 
     case: str
     reading: str

@@ -10,9 +10,9 @@ from pathlib import Path
 from henon_ref import registry
 from henon_ref.report.files.write import REPORT
 from henon_ref.report.text.ranking import LEVELS
-from henon_ref.report.text.tables import Table
 from henon_ref.rows import NOT_RUN, Row, RunRow, read_rows
 from henon_ref.score.errors import EARLY
+from henon_ref.table import Table
 from henon_ref.text import code, markdown
 
 FOLDER = "restarts"

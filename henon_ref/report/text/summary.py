@@ -8,8 +8,9 @@ from henon_ref.campaign.comparison import Comparison
 from henon_ref.campaign.results import ReadingResult
 from henon_ref.report.text.formats import digits, setting, significant
 from henon_ref.report.text.ranking import by_solver, most_accurate
-from henon_ref.report.text.tables import Table, samples_of, timed
+from henon_ref.report.text.tables import samples_of, timed
 from henon_ref.rows import NOT_RUN, RunRow
+from henon_ref.table import Table
 from henon_ref.text import code, markdown
 
 HEADINGS = ("solver", "digits", "time", "times as long", "setting", "right", "note")

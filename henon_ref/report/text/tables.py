@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 from baselines.causes import CAUSES
 from henon_ref.campaign.comparison import Comparison
@@ -14,28 +13,13 @@ from henon_ref.report.text.formats import count, digits, duration, error, settin
 from henon_ref.report.text.ranking import floor, prices, right
 from henon_ref.rows import NOT_RUN, Key, RunRow, StickRow, number
 from henon_ref.score.sticks import sticks
+from henon_ref.table import Table
 from henon_ref.text import code, markdown
 
 MOST_STICKS = 12
 """Sticks shown for a reading; all are in sticks.csv."""
 MARK = "†"
 """Behind a time whose samples scatter too much."""
-
-
-@dataclass(frozen=True)
-class Table:
-    """Headings, alignment (``l`` or ``r``) and rows of text."""
-
-    headings: tuple[str, ...]
-    alignment: str
-    rows: Sequence[tuple[str, ...]]
-
-    @property
-    def markdown(self) -> str:
-        """As a markdown table."""
-        marks = {"l": "---", "r": "---:"}
-        lines = [self.headings, tuple(marks[side] for side in self.alignment), *self.rows]
-        return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
 
 
 Samples = Mapping[Key, Sequence[float]]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from henon_ref.campaign.results import ReadingResult
 from henon_ref.report.text.formats import exponential, listing, significant
-from henon_ref.report.text.tables import Table
 from henon_ref.score.reference import Expected
+from henon_ref.table import Table
 from henon_ref.text import markdown
 
 HEADINGS = ("truth", "value", "note")

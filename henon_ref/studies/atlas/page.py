@@ -10,11 +10,11 @@ from henon_ref import registry
 from henon_ref.report.files.manifest import Provenance
 from henon_ref.report.files.write import RUNS
 from henon_ref.report.text.formats import exponential
-from henon_ref.report.text.tables import Table
 from henon_ref.rows import RunRow, rows_text
 from henon_ref.studies.atlas.family import OUTCOMES, TOLERANCES, Family, outcome_of
 from henon_ref.studies.atlas.figure import draw_atlas
 from henon_ref.studies.page import write
+from henon_ref.table import Table
 from henon_ref.text import code, markdown, paragraphs
 
 FOLDER = "atlas"

@@ -10,10 +10,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from henon_ref.report.files.manifest import Provenance
-from henon_ref.report.text.tables import Table
 from henon_ref.studies.page import write
 from henon_ref.studies.paper import appendix, fig8, section2, section3, section4, section5
 from henon_ref.studies.paper.claims import Section
+from henon_ref.table import Table
 
 SECTIONS: dict[str, Callable[[Path], Section]] = {
     "Section 2": lambda folder: section2.section(),

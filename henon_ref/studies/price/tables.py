@@ -8,7 +8,6 @@ from collections.abc import Callable, Sequence
 from henon_ref.report.text.formats import duration, error, setting, significant
 from henon_ref.report.text.paired_times import FIRST, SECOND, PairRow, bound
 from henon_ref.report.text.ranking import LEVELS, by_solver, readings_of
-from henon_ref.report.text.tables import Table
 from henon_ref.rows import RunRow, number
 from henon_ref.studies.price import effects
 from henon_ref.studies.price.compiling import AGAINST, Ready, paid_after
@@ -17,6 +16,7 @@ from henon_ref.studies.price.effects import Step
 from henon_ref.studies.price.growth import Horizon
 from henon_ref.studies.price.landings import Landed
 from henon_ref.studies.price.states import Size
+from henon_ref.table import Table
 
 CALLBACKS = ("cvode-c-adams", "cvode-adams", "cvode-adams+numba", "scipy-dop853", "scipy-dop853+numba")
 """Solvers whose right-hand sides are priced."""

@@ -9,8 +9,8 @@ from baselines.adapter import Adapter
 from baselines.heyoka_taylor import HEYOKA
 from baselines.scipy_ivp import BDF, DOP853, LSODA, RADAU, RK45
 from henon_ref.report.text.restarts import MOST, ending
-from henon_ref.report.text.tables import Table
 from henon_ref.rows import NOT_RUN, Row, RunRow
+from henon_ref.table import Table
 from henon_ref.text import code
 
 AGAIN = "the root located again, `xtol` 1e-300"

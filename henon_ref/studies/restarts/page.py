@@ -25,12 +25,12 @@ from henon_ref.report.text.restarts import (
     read_suite,
     suite_rows,
 )
-from henon_ref.report.text.tables import Table
 from henon_ref.rows import RunRow, read_rows, rows_text
 from henon_ref.studies.page import write
 from henon_ref.studies.restarts import options
 from henon_ref.studies.restarts.options import OptionRow, option_table
 from henon_ref.studies.restarts.runs import LIMIT, LONGER, Study
+from henon_ref.table import Table
 from henon_ref.text import code
 
 
