@@ -10,6 +10,7 @@ import ctypes
 import os
 import platform
 import subprocess
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -40,8 +41,9 @@ def machine() -> dict[str, object]:
     }
 
 
+@cache
 def library_versions() -> dict[str, str]:
-    """Versions of the libraries, an empty text for one that is not installed."""
+    """Versions of the libraries, an empty text for one that is not installed; read once, from many files."""
     found = {}
     for name in DISTRIBUTIONS:
         try:

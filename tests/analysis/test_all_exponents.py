@@ -123,7 +123,7 @@ def test_the_derivative_over_a_limit_of_impacts_is_that_of_runs_side_by_side(e: 
     assert matrix == pytest.approx(differences(system, DROPPED, 2.0), abs=1e-7)
 
 
-@pytest.mark.parametrize(("count", "until"), [(2, 3.0), (4, 1.0)])
+@pytest.mark.parametrize(("count", "until"), [(2, 3.0), (4, 0.44)])
 def test_the_derivative_through_sticks_of_many_blocks_is_that_of_runs_side_by_side(count: int, until: float) -> None:
     """With more than three contacts one set of equations serves all modes; tangent vectors have none of it."""
     system = blocks(count)
