@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 from collections.abc import Generator
@@ -10,6 +11,7 @@ from pathlib import Path
 from uuid import uuid4
 
 import hypothesis
+import matplotlib
 import pytest
 from commands import SOLVERS, Drawing
 from fakes import CASE, statement
@@ -17,6 +19,7 @@ from problems import make_problem
 
 from henon_ref import registry
 from henon_ref.campaign import truth_job
+from henon_ref.campaign.fork_server import collect_seldom
 from henon_ref.cli import compare_cases
 from henon_ref.errors import UnavailableError
 from henon_ref.jit.cache_folder import VARIABLE, cache_root
@@ -29,16 +32,20 @@ ABSENT = {f"{package} is not installed" for package, module in LIBRARIES.items()
 hypothesis.settings.register_profile("busy", deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow])
 hypothesis.settings.load_profile("busy")  # no example has a time limit: the machine may do other things
 os.environ[VARIABLE] = str(cache_root())  # for processes that tests begin with another cache of truths, too
+os.environ.setdefault("MPLCONFIGDIR", matplotlib.get_cachedir())  # so that they need not look for fonts
+collect_seldom()
 
-LONG = (
-    "analysis/", "filippov/", "henon/", "report/html/", "roots/", "studies/", "taylor/", "truth/", "baselines/cvode_c/",
-    "baselines/octave/", "baselines/paper/", "baselines/test_",
-    "casefile/test_bounded_work", "casefile/test_hard_stops", "casefile/test_kinks", "cli/test_atlas_command",
-    "cli/test_cases_command", "cli/test_ci_outputs", "cli/test_exit_status", "cli/test_new_solver",
-    "cli/test_truth_command", "report/test_committed_reports", "score/test_many_transitions",
-    "simulation/test_clear_signs", "test_docs_blocks", "test_gallery_docs", "test_solver_docs", "test_suite",
+EVERY_PYTHON = (
+    "baselines/protocol/test_exchange.py", "baselines/test_base.py", "campaign/test_from_python.py",
+    "campaign/test_pool.py", "casefile/test_case.py", "casefile/test_expressions.py", "casefile/test_yaml_file.py",
+    "cli/test_compare_command.py", "cli/test_main.py", "figures/test_figures.py", "filippov/test_system.py",
+    "henon/test_henon.py", "jit/", "kernel/", "packaging/test_metadata.py", "report/test_report.py",
+    "score/test_matching.py", "simulation/test_simulate.py", "simulation/test_system_from_python.py",
+    "sweeps/test_own_functions.py", "sweeps/test_storage.py", "taylor/test_rules.py", "test_package.py",
+    "test_registry.py", "truth/test_truth_store.py",
 )  # fmt: skip
-"""Where tests take long and compute what no version of Python changes: :func:`pytest_collection_modifyitems`."""
+"""What a version of Python may change, a file or two a room: processes, pickles, syntax trees, warnings (errors here).
+All others are ``long``: .ci/pythons collects them, so that each is imported, and leaves them out."""
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -46,8 +53,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark what one Python is enough for."""
     here = Path(__file__).parent
     for item in items:
-        if item.path.relative_to(here).as_posix().startswith(LONG):
+        if not item.path.relative_to(here).as_posix().startswith(EVERY_PYTHON):
             item.add_marker("long")
+
+
+def pytest_collection_finish() -> None:
+    """Spare looking for garbage among the thousands of tests and all that is imported, a tenth of all time."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.hookimpl(wrapper=True)

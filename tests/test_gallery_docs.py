@@ -8,6 +8,7 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+from shipped import read
 
 from henon_ref.campaign.truth_job import stored_statement
 
@@ -23,6 +24,7 @@ def gallery() -> ModuleType:
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
+    module.load_case = read
     return module
 
 

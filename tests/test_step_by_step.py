@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
 import pytest
 from doc_pages import blocks
 
-from baselines.base import ModeSolver
 from baselines.henon import HENON_SOLVER
 from henon_ref.casefile.case import parse_case
-from henon_ref.cli.new_solver import package_files
 from henon_ref.errors import CaseError
 from henon_ref.trajectory import Trajectory
 
@@ -54,16 +51,3 @@ def test_mistakes_get_the_messages_of_the_page(right: str, wrong: str) -> None:
     with pytest.raises(CaseError) as told:
         parse_case(first_case().replace(right, wrong), file="pendulum.yaml")
     assert str(told.value) in page
-
-
-def test_the_method_that_is_filled_in_meets_the_package_s_own_test(capsys: pytest.CaptureFixture[str]) -> None:
-    page = (DOCS / "add_a_solver.md").read_text(encoding="utf-8")
-    (module,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
-    names: dict[str, object] = {}
-    exec(compile(module, "heun.py", "exec"), names)
-    assert isinstance(names["SOLVER"], ModeSolver)
-    own = package_files("heun")["tests/test_heun.py"].replace("from heun import SOLVER\n", "")
-    exec(compile(own, "test_heun.py", "exec"), names)
-    tests = [value for name, value in names.items() if name.startswith("test_")]
-    assert len(tests) == 1
-    tests[0]()  # type: ignore[operator]

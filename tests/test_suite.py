@@ -209,7 +209,8 @@ def test_other_units_give_the_same_digits() -> None:
             assert abs(float((ours - theirs) / theirs)) <= 2 * 2.0**-52, reading.name
 
 
-def test_readme_lists_the_cases() -> None:
+def test_readme_lists_the_cases(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("henon_ref.casefile.catalogue.load_case", read)
     assert (CASES / "README.md").read_text(encoding="utf-8") == catalogue(CASES), (
         "run python -m henon_ref.casefile.catalogue cases"
     )

@@ -10,7 +10,7 @@ import ctypes
 import os
 import platform
 import subprocess
-from collections.abc import Iterable
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -35,8 +35,9 @@ def machine() -> dict[str, object]:
     }
 
 
-def library_versions(names: Iterable[str] = LIBRARIES) -> dict[str, str]:
-    """Versions of packages, an empty text for one that is not installed."""
+@cache
+def library_versions(names: tuple[str, ...] = LIBRARIES) -> dict[str, str]:
+    """Versions of packages, an empty text for one that is not installed; read once, from many files."""
     found = {}
     for name in names:
         try:

@@ -27,9 +27,6 @@ ORBITS = [
     ("fig8", "equations", f"60*{PERIOD}", PERIOD),
     ("hard/forced_switching", None, "20*pi", "2*pi"),
     ("hard/static_entry", "from_below", 100, None),
-    ("hard/static_entry", "written_out", 100, None),
-    ("hard/stick_zones_merge", "eq13", 100, None),
-    ("hard/units", "plain", 100, None),
     ("scenes/belt_leine", None, 100, None),
     ("scenes/bouncing_table", None, 40, 1),
     ("scenes/bowed_string", None, "1/2", None),
@@ -40,6 +37,9 @@ ORBITS = [
     ("stribeck_belt", None, 100, None),
 ]
 LONG_ONES = [  # slow; daily: the others
+    ("hard/units", "plain", 100, None),
+    ("hard/stick_zones_merge", "eq13", 100, None),
+    ("hard/static_entry", "written_out", 100, None),
     ("classic/relay_feedback", None, 300, None),
     ("fig8", "listing_limit", f"60*{PERIOD}", f"2*{PERIOD}"),
     ("hard/near_ties", "coupled", 200, None),

@@ -21,7 +21,14 @@ MODULES |= {"diffrax": "diffrax", "diffsol": "pydiffsol", "nosnoc": "nosnoc"}
 """First word of a cause's name -> what it is shown by, where that is not SciPy."""
 
 
-@pytest.mark.parametrize("cause", CAUSES.values(), ids=lambda cause: cause.name)
+SLOW = {name for name in CAUSES if name.startswith(("diffrax", "nosnoc"))} - {"diffrax-pair", "nosnoc-infeasible"}
+"""Each compiles for half a minute, or solves hundreds of problems, in a process of its own; daily: one a library."""
+
+
+@pytest.mark.parametrize(
+    "cause",
+    [pytest.param(cause, id=name, marks=[pytest.mark.slow] if name in SLOW else []) for name, cause in CAUSES.items()],
+)
 def test_the_library_alone_does_what_is_claimed(cause: Cause) -> None:
     if cause.package in (programs := program_versions()):
         if not programs[cause.package] or (cause.package == "sundials" and not compiler()):

@@ -36,6 +36,11 @@ LADDER = [
     ("diffsol-bdf", 1e-10, 1e-6),
 ]
 EACH = pytest.mark.parametrize(("solver", "rtol", "bound"), LADDER, ids=[row[0] for row in LADDER])
+QUICK = pytest.mark.parametrize(
+    ("solver", "rtol", "bound"),
+    [pytest.param(*row, id=row[0], marks=[pytest.mark.slow] if row[0].startswith("diffrax") else []) for row in LADDER],
+)
+"""Without diffrax, which compiles for half a minute each; daily: the tests of ``EACH``."""
 X, V, S = sp.symbols("x v s", real=True)
 Runs = Callable[..., dict[str, Any]]
 
@@ -62,7 +67,7 @@ def test_free_coulomb(runs: Runs, solver: str, rtol: float, bound: float) -> Non
     assert found["steps"] > 10
 
 
-@EACH
+@QUICK
 def test_guards_that_have_to_rise_first(runs: Runs, solver: str, rtol: float, bound: float) -> None:
     found = runs(solver, "static_belt", rtol)
     assert found["kinds"] == ["stick", "release", "stick", "release", "stick"]
@@ -70,7 +75,7 @@ def test_guards_that_have_to_rise_first(runs: Runs, solver: str, rtol: float, bo
     assert found["times"] == pytest.approx(np.cumsum([slip, 2.0, slip, 2.0, slip]).tolist(), abs=100 * bound)
 
 
-@EACH
+@QUICK
 def test_stribeck_belt(runs: Runs, solver: str, rtol: float, bound: float) -> None:
     found = runs(solver, "stribeck_belt", rtol)
     assert found["kinds"][:3] == ["stick", "release", "stick"]
@@ -78,7 +83,7 @@ def test_stribeck_belt(runs: Runs, solver: str, rtol: float, bound: float) -> No
     assert durations == pytest.approx([7.705031769350, 4.295999525480], abs=100 * bound)
 
 
-@EACH
+@QUICK
 def test_a_curved_surface(runs: Runs, solver: str, rtol: float, bound: float) -> None:
     found = runs(solver, "rotating_crossing", rtol)
     assert found["kinds"] == ["crossing"]
@@ -139,6 +144,7 @@ def test_several_surfaces(runs: Runs) -> None:
     assert found["times"][-1] == pytest.approx(3.927104415444, abs=1e-7)
 
 
+@pytest.mark.slow  # daily: diffrax on a plain case; its claims are in test_causes.py
 def test_two_guards_that_fall_at_once_are_both_seen(runs: Runs) -> None:
     """diffrax names one; its dense output finds the root some roundings away from where the other one says."""
     for rtol in (1e-6, 1e-9):
@@ -147,7 +153,7 @@ def test_two_guards_that_fall_at_once_are_both_seen(runs: Runs) -> None:
         assert found["times"] == pytest.approx([1.0, 1.0], abs=1e-12)
 
 
-@EACH
+@QUICK
 def test_a_switch_in_time_hides_no_later_root(runs: Runs, solver: str, rtol: float, bound: float) -> None:
     """Where it is found a rounding early, its own guard is negative: diffrax watches the least of all."""
     found = runs(solver, "switch_before_a_surface", rtol)

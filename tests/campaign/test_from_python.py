@@ -12,6 +12,8 @@ from pathlib import Path
 
 import pytest
 
+import henon_ref
+from henon_ref.errors import CaseError
 from henon_ref.workers.procfs import family
 
 ROOT = Path(__file__).parents[2]
@@ -74,8 +76,8 @@ def test_progress_is_shown_where_it_is_wanted(tmp_path):
     *_, last = done.stderr.splitlines()
     assert last.startswith("leaving_slide: 1 of 1 rows, ")
     assert "\r" not in done.stderr  # a file keeps every line
-    refused = python(script(tmp_path, COMPARE.replace("repeats=1", "progress='yes'")))
-    assert "progress is 'yes', wanted None, True or False" in refused.stderr
+    with pytest.raises(CaseError, match="progress is 'yes', wanted None, True or False"):
+        henon_ref.compare(henon_ref.load_case(CASE), solvers=["henon"], progress="yes")
 
 
 @pytest.mark.parametrize("before", ["", THREAD], ids=["one thread", "two threads"])

@@ -5,15 +5,19 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
 
 from henon_ref.casefile.case import load_case
 from henon_ref.casefile.outline import outline
+from henon_ref.cli import cases
 from henon_ref.cli.cases import command
 
 CASES = Path(__file__).parents[2] / "cases"
+outlines = cache(outline)
+"""Each read once in a process."""
 FILES = [path for path in sorted(CASES.rglob("*.yaml")) if "truth" not in path.parts]
 
 
@@ -28,7 +32,8 @@ def test_an_outline_has_the_sizes_of_the_case(name):
     assert found.tags == tuple(dict.fromkeys(tag for reading in case.readings for tag in reading.tags))
 
 
-def test_every_shipped_case_is_in_the_list(capsys):
+def test_every_shipped_case_is_in_the_list(monkeypatch, capsys):
+    monkeypatch.setattr(cases, "outline", outlines)
     assert command([]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].split() == ["name", "readings", "states", "surfaces", "title", "tags"]
@@ -39,7 +44,8 @@ def test_every_shipped_case_is_in_the_list(capsys):
     assert fig8.endswith("paper, periodic, softening-spring")
 
 
-def test_tags_choose_cases(capsys):
+def test_tags_choose_cases(monkeypatch, capsys):
+    monkeypatch.setattr(cases, "outline", outlines)
     assert command(["--tag", "paper"]) == 0
     paper = capsys.readouterr().out.splitlines()[1:]
     assert all("paper" in line for line in paper)
@@ -91,4 +97,4 @@ def test_where_there_are_no_kinks_no_expression_is_looked_into():
 
 def test_a_tag_of_a_shipped_case_is_one_word():
     """So that ``--tag`` needs no quotes, and no two tags differ by a blank alone."""
-    assert [tag for path in FILES for tag in outline(path).tags if not re.fullmatch(r"[a-z0-9-]+", tag)] == []
+    assert [tag for path in FILES for tag in outlines(path).tags if not re.fullmatch(r"[a-z0-9-]+", tag)] == []

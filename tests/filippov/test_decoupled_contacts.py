@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
@@ -120,14 +121,15 @@ def test_who_acts_on_whom() -> None:
 
 
 def test_a_chain_runs_on_one_machine_code_as_on_one_a_mode(monkeypatch: pytest.MonkeyPatch) -> None:
-    ours, integrator = run(chain())
+    """Its beginning: each mode's own code takes a second to compile; test_suite has the whole run beside its truth."""
+    ours, integrator = run(replace(chain(), until=sp.Rational(17, 10)))
     assert len(integrator.mode_table._codes) == 1
-    assert len({t.to_mode for t in ours.transitions}) > 20
+    assert len({t.to_mode for t in ours.transitions}) > 5
     monkeypatch.setattr(systems, "FEW", 8)
-    theirs, many = run(chain())
-    assert len(many.mode_table._codes) > 20
+    theirs, many = run(replace(chain(), until=sp.Rational(17, 10)))
+    assert len(many.mode_table._codes) > 5
     assert told(ours) == told(theirs)
-    assert len(ours.transitions) == 41
+    assert len(ours.transitions) == 8
     for a, b in zip(ours.transitions, theirs.transitions, strict=True):
         assert abs(a.time - b.time) <= 1e-13
         assert a.to_mode == b.to_mode

@@ -41,11 +41,11 @@ def chain(starts: tuple[str, ...], until: str, coupling: str, speed: str = "0.2"
 
 
 def test_blocks_stick_slide_and_let_go_in_any_combination() -> None:
-    problem = chain(("0.3", "0.5", "-0.1"), "12", "1.2")
+    problem = chain(("0.3", "0.5", "-0.1"), "10", "1.2")
     proof, second = certify(problem), simulate(problem, 256)
     assert proof.status == "certified", proof.reason
     modes = [t.to_mode for t in proof.transitions]
-    assert len(modes) >= 8
+    assert len(modes) == 5
     assert any(0 in mode and any(mode) and mode.count(0) == 2 for mode in modes)
     assert [e.after for e in second.events] == modes
     with ctx.workprec(288):

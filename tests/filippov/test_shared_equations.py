@@ -50,7 +50,7 @@ def text(until: str, blocks: int = 4, law: str = "coulomb") -> str:
 
 
 @cache
-def chain(until: str = "16") -> Problem:
+def chain(until: str = "11") -> Problem:
     return parse_case(text(until)).readings[0].problem
 
 
@@ -87,9 +87,9 @@ def test_a_chain_runs_on_one_machine_code_as_on_one_a_mode(monkeypatch: pytest.M
     ours, one = run(chain().system)
     mine = ours.to_horizon()
     assert len(one.mode_table._codes) == 1
-    assert len({t.to_mode for t in mine.transitions}) >= 8
+    assert len({t.to_mode for t in mine.transitions}) >= 6
     monkeypatch.setattr(systems, "FEW", 8)
-    theirs, many = run(parse_case(text("16")).readings[0].problem.system)
+    theirs, many = run(parse_case(text("11")).readings[0].problem.system)
     other = theirs.to_horizon()
     assert len(many.mode_table._codes) > 5
     assert (mine.status, other.status) == ("ok", "ok")
@@ -102,7 +102,7 @@ def test_the_truths_and_all_libraries_agree_on_a_chain() -> None:
     proof, second = certify(problem), simulate(problem, 224)
     assert proof.status == "certified", proof.reason
     modes = [t.to_mode for t in proof.transitions]
-    assert len(modes) >= 12
+    assert len(modes) == 8
     assert any(mode.count(0) == 2 for mode in modes)
     assert [e.after for e in second.events] == modes
     assert all(abs(float(e.time - t.time)) < 1e-25 for e, t in zip(second.events, proof.transitions, strict=True))

@@ -10,7 +10,7 @@ import sympy as sp
 from problems import make_problem
 
 from henon_ref.casefile.case import load_case
-from henon_ref.henon.solver import HENON_SOLVER
+from baselines.henon import HENON_SOLVER
 from henon_ref.trajectory import Decisions
 
 HARD = Path(__file__).parents[2] / "cases" / "hard"

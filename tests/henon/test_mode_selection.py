@@ -274,7 +274,8 @@ class Corner:
 
 
 @pytest.mark.parametrize(
-    ("surfaces", "coupled"), [(2, False), (3, False), (5, False), (6, False), (2, True), (3, True)]
+    ("surfaces", "coupled"),
+    [(2, False), (3, False), (5, False), pytest.param(6, False, marks=pytest.mark.slow), (2, True), (3, True)],
 )
 def test_any_corner_is_decided_as_in_python(surfaces: int, coupled: bool) -> None:
     every = range(surfaces)

@@ -15,6 +15,7 @@ import pytest
 import sympy as sp
 from bits import Likeness, compare, compared, record, report
 from llvmlite.binding import get_host_cpu_features
+from shipped import paths
 
 from henon_ref.jit.ir_writer import declarations
 from henon_ref.jit.target import target
@@ -26,6 +27,8 @@ from henon_ref.taylor.tape import TIME, build_tape
 SUPPORT = Path(__file__).parents[1] / "support"
 OTHER = "haswell"
 """The first processors with fused operations, and with vectors of four doubles: the features of x86-64-v3."""
+DAILY = [path.stem for path in paths(".", "classic")]
+"""Cases that are recorded here, their first readings; all of all cases by ``.ci/slow``."""
 LICENCE = re.compile(r"\b(fast|nnan|ninf|nsz|arcp|contract|afn|reassoc)\b|fmuladd|vector\.reduce\.f")
 
 x, y = sp.symbols("x y", real=True)
@@ -39,7 +42,7 @@ def elsewhere(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("records")
     environment = {**os.environ, "HENON_REF_CPU": OTHER, "PYTHONPATH": os.pathsep.join([str(SUPPORT), *sys.path])}
     for solver, options in {
-        "henon": ["--tolerances", "1e-9", "--first"],
+        "henon": ["--tolerances", "1e-9", "--first", "--only", ",".join(DAILY)],
         "henon-rk4": ["--only", "free_coulomb,leaving_slide,stribeck_belt"],
         "henon-listing": ["--only", "fig8"],
     }.items():
@@ -55,10 +58,10 @@ def _there(folder: Path, solver: str) -> dict[str, Any]:
     return made["runs"]
 
 
-@pytest.mark.slow  # daily: .ci/run runs this file's, .ci/slow all readings at two tolerances
-def test_every_case_has_the_same_bits_on_another_processor(elsewhere: Path) -> None:
-    """Transitions, what rounding lost of their times, states, ends, counts; all readings: ``.ci/slow``."""
-    found = compare(record(["1e-9"], first=True), _there(elsewhere, "henon"))
+@pytest.mark.slow  # daily: .ci/run runs this file's
+def test_cases_have_the_same_bits_on_another_processor(elsewhere: Path) -> None:
+    """Transitions, what rounding lost of their times, states, ends, counts."""
+    found = compare(record(["1e-9"], DAILY, first=True), _there(elsewhere, "henon"))
     assert all(each.likeness is Likeness.BITS for each in found.values()), f"{target()}: {report(found)}"
 
 

@@ -18,10 +18,10 @@ from henon_ref.score.matching import match
 from henon_ref.score.reference import Expected
 from henon_ref.trajectory import Transition
 
-MANY = 20_030
+MANY = 10_030
 SPREAD = tuple(np.linspace(0.01, 4.99, MANY).tolist())
 PATIENCE = 40
-"""Seconds of processor time for what takes two to five; pair by pair it would be minutes."""
+"""Seconds of processor time for what takes one to two; pair by pair it would be minutes."""
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-import subprocess
-import sys
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -19,6 +17,7 @@ from henon_ref.campaign import timing
 from henon_ref.campaign.interleaved import MOST, Turns, interleaved
 from henon_ref.campaign.options import Options, Silent
 from henon_ref.casefile.case import load_case
+from henon_ref.cli import price as cli_price
 from henon_ref.errors import CaseError
 from henon_ref.filippov.problem import Problem
 from henon_ref.jit.cache_folder import VARIABLE
@@ -325,9 +324,7 @@ def test_getting_ready_is_timed_in_new_processes() -> None:
     assert min(first.cold_s, first.kept_s, own.cold_s, own.kept_s) > 0
 
 
-def test_an_unknown_case_is_one_clear_error(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "henon_ref.price", str(tmp_path / "no.yaml"), "--out", str(tmp_path / "out")]
-    ended = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert ended.returncode == 2
-    assert "no.yaml" in ended.stderr
+def test_an_unknown_case_is_one_clear_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli_price.command([str(tmp_path / "no.yaml"), "--out", str(tmp_path / "out")]) == 2
+    assert "no.yaml" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()

@@ -44,16 +44,12 @@ def prices() -> Prices:
     )
 
 
-def test_every_link_of_the_page_leads_to_a_file(tmp_path: Path) -> None:
+def test_the_page_shows_what_was_measured_and_every_link_leads_to_a_file(tmp_path: Path) -> None:
     text = write_page(prices(), provenance("make it again"), tmp_path).read_text(encoding="utf-8")
     links = {link for link in re.findall(r"\]\(([^)]+)\)", text) if not link.startswith(("#", "../"))}
     assert {path.name for path in tmp_path.iterdir()} == links | {"README.md"}
     assert len(read_rows(RunRow, tmp_path / "price.csv")) == 3
     assert len(read_rows(SampleRow, tmp_path / "samples.csv")) == 2
-
-
-def test_the_page_shows_what_was_measured(tmp_path: Path) -> None:
-    text = write_page(prices(), provenance("make it again"), tmp_path).read_text(encoding="utf-8")
     assert "## c, late" in text
     assert "| 4 (3.3 to 5) | 2 |" in text
     assert "| `heyoka`, its own calls alone |  |  | 2 |  |" in text

@@ -44,9 +44,11 @@ FUNCTIONS = [
 
 def exact_coefficients(f: sp.Expr, field: list[sp.Expr], order: int) -> list[float]:
     result = []
-    for k in range(order + 1):
-        result.append(float(sp.N(f.subs(POINT), 30)) / math.factorial(k))
-        f = sp.diff(f, t) + sp.diff(f, x) * field[0] + sp.diff(f, y) * field[1]
+    with mpmath.workdps(30):
+        point = [mpmath.mpf(value.p) / value.q for value in POINT.values()]
+        for k in range(order + 1):
+            result.append(float(sp.lambdify(list(POINT), f, "mpmath")(*point)) / math.factorial(k))
+            f = sp.diff(f, t) + sp.diff(f, x) * field[0] + sp.diff(f, y) * field[1]
     return result
 
 

@@ -43,8 +43,7 @@ def choice(page: Any) -> list[list[str]]:
     return [row.split("\t") for row in texts(page, "#choice-table tbody tr")]
 
 
-@pytest.mark.parametrize("scheme", SCHEMES)
-@pytest.mark.parametrize("size", SIZES, ids=str)
+@pytest.mark.parametrize(("size", "scheme"), list(zip(SIZES, SCHEMES, strict=True)), ids=str)
 def test_it_is_as_wide_as_its_window_and_has_no_serious_finding(
     chromium: Any, reports: Path, size: tuple[int, int], scheme: str
 ) -> None:

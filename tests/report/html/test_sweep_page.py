@@ -136,8 +136,7 @@ def test_rows_of_a_table_are_thinned_and_keep_their_points(monkeypatch: pytest.M
     assert np.array_equal(np.round((values + 1) / 2 * 999).astype(int) // 10, 2 * place)
 
 
-@pytest.mark.parametrize("scheme", SCHEMES)
-@pytest.mark.parametrize("size", SIZES, ids=str)
+@pytest.mark.parametrize(("size", "scheme"), list(zip(SIZES, SCHEMES, strict=True)), ids=str)
 def test_it_is_as_wide_as_its_window_and_has_no_serious_finding(
     chromium: Any, belts: Path, line: Path, size: tuple[int, int], scheme: str
 ) -> None:
