@@ -15,7 +15,7 @@ KEPT = 64
 ROUNDING = 2e-16
 """Local errors below this are rounding's."""
 
-_kept: OrderedDict[tuple[object, int], Integrator] = OrderedDict()
+_kept: OrderedDict[tuple[object, int, frozenset[int]], Integrator] = OrderedDict()
 _lock = Lock()
 
 
@@ -24,18 +24,20 @@ def local_error(rtol: float) -> float:
     return max(0.1 * rtol, ROUNDING)
 
 
-def integrator_of(system: System, tolerance: float) -> Integrator:
+def integrator_of(system: System, tolerance: float, open_kinks: frozenset[int] = frozenset()) -> Integrator:
     """What runs a system, with any values of its parameters, at the order of a local error.
+
+    ``open_kinks``: see :class:`henon_ref.filippov.system.FilippovSystem`.
 
     It is compiled the first time that a system of this structure is asked for. One thread compiles at a time; the
     others wait for it.
     """
-    key = system.structure, order_for(tolerance)
+    key = system.structure, order_for(tolerance), open_kinks
     with _lock:
         if key in _kept:
             _kept.move_to_end(key)
             return _kept[key]
-        made = Integrator(replace(system.model, parameters={}), key[1])
+        made = Integrator(replace(system.model, parameters={}, open_kinks=open_kinks), key[1])
         _kept[key] = made
         while len(_kept) > KEPT:
             _kept.popitem(last=False)
