@@ -40,15 +40,20 @@ def machine() -> dict[str, object]:
     }
 
 
-def library_versions() -> dict[str, str]:
-    """Versions of the libraries, an empty text for one that is not installed."""
+def package_versions() -> dict[str, str]:
+    """Versions of the packages of Python, an empty text for one that is not installed."""
     found = {}
     for name in DISTRIBUTIONS:
         try:
             found[name] = version(name)
         except PackageNotFoundError:
             found[name] = ""
-    return found | program_versions()
+    return found
+
+
+def library_versions() -> dict[str, str]:
+    """The same, with what solvers rest on that is no package of Python."""
+    return package_versions() | program_versions()
 
 
 def commit() -> str:

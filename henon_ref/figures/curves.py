@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import contourpy
 import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
@@ -52,11 +53,8 @@ def _surfaces(
     system: FilippovSystem, pair: tuple[int, int], limits: Sequence[tuple[float, float]]
 ) -> list[NDArray[np.float64]]:
     """The curves h = 0 of the surfaces that depend on these two states alone."""
-    from matplotlib.figure import Figure
-
     states = [system.states[k] for k in pair]
     across, upward = (np.linspace(low, high, GRID) for low, high in limits)
-    axes = Figure().add_subplot()
     found: list[NDArray[np.float64]] = []
     for k, surface in enumerate(system.surfaces):
         if not states_in(system, k) or not states_in(system, k) <= set(states):
@@ -64,5 +62,7 @@ def _surfaces(
         h = sp.lambdify(states, system.numeric(surface), np)
         values = np.broadcast_to(np.asarray(h(*np.meshgrid(across, upward)), dtype=float), (GRID, GRID))
         if np.nanmin(values) < 0 < np.nanmax(values):
-            found += [np.asarray(line) for line in axes.contour(across, upward, values, levels=[0.0]).allsegs[0]]
+            # As matplotlib's contour, which takes a second to import.
+            generator = contourpy.contour_generator(across, upward, np.ma.masked_invalid(values), name="mpl2014")
+            found += [np.asarray(line) for line in generator.lines(0.0)[0]]
     return found

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
 
-from henon_ref.campaign.host_info import commit, library_versions, machine
+from henon_ref.campaign.host_info import commit, machine, package_versions
 from henon_ref.casefile.tree import MappingNode, Node, SequenceNode
 from henon_ref.simulation.system import MODEL_KEYS
 from henon_ref.simulation.written import written
@@ -49,7 +49,7 @@ def manifest_of(plan: Plan) -> dict[str, Any]:
         "points": len(plan.points),
         "chunk": plan.chunk,
         "commit": commit(),
-        "versions": library_versions(),
+        "versions": package_versions(),
         "machine": machine(),
     }
 
