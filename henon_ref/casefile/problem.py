@@ -44,7 +44,7 @@ def build_problem(source: Source) -> tuple[Problem, Names]:
     until = source.number(("until",), names.values)
     if exact_sign(until - start) <= 0 or float(until - start) == 0.0:
         raise source.error(("until",), f"'until' must be later than the start, t = {start}")
-    problem = Problem(system, start, _initial(source, names), until)
+    problem = with_open_kinks(Problem(system, start, _initial(source, names), until))
     _check_start(source, problem)
     if source.has_scene:
         _check_stops(source, problem)
@@ -155,13 +155,35 @@ def _check_start(source: Source, problem: Problem) -> None:
 
 
 def unused_at_start(problem: Problem, surface: sp.Expr) -> bool:
-    """Whether an expression is a kink of a branch that is not in use at the start, and has no value beside it."""
+    """Whether an expression is a kink of a branch that is not in use at the start, where it has no value."""
     system = problem.system
-    if surface not in system.surfaces:
+    return surface in system.surfaces and system.surfaces.index(surface) in system.unused_kinks(_sides(problem))
+
+
+def with_open_kinks(problem: Problem) -> Problem:
+    """The problem with kinks open that have no value at the start, in a branch that is not in use there."""
+    system, mode = problem.system, _sides(problem)
+    without = (i for i in system.kinks if _without_value(problem, system.surfaces[i]))
+    found = {i for i in without if i not in system.unused_kinks(mode) and system.hides(i, mode)}
+    return replace(problem, system=replace(system, open_kinks=frozenset(found))) if found else problem
+
+
+def _sides(problem: Problem) -> tuple[int, ...]:
+    """Sides of the surfaces at the start, +1 of a kink that has no value there."""
+    surfaces, kinks = problem.system.surfaces, problem.system.kinks
+    beside = (i in kinks and _without_value(problem, h) for i, h in enumerate(surfaces))
+    return tuple(1 if none else _side_at_start(problem, h) for none, h in zip(beside, surfaces, strict=True))
+
+
+def _without_value(problem: Problem, expression: sp.Expr) -> bool:
+    """Whether an expression has no real value at the start, or one that is the end of its range."""
+    powers = [p for p in expression.atoms(sp.Pow) if _may_fail(p)]
+    if not powers and not expression.has(sp.tan, sp.log, sp.asin, sp.acos):
         return False
-    index = system.surfaces.index(surface)
-    mode = tuple(_side_at_start(problem, h) if i != index else 1 for i, h in enumerate(system.surfaces))
-    return index in system.unused_kinks(mode)
+    at, numeric = _start(problem), problem.system.numeric
+    value = put(numeric(expression), at)
+    ends = (put(numeric(p.base), at) == 0 for p in powers if not p.exp.is_Integer and p.base.free_symbols)
+    return value.has(*NO_VALUE) or value.is_real is False or any(ends)
 
 
 def _check_stops(source: Source, problem: Problem) -> None:

@@ -92,7 +92,8 @@ def _end(system: FilippovSystem, mode: Mode, guard: Guard) -> str:
         return f"the model ends: {system.valid[guard.index]} fell to 0 at"
     if guard.kind == "surface":
         name = system.sign_names[guard.index]
-        return f"beyond the surface of {name} a kink is in use whose sign it leaves open: it has no value before"
+        value = "it had no value at the start; reached at" if system.open_kinks else "it has no value before"
+        return f"beyond the surface of {name} a kink is in use whose sign it leaves open: {value}"
     names = ", ".join(name for name, s in zip(system.sign_names, mode, strict=True) if s == 0)
     if guard.ends == "nonunique":
         return f"the future is not unique: sliding on the intersection of {names} does not attract beyond"

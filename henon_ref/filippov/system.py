@@ -56,6 +56,8 @@ class FilippovSystem(SwitchedField):
     """Signs of surfaces that have kinks, by the signs of their branches: what these are seen by where no field is."""
     effects: tuple[str, ...] = ()
     """Names of the effects a scene was built from (empty for a plain system)."""
+    open_kinks: frozenset[int] = frozenset()
+    """Kinks of a branch that is not in use at the start of a run, without a value there: their signs stay open."""
 
     @cached_property
     def _cache(self) -> dict[object, ModeEquations]:
@@ -114,12 +116,11 @@ class FilippovSystem(SwitchedField):
         return not any(put(e, slip).has(self.signs[index]) for e in (*shared.field, *guards, *self.sections))
 
     def unused_kinks(self, mode: Mode) -> frozenset[int]:
-        """Kinks of branches that a mode does not use, which have no real value anywhere in the mode."""
+        """Kinks of branches that a mode does not use, which are open, or have no real value anywhere in the mode."""
         if mode not in self._unused_kinks:
             positive = [s * self.numeric(h) for h, s in zip(self.surfaces, mode, strict=True) if s and self.kinks]
-            self._unused_kinks[mode] = frozenset(
-                i for i in self.kinks if has_no_value(self.numeric(self.surfaces[i]), positive) and self.hides(i, mode)
-            )
+            found = {i for i in self.kinks - self.open_kinks if has_no_value(self.numeric(self.surfaces[i]), positive)}
+            self._unused_kinks[mode] = frozenset(i for i in found | self.open_kinks if self.hides(i, mode))
         return self._unused_kinks[mode]
 
     @cached_property

@@ -13,22 +13,24 @@ from henon_ref.simulation.system import System
 KEPT = 64
 """Systems and orders that are kept compiled; the one not used for the longest time goes first."""
 
-_kept: OrderedDict[tuple[object, int], Integrator] = OrderedDict()
+_kept: OrderedDict[tuple[object, int, frozenset[int]], Integrator] = OrderedDict()
 _lock = Lock()
 
 
-def integrator_of(system: System, tolerance: float) -> Integrator:
+def integrator_of(system: System, tolerance: float, open_kinks: frozenset[int] = frozenset()) -> Integrator:
     """What runs a system, with any values of its parameters, at the order of a local error.
+
+    ``open_kinks``: see :class:`henon_ref.filippov.system.FilippovSystem`.
 
     It is compiled the first time that a system of this structure is asked for. One thread compiles at a time; the
     others wait for it.
     """
-    key = system.structure, order_for(tolerance)
+    key = system.structure, order_for(tolerance), open_kinks
     with _lock:
         if key in _kept:
             _kept.move_to_end(key)
             return _kept[key]
-        made = Integrator(replace(system.model, parameters={}), key[1])
+        made = Integrator(replace(system.model, parameters={}, open_kinks=open_kinks), key[1])
         _kept[key] = made
         while len(_kept) > KEPT:
             _kept.popitem(last=False)

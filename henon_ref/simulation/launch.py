@@ -103,7 +103,7 @@ def launch(
         error = local_error(tolerance_of(tolerance))
         own, problem = problem_of(system, initial, until=until, start=start, parameters=parameters, mode=mode)
         with notice_if_slow("compiling the system"):
-            integrator = integrator_of(own, error)
+            integrator = integrator_of(own, error, problem.system.open_kinks)
             with one_at_a_time():
                 begin = integrator.start(problem, tolerance=error, landing=HENON)
             if ready is None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
@@ -16,8 +17,15 @@ from henon_ref.sweeps.runs import Columns, Runs
 from henon_ref.sweeps.step_extremes import Pieces, along_steps, joined_pieces, pieces_of
 from henon_ref.taylor.tape import TIME
 
+KEPT = 16
+"""Expressions that are kept once they are read: checked, and needed again for each chunk."""
 MOST_NUMBERS = 1 << 22
 """Coefficients of steps that are in memory at one time, but for those of one run."""
+
+
+@lru_cache(maxsize=KEPT)
+def _read(system: System, text: str) -> sp.Expr:
+    return system.expression(text, f"the expression {text[:60]!r}")
 
 
 @dataclass(frozen=True)
@@ -40,7 +48,7 @@ class Extremes(Observation):
             raise ArgumentError(f"the extremes of {self.of[:60]!r}: it never changes, it holds no state and no t")
 
     def _expression(self, system: System) -> sp.Expr:
-        return system.expression(self.of, f"the expression {self.of[:60]!r}")
+        return _read(system, self.of)
 
     def columns(self, runs: Runs) -> Columns:
         steps = along_steps(runs.system.model.states, self._expression(runs.system))

@@ -126,3 +126,46 @@ def test_a_start_in_the_branch_itself_is_refused_where_it_has_no_value(start: fl
         return
     with pytest.raises(hr.HenonRefError, match="'kink2' has no finite real value at the start"):
         hr.simulate(system, {"x": start}, until=1)
+
+
+OPEN = [
+    ("piecewise(0, x > 0, max(sqrt(-v), 1))", 0.5),
+    ("piecewise(0, x > 0, max(sqrt(-v), 1))", 0),
+    ("piecewise(0, x > 0, piecewise(1, sqrt(-v) > 2, 3))", 0.25),
+    ("piecewise(0, x > 0, abs(log(v) - 1))", -0.5),
+    ("piecewise(0, x > 0, min(1, (3/10 - v)^(3/2)))", 0.5),
+    ("piecewise(0, x > 0, sign(asin(v + 1) - x))", 0.5),
+]
+"""What has a value for some states beyond the surface, and none at the start: its form does not show it."""
+
+
+@pytest.mark.parametrize(("force", "speed"), OPEN)
+def test_a_start_without_the_value_of_a_kink_beyond_is_accepted(force: str, speed: float) -> None:
+    system = hr.System(["x", "v"], {}, {}, ["v", f"-1 + {force}"])
+    land = speed + math.sqrt(speed**2 + 2)
+    before, behind = (hr.simulate(system, {"x": 1, "v": speed}, until=until) for until in (0.9 * land, 2 * land))
+    assert (before.status, before.transitions.empty) == ("ok", True)
+    assert before.y[0, -1] == pytest.approx(1 + speed * 0.9 * land - (0.9 * land) ** 2 / 2, abs=1e-14)
+    assert (behind.status, behind.t[-1]) == ("failed", pytest.approx(land, abs=1e-14))
+    assert "a kink is in use whose sign it leaves open: it had no value at the start" in behind.message
+
+
+def test_a_start_with_the_value_goes_on_through_the_surface() -> None:
+    """Below -1 the speed's root is above 1: x'' = -1 + sqrt(-v) beyond the surface."""
+    system = hr.System(["x", "v"], {}, {}, ["v", f"-1 + {OPEN[0][0]}"])
+    run = hr.simulate(system, {"x": 1, "v": -2}, until=2)
+    free = hr.simulate(system, {"x": 1, "v": 0.5}, until=1)  # in between, a start without it
+    assert (free.status, run.status) == ("ok", "ok")
+    again = hr.simulate(system, {"x": 1, "v": -2}, until=2)
+    assert run.y.tolist() == again.y.tolist()
+    assert run.transitions.kind.tolist() == ["crossing"]
+
+
+@pytest.mark.parametrize("name", ["henon", "heyoka", "scipy-dop853", "cvode-adams"])
+def test_solvers_and_the_truth_accept_such_a_start(name: str) -> None:
+    case = parse_case(CASE.format(force=OPEN[0][0], until=1.25).replace("v: 0}", "v: 1/2}"))
+    found = solver(name).prepare(case.readings[0].problem, rtol=1e-12)()
+    assert (found.status, tuple(found.transitions)) == ("ok", ())
+    assert found.end_state[0] == pytest.approx(1 + 1.25 / 2 - 1.25**2 / 2, abs=1e-10)
+    if name == "henon":
+        assert compute(case, case.readings[0]).certified

@@ -9,8 +9,8 @@ import pytest
 import sympy as sp
 from problems import make_problem
 
-from henon_ref.casefile.case import load_case
 from baselines.henon import HENON_SOLVER
+from henon_ref.casefile.case import load_case
 from henon_ref.trajectory import Decisions
 
 HARD = Path(__file__).parents[2] / "cases" / "hard"
