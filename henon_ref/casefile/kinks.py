@@ -225,6 +225,8 @@ class Kinks:
         """What has been taken as positive for the values of the parameters."""
         self.declared_late = False
         """Whether a kink has turned out to be a surface that was declared behind it."""
+        self._waiting: dict[sp.Symbol, sp.Expr] = {}
+        """Those whose forms are not known yet."""
         self._signs: dict[sp.Expr, sp.Expr] = {}
         """Form -> its sign: a symbol, minus one, or a number."""
         self._known: dict[object, sp.Expr] = {}
@@ -232,10 +234,17 @@ class Kinks:
 
     def declare(self, sign: sp.Symbol, surface: sp.Expr) -> None:
         """Take in a surface of the model: what is one up to a factor has its sign."""
-        self.declared[sign] = surface
-        form, way = signed_form(surface, self.parameters)
-        own = self._known.setdefault(form, way * sign)
-        self.declared_late |= not own.free_symbols.isdisjoint(self.surfaces)
+        self.declared[sign] = self._waiting[sign] = surface
+        if self.surfaces:
+            self._take_in()
+
+    def _take_in(self) -> None:
+        """Forms of the surfaces that have been declared; where there are no kinks nobody asks for them."""
+        for sign, surface in self._waiting.items():
+            form, way = signed_form(surface, self.parameters)
+            own = self._known.setdefault(form, way * sign)
+            self.declared_late |= not own.free_symbols.isdisjoint(self.surfaces)
+        self._waiting.clear()
 
     def resolved(self, expression: sp.Expr, arguments: Sequence[sp.Expr]) -> sp.Expr:
         """An expression with symbols for its signs; ``arguments`` are those of its kinks in order of appearance."""
@@ -243,7 +252,8 @@ class Kinks:
             form, way = (argument, 1) if argument.is_number else up_to_a_number(argument)
             if form not in self._signs and expression.has(Sgn(form)):
                 self._signs[form] = way * self._sign(argument)
-        return expression.xreplace({Sgn(form): sign for form, sign in self._signs.items()})
+        found = ((sign, self._signs.get(sign.args[0])) for sign in expression.atoms(Sgn))
+        return expression.xreplace({sign: value for sign, value in found if value is not None})
 
     def guard(
         self, sign: sp.Symbol, expression: sp.Expr, arguments: Sequence[sp.Expr]
@@ -274,13 +284,15 @@ class Kinks:
 
     def used(self, expression: sp.Expr) -> dict[sp.Symbol, sp.Expr]:
         """The kinks whose signs an expression holds."""
-        return {sign: surface for sign, surface in self.surfaces.items() if expression.has(sign)}
+        held = expression.free_symbols
+        return {sign: surface for sign, surface in self.surfaces.items() if sign in held}
 
     def _sign(self, argument: sp.Expr) -> sp.Expr:
         if argument.free_symbols <= set(self.parameters):
             value = exact_sign(argument.xreplace(self.parameters))
             self.conditions.append(-argument if value < 0 else argument)
             return sp.Integer(value)
+        self._take_in()
         form, way = signed_form(argument, self.parameters)
         if form not in self._known:
             sign = sp.Symbol(f"kink{len(self.surfaces) + 1}", real=True)

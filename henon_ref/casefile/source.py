@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -15,10 +16,13 @@ from henon_ref.casefile.grammar import MAX_STATES, name_problem, scan
 from henon_ref.casefile.kinks import MAX_INNER, Kinks, at_signs, without_signs
 from henon_ref.casefile.tree import MappingNode, ScalarNode, SequenceNode, child, locate
 from henon_ref.errors import CaseError, ExpressionError
-from henon_ref.filippov.work import Work, overlaid
+from henon_ref.filippov.work import Work, names_in, overlaid
 from henon_ref.taylor.tape import TIME
 
 T = TypeVar("T")
+WITH_VALUES = " (with the values of the parameters)"
+_NAME = re.compile(r"(?<![\w.])[^\W\d]\w*")
+"""A name, not an exponent of a number."""
 Path = Sequence[str | int]
 """Keys and indices from the top of the file, as ``("system", "field", 0)``."""
 
@@ -186,19 +190,37 @@ class Names:
         """
         own = self._own_signs(signs)
         expression = source.expression(path, overlaid(own, self._symbols))
-        if self.values:
-            source.expression(path, overlaid(own, self._numbers), " (with the values of the parameters)")
-        source.check_sides(path, self._numbers, own)
+        if self._is_new(source, path, "smooth"):
+            if self.values:
+                source.expression(path, overlaid(own, self._numbers), WITH_VALUES)
+            source.check_sides(path, self._numbers, own)
         return expression
 
     def written(self, source: Source, path: Path, *, signs: Sequence[str] = ()) -> tuple[sp.Expr, list[sp.Expr]]:
         """Read an expression that may have kinks, and what they are kinks of; checked as in :meth:`smooth`."""
         own = self._own_signs(signs)
         found = source.field(path, overlaid(own, self._symbols))
-        if self.values:
-            source.field(path, overlaid(own, self._numbers), " (with the values of the parameters)")
-        source.check_sides(path, self._numbers, own, kinks=True)
+        if self._is_new(source, path, "written"):
+            if self.values:
+                source.field(path, overlaid(own, self._numbers), WITH_VALUES)
+            source.check_sides(path, self._numbers, own, kinks=True)
         return found
+
+    def _is_new(self, source: Source, path: Path, kind: str) -> bool:
+        """Whether no text that says the same of other states and signs has been checked with the parameters' values."""
+        text, found = source.text(path), dict[str, str]()
+
+        def renamed(match: re.Match[str]) -> str:
+            name = match[0]
+            if name in self.states or name in self.signs:
+                return found.setdefault(name, f"{'s' if name in self.signs else 'x'}#{len(found)}")
+            return name
+
+        form = _NAME.sub(renamed, text)
+        key = kind, form, tuple((name, self.values.get(name)) for name in names_in(form))
+        known = key in source.work.texts
+        source.work.texts[key] = None
+        return not known
 
     @cached_property
     def _symbols(self) -> dict[str, sp.Expr]:

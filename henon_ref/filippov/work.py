@@ -26,7 +26,8 @@ class Work:
     """The work done for one file; every reading of an expression is counted here and looked up here first."""
 
     done: int = 0
-    most: int = MAX_WORK
+    files: int = 1
+    """As many files' work is allowed: a system from Python may be larger than one of a file."""
     values: dict[Hashable, sp.Expr] = field(default_factory=dict)
     """What a text stands for, by the text and what its names stand for."""
 
@@ -44,10 +45,11 @@ class Work:
             Where it is more than a file may cost.
         """
         self.done += characters
-        if self.done > self.most:
+        most = self.files * MAX_WORK
+        if self.done > most:
             raise ExpressionError(
                 "with this the expressions of the file are too much work: each text, worked out with the values of the "
-                f"parameters and both sides of the signs, counts by its length, and {self.most} characters are "
+                f"parameters and both sides of the signs, counts by its length, and {most} characters are "
                 "allowed; make the expressions, or the readings, shorter or fewer",
                 offset,
             )

@@ -42,9 +42,9 @@ SAME_CODE = 64
 
 
 @lru_cache(maxsize=SAME_CODE)
-def native_module(ir: str, *, optimised: bool = True) -> NativeModule:
+def native_module(ir: str, *, optimised: bool = True, simplified: bool | None = None) -> NativeModule:
     """Machine code of a text; the same for the same text."""
-    return NativeModule(ir, optimised=optimised)
+    return NativeModule(ir, optimised=optimised, simplified=simplified)
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +132,7 @@ def _mode_code(
     field_branches = _has_branch_points(expansion, expansion.field)
     guards_branch = tuple(_has_branch_points(expansion, [row]) for row in expansion.outputs)
     has_branch_points = field_branches or any(guards_branch)
-    large = len(nodes) > LARGE
+    large, not_watched = len(nodes) > LARGE, len(nodes) <= len(expansion.needed(expansion.field)) + MOST_WATCHED
     expansion_code, end_code = (looped_expansion_ir, looped_step_end_ir) if large else (expansion_ir, step_end_ir)
     code = native_module(
         declarations()
@@ -141,7 +141,8 @@ def _mode_code(
         + expansion_code(probe, n, 0, "probe")
         + rounding_ir(expansion, n, "rounding")
         + (expansion_code(expansion, n, 1, "slopes", row_length(order)) if has_branch_points else ""),
-        optimised=large or len(nodes) <= len(expansion.needed(expansion.field)) + MOST_WATCHED,
+        optimised=large or not_watched,
+        simplified=not_watched and not large,
     )
     tapes = ModeTape(expansion, entries), ModeTape(probe, entries)
     return ModeCode(*tapes, code, degree, field_branches, guards_branch, tape_program(expansion, max(degrees)))

@@ -19,7 +19,7 @@ from henon_ref.casefile.source import Source
 from henon_ref.casefile.tree import MappingNode, ScalarNode, SequenceNode, child, merged
 from henon_ref.errors import ArgumentError, ExpressionError, HenonRefError
 from henon_ref.filippov.exponents import parameters_in_exponents, with_rational_exponents
-from henon_ref.filippov.work import MAX_WORK, Work
+from henon_ref.filippov.work import Work
 from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.written import mapping, tree_of, written, written_name
 from henon_ref.taylor.size import size
@@ -382,7 +382,7 @@ def _source(tree: MappingNode) -> Source:
     """A model from Python, whose expressions may cost the more the more states it has."""
     state = child(tree, ["system", "state"])
     parts = len(state.items) // MAX_STATES if isinstance(state, SequenceNode) else 0
-    return Source(tree, work=Work(most=(1 + parts) * MAX_WORK), most_states=MOST_STATES)
+    return Source(tree, work=Work(files=1 + parts), most_states=MOST_STATES)
 
 
 def _short(expression: sp.Expr) -> str:
