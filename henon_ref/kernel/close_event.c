@@ -42,11 +42,6 @@ struct near_place {
     double depth; /* how far from zero what decides it is */
 };
 
-static inline struct bounded at_place(struct pair place)
-{
-    return (struct bounded){place.high, place.low, 0.0};
-}
-
 /* A power of two no smaller than a length. */
 static inline double unit_above(double length)
 {
@@ -105,9 +100,10 @@ static bool motion_from_start(const struct work *w, struct pair_expansion *e, st
             part *= 0.5;
             continue;
         }
-        struct pair place = {stretch.high / e->unit, stretch.low / e->unit};
+        struct powers powers;
+        powers_at(e, (struct pair){stretch.high / e->unit, stretch.low / e->unit}, &powers);
         for (int64_t i = 0; i < n; i++) {
-            struct bounded there = value_in_pairs(e, &e->series[i], at_place(place));
+            struct bounded there = value_in_pairs(e, &e->series[i], &powers.own);
             high[i] = there.high, low[i] = there.low, error[i] = there.error;
         }
         struct pair time = last ? (struct pair){run->time, run->time_low} : added(from, stretch);
@@ -136,16 +132,28 @@ static bool all_digits(const struct work *w, struct pair_expansion *e, struct bo
     return true;
 }
 
-/* Bernstein coefficients on [0, end] of a series, its first "zeros" terms left out; what they may be off. */
-static double bernstein_of(const struct pair_expansion *e, const struct pair_series *q, int64_t zeros, double end,
-                           double *b)
+/* Bernstein coefficients on [0, end] of a series, its first "zeros" terms left out. */
+struct bernstein {
+    int64_t degree; /* what comes after it counts for nothing in doubles */
+    double noise;   /* what each coefficient may be off */
+    double b[PAIR_TERMS];
+};
+
+static void bernstein_of(const struct pair_expansion *e, const struct pair_series *q, int64_t zeros, double end,
+                         struct bernstein *found)
 {
     int64_t degree = e->terms - 1 - zeros;
-    double size = 0.0, error = 0.0, power = 1.0, scaled[PAIR_TERMS];
+    double size = 0.0, error = 0.0, power = 1.0, scaled[PAIR_TERMS], *b = found->b;
     for (int64_t k = 0; k <= degree; k++) {
         scaled[k] = q->high[zeros + k] * power;
         size += fabs(scaled[k]), error += q->error[zeros + k] * power;
         power *= end;
+    }
+    for (double left_out = 0.0; degree > 2; degree--) {
+        left_out += fabs(scaled[degree]);
+        if (left_out > 0.5 * EPS * size)
+            break;
+        error += fabs(scaled[degree]);
     }
     double choices = 1.0; /* binomial coefficients; sums of products with others, as in Pascal's triangle */
     for (int64_t k = degree; k >= 0; k--) {
@@ -157,7 +165,8 @@ static double bernstein_of(const struct pair_expansion *e, const struct pair_ser
         }
         choices = choices * (double)k / (double)(degree - k + 1);
     }
-    return 4.0 * (double)(degree + 2) * EPS * size + error;
+    found->degree = degree;
+    found->noise = 4.0 * (double)(degree + 2) * EPS * size + error;
 }
 
 /* Whether a polynomial of these Bernstein coefficients is above a level. */
@@ -237,7 +246,9 @@ static double sign_change(const struct pair_expansion *e, const struct pair_seri
 static struct near_place falling_root(const struct pair_expansion *e, const struct pair_series *q, struct pair at)
 {
     for (int step = 0; step < 4; step++) {
-        struct bounded height = value_in_pairs(e, q, at_place(at)), slope = slope_in_pairs(e, q, at_place(at));
+        struct powers powers;
+        powers_at(e, at, &powers);
+        struct bounded height = value_in_pairs(e, q, &powers.own), slope = value_in_pairs(e, q, &powers.sloped);
         if (!(slope.high < -CLEAR * slope.error))
             break;
         double found[4], shift = -height.high / slope.high;
@@ -256,7 +267,9 @@ static struct near_place at_minimum(const struct pair_expansion *e, const struct
                                     double high)
 {
     double about = sign_change(e, q, 1, low, high), found[4];
-    struct bounded place = exactly(about), height = value_in_pairs(e, q, place), slope = slope_in_pairs(e, q, place);
+    struct powers powers;
+    powers_at(e, (struct pair){about, 0.0}, &powers);
+    struct bounded height = value_in_pairs(e, q, &powers.own), slope = value_in_pairs(e, q, &powers.sloped);
     derivatives(e, q, about, found);
     double shift = -slope.high / found[2];
     height = bounded_sum(height, exactly(0.5 * slope.high * shift));
@@ -281,11 +294,12 @@ static struct near_place at_minimum(const struct pair_expansion *e, const struct
 /* What a guard does first, up to a neighbourhood of a place. */
 static struct near_place near_zero(const struct pair_expansion *e, const struct pair_series *q, double suspect)
 {
-    int64_t degree = e->terms - 1;
-    for (double part = WIDEST; degree > 0 && part >= NARROWEST; part *= NARROWER) {
-        double b[PAIR_TERMS], left[PAIR_TERMS], low = suspect * (1.0 - part), high = suspect * (1.0 + part);
-        high = smaller(high, e->reach);
-        double noise = 2.0 * bernstein_of(e, q, 0, high, b);
+    for (double part = WIDEST; e->terms > 1 && part >= NARROWEST; part *= NARROWER) {
+        struct bernstein whole;
+        double left[PAIR_TERMS], low = suspect * (1.0 - part), high = smaller(suspect * (1.0 + part), e->reach);
+        bernstein_of(e, q, 0, high, &whole);
+        double *b = whole.b, noise = 2.0 * whole.noise;
+        int64_t degree = whole.degree;
         cut(left, b, degree, low / high);
         int64_t shape = shape_of(b, degree, noise);
         if (shape == OPEN || !above(left, degree, noise, HALVINGS))
@@ -309,7 +323,7 @@ static bool has_no_event(const struct work *w, const struct pair_expansion *e, i
 {
     const struct pair_series *q = series_of(e, w->run->states + g);
     int64_t zeros = w->known_zeros[g], degree = e->terms - 1 - zeros;
-    double size = 0.0, power = 1.0, b[PAIR_TERMS];
+    double size = 0.0, power = 1.0;
     if (load_equals_friction(w, g, natural))
         return true;
     if (degree < 0)
@@ -325,10 +339,12 @@ static bool has_no_event(const struct work *w, const struct pair_expansion *e, i
             return false;
     if (sign * first - size > KNOWN_ZERO_LEVEL * (fabs(first) + size))
         return true;
-    double noise = bernstein_of(e, q, zeros, end, b);
-    for (int64_t i = 0; i <= degree; i++)
-        b[i] *= sign;
-    return above(b, degree, noise + (zeros > 0 ? KNOWN_ZERO_LEVEL * (fabs(first) + size) : 0.0), HALVINGS);
+    struct bernstein whole;
+    bernstein_of(e, q, zeros, end, &whole);
+    for (int64_t i = 0; i <= whole.degree; i++)
+        whole.b[i] *= sign;
+    double level = whole.noise + (zeros > 0 ? KNOWN_ZERO_LEVEL * (fabs(first) + size) : 0.0);
+    return above(whole.b, whole.degree, level, HALVINGS);
 }
 
 /* What follows where a guard falls through zero at a point; false where two numbers do not tell. */
@@ -407,15 +423,17 @@ static int64_t settle(struct work *w, struct pair_expansion *e, int64_t g, doubl
     for (int64_t k = 0; k < w->mode->guards; k++)
         if (k != g && !has_no_event(w, e, k, smaller(near.at.high * (1.0 + NARROWEST), e->reach), natural))
             return UNDECIDED_EVENT;
+    struct powers powers;
+    powers_at(e, near.at, &powers);
     for (int64_t i = 0; i < run->states; i++)
-        state[i] = value_in_pairs(e, &e->series[i], at_place(near.at));
+        state[i] = value_in_pairs(e, &e->series[i], &powers.own);
     struct pair step = {near.at.high * e->unit, near.at.low * e->unit};
     struct pair end = added((struct pair){run->time, run->time_low}, step);
     struct bounded time = {end.high, end.low, 0.0};
     double left = (run->horizon - end.high) + (run->horizon_low - end.low), nothing = TIME_ROUNDING * fabs(run->horizon);
     bool late = left < -nothing || (left < nothing && near.what != FALLING);
     struct change found;
-    double rate = fabs(slope_in_pairs(e, q, at_place(near.at)).high);
+    double rate = fabs(value_in_pairs(e, q, &powers.sloped).high);
     if (near.what == FALLING && !late && !change_at(w, e, g, time, state, rate, &found))
         return UNDECIDED_EVENT;
     step_to(w, time, state, step.high);
