@@ -25,8 +25,8 @@ def tape_program(tape: Tape, degree: int) -> NDArray[np.int64] | None:
     degree : int
         Of states and outputs where they are polynomials in time; else :data:`henon_ref.taylor.tape.INFINITE`.
     """
-    rows = len(tape.field) + len(tape.outputs)
-    if rows > kernel.PAIR_ROWS or len(tape.nodes) > MOST_OPERATIONS or any(node.op not in _KINDS for node in tape.nodes):
+    large = len(tape.field) + len(tape.outputs) > kernel.PAIR_ROWS or len(tape.nodes) > MOST_OPERATIONS
+    if large or any(node.op not in _KINDS for node in tape.nodes):
         return None
     operations: list[int] = []
     for at, node in enumerate(tape.nodes):
