@@ -32,10 +32,10 @@
 /* Part of a number below which what rounding lost of it is nothing. */
 #define PAIR_ROUNDING 0x1p-106
 
-/* What a guard does next to where it was seen near zero. */
-enum nearby { OPEN, RISING, VALLEY, FALLING };
+/* What a guard does next to where it was seen near zero: TOUCHING it does exactly, in numbers that doubles hold. */
+enum nearby { OPEN, RISING, VALLEY, TOUCHING, FALLING };
 
-/* That, and where: its minimum (VALLEY), its root (FALLING). */
+/* That, and where: its minimum (VALLEY, TOUCHING), its root (FALLING). */
 struct near_place {
     int64_t what;
     struct pair at;
@@ -262,6 +262,12 @@ static struct near_place falling_root(const struct pair_expansion *e, const stru
     return (struct near_place){.what = OPEN};
 }
 
+/* Whether a number is zero and known to be. */
+static inline bool exact_zero(struct bounded number)
+{
+    return number.high == 0.0 && number.low == 0.0 && number.error == 0.0;
+}
+
 /* A guard with one minimum between two places: whether that is above zero, or else its first root. */
 static struct near_place at_minimum(const struct pair_expansion *e, const struct pair_series *q, double low,
                                     double high)
@@ -275,9 +281,12 @@ static struct near_place at_minimum(const struct pair_expansion *e, const struct
     height = bounded_sum(height, exactly(0.5 * slope.high * shift));
     double error = height.error + (fabs(slope.high) * EPS + slope.error) * fabs(shift)
                    + fabs(found[3] * shift * shift * shift);
-    if (!(found[2] > 0.0 && fabs(height.high) > CLEAR * error))
-        return (struct near_place){.what = OPEN};
     struct pair bottom = pair_sum(about, shift);
+    if (!(found[2] > 0.0 && fabs(height.high) > CLEAR * error)) {
+        powers_at(e, bottom, &powers);
+        bool touching = exact_zero(value_in_pairs(e, q, &powers.own)) && exact_zero(value_in_pairs(e, q, &powers.sloped));
+        return (struct near_place){touching && found[2] > 0.0 ? TOUCHING : OPEN, bottom, 0.0};
+    }
     if (height.high > 0.0)
         return (struct near_place){VALLEY, bottom, height.high};
     /* of the cubic about the minimum, from its parabola's root on */
@@ -347,38 +356,62 @@ static bool has_no_event(const struct work *w, const struct pair_expansion *e, i
     return above(whole.b, whole.degree, level, HALVINGS);
 }
 
-/* What follows where a guard falls through zero at a point; false where two numbers do not tell. */
-static bool change_at(const struct work *w, const struct pair_expansion *own, int64_t g, struct bounded time,
-                      const struct bounded *state, double rate, struct change *found)
+/* How a guard's surface is left on its other side: twice the first two terms of what is away from it, there. */
+struct beyond {
+    struct bounded rate, bend;
+};
+
+/* That at a point on the surface; false where it is not known. */
+static bool look_beyond(const struct work *w, const struct pair_expansion *own, const struct guard *guard,
+                        struct bounded time, const struct bounded *state, struct beyond *found)
+{
+    struct pair_expansion e = expansion_in(w, guard->mode_across);
+    const struct mode *across = mode_at(w, guard->mode_across);
+    e.unit = own->unit, e.reach = own->reach;
+    if (!make_room(&e))
+        return false;
+    expand_in_pairs(&e, time, state, 3);
+    bool there = false;
+    for (int64_t k = 0; k < across->guards; k++)
+        if (is_on(&across->guard[k], guard->index)) {
+            const struct pair_series *q = series_of(&e, w->run->states + k);
+            found->rate = term(q, 1);
+            found->bend = e.terms > 2 ? term(q, 2) : exactly(0.0);
+            there = true;
+        }
+    free(e.series);
+    return there;
+}
+
+/* What follows at a point where a guard falls through zero, or touches it; false where two numbers do not tell.
+ *
+ * Where it is touched the mode goes on, and there is no change: if the other side does not lead away as well.
+ */
+static bool change_at(const struct work *w, const struct pair_expansion *e, int64_t g, struct near_place near,
+                      struct bounded time, const struct bounded *state, struct change *found)
 {
     const struct guard *guard = &w->mode->guard[g];
+    bool touching = near.what == TOUCHING;
     *found = (struct change){RELEASED, guard->mode_across, guard->zeros_at_release};
     if (guard->kind == VALID || guard->coupled != UNCOUPLED || guard->hold_zone != 0 || guard->jump
         || guard->mode_across < 0)
         return false;
     if (guard->kind == RELEASE)
         return found->zeros > 0;
-    struct pair_expansion e = expansion_in(w, guard->mode_across);
-    e.unit = own->unit, e.reach = own->reach;
-    if (!make_room(&e))
+    struct beyond away;
+    if (!look_beyond(w, e, guard, time, state, &away))
         return false;
-    expand_in_pairs(&e, time, state, 3);
-    const struct mode *across = mode_at(w, guard->mode_across);
-    struct bounded away = exactly(0.0);
-    for (int64_t k = 0; k < across->guards; k++)
-        if (is_on(&across->guard[k], guard->index)) {
-            const struct pair_series *q = series_of(&e, w->run->states + k);
-            away = term(q, 1);
-            away.error += e.terms > 2 ? KNOWN_PLACE * fabs(q->high[2]) : 0.0;
-        }
-    free(e.series);
-    if (!(fabs(away.high) > larger(CLEAR * away.error, TANGENT * rate)))
+    if (touching && exact_zero(away.rate))
+        return away.bend.high < -CLEAR * away.bend.error;
+    double derivative[4], error = away.rate.error + KNOWN_PLACE * fabs(away.bend.high);
+    derivatives(e, series_of(e, w->run->states + g), near.at.high, derivative);
+    if (!(fabs(away.rate.high) > larger(CLEAR * error, TANGENT * fabs(derivative[1]))))
         return false;
-    if (away.high > 0.0)
+    if (away.rate.high > 0.0)
         *found = (struct change){CROSSING, guard->mode_across, 1};
     else
         *found = (struct change){STICK, guard->mode_stuck, 0};
-    return found->mode >= 0;
+    return touching ? away.rate.high < 0.0 : found->mode >= 0;
 }
 
 /* Two doubles of a number. */
@@ -406,6 +439,7 @@ static void step_to(struct work *w, struct bounded time, const struct bounded *s
 static int64_t settle(struct work *w, struct pair_expansion *e, int64_t g, double natural, struct bounded *state)
 {
     struct run *run = w->run;
+    const struct guard *guard = &w->mode->guard[g];
     bool rounded;
     if (w->known_zeros[g] > 0 || !all_digits(w, e, state, &rounded))
         return UNDECIDED_EVENT;
@@ -431,27 +465,25 @@ static int64_t settle(struct work *w, struct pair_expansion *e, int64_t g, doubl
     struct pair end = added((struct pair){run->time, run->time_low}, step);
     struct bounded time = {end.high, end.low, 0.0};
     double left = (run->horizon - end.high) + (run->horizon_low - end.low), nothing = TIME_ROUNDING * fabs(run->horizon);
-    bool late = left < -nothing || (left < nothing && near.what != FALLING);
+    bool event = near.what == FALLING || near.what == TOUCHING, late = left < (event ? -nothing : nothing);
     struct change found;
-    double rate = fabs(value_in_pairs(e, q, &powers.sloped).high);
-    if (near.what == FALLING && !late && !change_at(w, e, g, time, state, rate, &found))
+    if (event && !late && !change_at(w, e, g, near, time, state, &found))
         return UNDECIDED_EVENT;
     step_to(w, time, state, step.high);
     if (late) {
         run->time = run->horizon, run->time_low = run->horizon_low;
     } else if (near.what == FALLING) {
-        const struct guard *guard = &w->mode->guard[g];
-        const struct mode *after = mode_at(w, found.mode);
         record_transition(w, found.kind, guard->index, guard->side, run->mode, found.mode);
         run->mode = found.mode;
-        set_known_zeros(w, after, guard->index, found.zeros);
+        set_known_zeros(w, mode_at(w, found.mode), guard->index, found.zeros);
         if (events_accumulate(run))
             return EVENTS_ACCUMULATE;
-        return run->stopped ? STOPPED : ON;
-    } else if (near.what == VALLEY) {
+    } else if (near.what != RISING) {
         w->known_zeros[g] = 2;
+        if (near.what == TOUCHING && guard->kind == SURFACE) /* of a slide whose end is touched nothing is told */
+            record_transition(w, GRAZE, guard->index, 0, run->mode, run->mode);
     }
-    return ON;
+    return run->stopped ? STOPPED : ON;
 }
 
 /* Decide the event at which a step was left undecided; UNDECIDED_EVENT where multiprecision has to. */
