@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import contourpy
 import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
@@ -52,8 +53,6 @@ def _surfaces(
     system: FilippovSystem, pair: tuple[int, int], limits: Sequence[tuple[float, float]]
 ) -> list[NDArray[np.float64]]:
     """The curves h = 0 of the surfaces that depend on these two states alone."""
-    from contourpy import contour_generator
-
     states = [system.states[k] for k in pair]
     across, upward = (np.linspace(low, high, GRID) for low, high in limits)
     found: list[NDArray[np.float64]] = []
@@ -63,5 +62,6 @@ def _surfaces(
         h = sp.lambdify(states, system.numeric(surface), np)
         values = np.broadcast_to(np.asarray(h(*np.meshgrid(across, upward)), dtype=float), (GRID, GRID))
         if np.nanmin(values) < 0 < np.nanmax(values):
-            found += contour_generator(across, upward, np.ma.masked_invalid(values), name="mpl2014").lines(0.0)[0]
+            generator = contourpy.contour_generator(across, upward, np.ma.masked_invalid(values), name="mpl2014")
+            found += [np.asarray(line) for line in generator.lines(0.0)[0]]
     return found

@@ -87,9 +87,15 @@ def ended(system: FilippovSystem, mode: Mode, hits: Sequence[Guard], time: str) 
     return None
 
 
+@lru_cache(maxsize=64)
+def _text(expression: sp.Expr) -> str:
+    """It as text, which takes longer than most runs that end there."""
+    return str(expression)
+
+
 def _end(system: FilippovSystem, mode: Mode, guard: Guard) -> str:
     if guard.kind == "valid":
-        return f"the model ends: {system.valid[guard.index]} fell to 0 at"
+        return f"the model ends: {_text(system.valid[guard.index])} fell to 0 at"
     if guard.kind == "surface":
         name = system.sign_names[guard.index]
         value = "it had no value at the start; reached at" if system.open_kinks else "it has no value before"

@@ -19,7 +19,7 @@ def ending_of(run: State, code: int) -> tuple[Status, str]:
     grown = largest > 1e8 * max(1.0, *(abs(v[0]) for v in run.start.x))
     if code == kernel.DIVERGED or (code == kernel.STALLED and grown):
         return "diverged", f"the state leaves every bound at {at}"
-    singular = _vanishing_guard(run) if code == kernel.STALLED else None
+    singular = vanishing_guard(run) if code == kernel.STALLED else None
     if singular is not None:
         return _domain_ending(run, singular)
     if code == kernel.STALLED:
@@ -36,7 +36,7 @@ def _domain_ending(run: State, guard: Guard) -> tuple[Status, str]:
     return refused.ending, refused.reason
 
 
-def _vanishing_guard(run: State) -> Guard | None:
+def vanishing_guard(run: State) -> Guard | None:
     """A guard that ends the run and has shrunk to nothing where it stalled (the field may be singular there)."""
     next_to_nothing = 1e-14 * max(1.0, abs(run.start.time[0]), abs(run.time))
     for g, guard in enumerate(run.guards):

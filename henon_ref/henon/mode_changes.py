@@ -15,14 +15,14 @@ from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode, numbered_mode, replaced, transition_kind
 from henon_ref.filippov.resets import resetting, rows_at
 from henon_ref.filippov.resting import REMAINING
-from henon_ref.henon.endings import ending_of
+from henon_ref.henon.endings import ending_of, vanishing_guard
 from henon_ref.henon.entries import written
 from henon_ref.henon.guard_branch_point import behind_branch_point
 from henon_ref.henon.precise_motion import PreciseMotion
 from henon_ref.henon.records import RESET, STEP, STEP_PLACES, STICK, TRANSITION, TRANSITION_PLACES
 from henon_ref.henon.state_view import State
 from henon_ref.henon.transition_array import KINDS
-from henon_ref.kernel.shared import LEVELS, kernel
+from henon_ref.kernel.shared import LEVELS, doubles, kernel
 from henon_ref.precision import working_precision
 from henon_ref.roots.multiprecision import BITS
 from henon_ref.trajectory import Decisions, Status
@@ -85,7 +85,7 @@ class ModeChanges(State):
         assert self._steps is not None
         self.step_blocks.append(self._steps[: self.scalars.dense_steps])
         self._steps = np.empty_like(self._steps)
-        self.scalars.dense, self.scalars.dense_steps = self._steps.ctypes.data, 0
+        self.scalars.dense, self.scalars.dense_steps = doubles(self._steps), 0
 
     def _keep_step(self, length: float) -> None:
         """Keep the step that leads to an event located in multiprecision: the compiled loop has not taken it."""
@@ -94,7 +94,7 @@ class ModeChanges(State):
         row = self._steps[scalars.dense_steps]
         row[STEP_PLACES:], step = self.workspace.band[:n, :columns].ravel(), row[:STEP_PLACES].view(STEP)[0]
         for name in ("time", "time_low", "unit", "mode"):
-            step[name] = scalars[name]
+            step[name] = getattr(scalars, name)
         step["length"] = length
         scalars.dense_steps += 1
 
@@ -229,10 +229,10 @@ class ModeChanges(State):
         return None if late else self._change_mode(rest.decision, rest.known_zeros, ())
 
     def _pass_branch_point(self) -> bool:
-        """Go on behind a branch point of a guard; False where there is none, or what happens is not clear."""
+        """Go on behind a branch point of a guard; False where there is none, the model ends, or it is not clear."""
         scalars = self.scalars
         code = self.integrator.mode_table.codes[int(scalars.mode)]
-        if not code.guards_branch_alone or self._passed_at == scalars.steps:
+        if not code.guards_branch_alone or self._passed_at == scalars.steps or vanishing_guard(self) is not None:
             return False
         until, until_low = self.until
         behind = behind_branch_point(

@@ -84,7 +84,7 @@ class Run(ModeChanges):
             self.workspace = workspace = integrator.workspaces.new()
         self.integrator, self.start, self.deadline = integrator, start, deadline
         self.state = state = workspace.state
-        state[...], self._scalars = start.state, None
+        state[...] = start.state
         if block != CHUNK:
             self.scalars.transition_capacity = block
         self.samples, self._sampled = _NO_SAMPLES, ffi.NULL
@@ -99,7 +99,7 @@ class Run(ModeChanges):
         self.ended: Trajectory | None = None
         if dense:
             self._steps = np.empty((dense, STEP_PLACES + len(start.x) * (start.order + 1)))
-            self.scalars.dense, self.scalars.dense_capacity = self._steps.ctypes.data, dense
+            self.scalars.dense, self.scalars.dense_capacity = doubles(self._steps), dense
 
     def __del__(self) -> None:
         self.integrator.workspaces.free.append(self.workspace)

@@ -12,13 +12,13 @@ from henon_ref.filippov.modes import Mode
 from henon_ref.henon.entries import read, words_of, written
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.start import Start
-from henon_ref.henon.workspace import LAST_STEPS, RUN_VIEW, STATE_PLACE, Workspace
+from henon_ref.henon.workspace import STATE_PLACE, Workspace
 
 
 class State:
     """A run's block, and views of its parts. (A run sets these itself: a call costs a tenth of a short run.)"""
 
-    __slots__ = ("_scalars", "integrator", "start", "state", "workspace")
+    __slots__ = ("integrator", "start", "state", "workspace")
 
     integrator: Integrator
     start: Start
@@ -26,15 +26,11 @@ class State:
     """The run's own as long as it lives."""
     state: NDArray[np.float64]
     """A copy of the start's, in the run's own workspace."""
-    _scalars: Any
-    """None where nobody has asked for them."""
 
     @property
     def scalars(self) -> Any:
-        """Fields of :data:`RUN`: a view. (Made when it is asked for: the shortest runs do without.)"""
-        if self._scalars is None:
-            self._scalars = self.state[:LAST_STEPS].view(RUN_VIEW)[0]
-        return self._scalars
+        """``struct run`` of the kernel's header, at the begin of the block."""
+        return self.workspace.run
 
     @property
     def guards(self) -> tuple[Guard, ...]:

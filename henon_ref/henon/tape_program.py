@@ -25,7 +25,8 @@ def tape_program(tape: Tape, degree: int) -> NDArray[np.int64] | None:
     degree : int
         Of states and outputs where they are polynomials in time; else :data:`henon_ref.taylor.tape.INFINITE`.
     """
-    if len(tape.nodes) > MOST_OPERATIONS or any(node.op not in _KINDS for node in tape.nodes):
+    large = len(tape.field) + len(tape.outputs) > kernel.PAIR_ROWS or len(tape.nodes) > MOST_OPERATIONS
+    if large or any(node.op not in _KINDS for node in tape.nodes):
         return None
     operations: list[int] = []
     for at, node in enumerate(tape.nodes):
@@ -33,6 +34,6 @@ def tape_program(tape: Tape, degree: int) -> NDArray[np.int64] | None:
         first, second, sign, divides = (node.args[0], node.args[-1], 0, 0) if rule else (0, 0, 0, 0)
         if isinstance(rule, IntegralOfProduct | IntegralOfQuotient):
             second, sign, divides = rule.place(at, node.args), rule.sign, int(isinstance(rule, IntegralOfQuotient))
-        operations += [_KINDS[node.op], first, second, *(*node.constants, 0, 0)[:2], sign, divides]
+        operations += [_KINDS[node.op], first, second, *(*node.constants, 0, 0)[:2], sign, divides, node.degree]
     head = len(tape.nodes), len(tape.constants), len(tape.field), len(tape.outputs), degree if degree < INFINITE else 0
     return np.array([*head, *operations, *tape.field, *tape.outputs], dtype=np.int64)

@@ -32,20 +32,15 @@
 /* Part of a number below which what rounding lost of it is nothing. */
 #define PAIR_ROUNDING 0x1p-106
 
-/* What a guard does next to where it was seen near zero. */
-enum nearby { OPEN, RISING, VALLEY, FALLING };
+/* What a guard does next to where it was seen near zero: TOUCHING it does exactly, in numbers that doubles hold. */
+enum nearby { OPEN, RISING, VALLEY, TOUCHING, FALLING };
 
-/* That, and where: its minimum (VALLEY), its root (FALLING). */
+/* That, and where: its minimum (VALLEY, TOUCHING), its root (FALLING). */
 struct near_place {
     int64_t what;
     struct pair at;
     double depth; /* how far from zero what decides it is */
 };
-
-static inline struct bounded at_place(struct pair place)
-{
-    return (struct bounded){place.high, place.low, 0.0};
-}
 
 /* A power of two no smaller than a length. */
 static inline double unit_above(double length)
@@ -105,9 +100,10 @@ static bool motion_from_start(const struct work *w, struct pair_expansion *e, st
             part *= 0.5;
             continue;
         }
-        struct pair place = {stretch.high / e->unit, stretch.low / e->unit};
+        struct powers powers;
+        powers_at(e, (struct pair){stretch.high / e->unit, stretch.low / e->unit}, &powers);
         for (int64_t i = 0; i < n; i++) {
-            struct bounded there = value_in_pairs(e, &e->series[i], at_place(place));
+            struct bounded there = value_in_pairs(e, &e->series[i], &powers.own);
             high[i] = there.high, low[i] = there.low, error[i] = there.error;
         }
         struct pair time = last ? (struct pair){run->time, run->time_low} : added(from, stretch);
@@ -136,16 +132,28 @@ static bool all_digits(const struct work *w, struct pair_expansion *e, struct bo
     return true;
 }
 
-/* Bernstein coefficients on [0, end] of a series, its first "zeros" terms left out; what they may be off. */
-static double bernstein_of(const struct pair_expansion *e, const struct pair_series *q, int64_t zeros, double end,
-                           double *b)
+/* Bernstein coefficients on [0, end] of a series, its first "zeros" terms left out. */
+struct bernstein {
+    int64_t degree; /* what comes after it counts for nothing in doubles */
+    double noise;   /* what each coefficient may be off */
+    double b[PAIR_TERMS];
+};
+
+static void bernstein_of(const struct pair_expansion *e, const struct pair_series *q, int64_t zeros, double end,
+                         struct bernstein *found)
 {
     int64_t degree = e->terms - 1 - zeros;
-    double size = 0.0, error = 0.0, power = 1.0, scaled[PAIR_TERMS];
+    double size = 0.0, error = 0.0, power = 1.0, scaled[PAIR_TERMS], *b = found->b;
     for (int64_t k = 0; k <= degree; k++) {
         scaled[k] = q->high[zeros + k] * power;
         size += fabs(scaled[k]), error += q->error[zeros + k] * power;
         power *= end;
+    }
+    for (double left_out = 0.0; degree > 2; degree--) {
+        left_out += fabs(scaled[degree]);
+        if (left_out > 0.5 * EPS * size)
+            break;
+        error += fabs(scaled[degree]);
     }
     double choices = 1.0; /* binomial coefficients; sums of products with others, as in Pascal's triangle */
     for (int64_t k = degree; k >= 0; k--) {
@@ -157,7 +165,8 @@ static double bernstein_of(const struct pair_expansion *e, const struct pair_ser
         }
         choices = choices * (double)k / (double)(degree - k + 1);
     }
-    return 4.0 * (double)(degree + 2) * EPS * size + error;
+    found->degree = degree;
+    found->noise = 4.0 * (double)(degree + 2) * EPS * size + error;
 }
 
 /* Whether a polynomial of these Bernstein coefficients is above a level. */
@@ -237,7 +246,9 @@ static double sign_change(const struct pair_expansion *e, const struct pair_seri
 static struct near_place falling_root(const struct pair_expansion *e, const struct pair_series *q, struct pair at)
 {
     for (int step = 0; step < 4; step++) {
-        struct bounded height = value_in_pairs(e, q, at_place(at)), slope = slope_in_pairs(e, q, at_place(at));
+        struct powers powers;
+        powers_at(e, at, &powers);
+        struct bounded height = value_in_pairs(e, q, &powers.own), slope = value_in_pairs(e, q, &powers.sloped);
         if (!(slope.high < -CLEAR * slope.error))
             break;
         double found[4], shift = -height.high / slope.high;
@@ -251,20 +262,31 @@ static struct near_place falling_root(const struct pair_expansion *e, const stru
     return (struct near_place){.what = OPEN};
 }
 
+/* Whether a number is zero and known to be. */
+static inline bool exact_zero(struct bounded number)
+{
+    return number.high == 0.0 && number.low == 0.0 && number.error == 0.0;
+}
+
 /* A guard with one minimum between two places: whether that is above zero, or else its first root. */
 static struct near_place at_minimum(const struct pair_expansion *e, const struct pair_series *q, double low,
                                     double high)
 {
     double about = sign_change(e, q, 1, low, high), found[4];
-    struct bounded place = exactly(about), height = value_in_pairs(e, q, place), slope = slope_in_pairs(e, q, place);
+    struct powers powers;
+    powers_at(e, (struct pair){about, 0.0}, &powers);
+    struct bounded height = value_in_pairs(e, q, &powers.own), slope = value_in_pairs(e, q, &powers.sloped);
     derivatives(e, q, about, found);
     double shift = -slope.high / found[2];
     height = bounded_sum(height, exactly(0.5 * slope.high * shift));
     double error = height.error + (fabs(slope.high) * EPS + slope.error) * fabs(shift)
                    + fabs(found[3] * shift * shift * shift);
-    if (!(found[2] > 0.0 && fabs(height.high) > CLEAR * error))
-        return (struct near_place){.what = OPEN};
     struct pair bottom = pair_sum(about, shift);
+    if (!(found[2] > 0.0 && fabs(height.high) > CLEAR * error)) {
+        powers_at(e, bottom, &powers);
+        bool touching = exact_zero(value_in_pairs(e, q, &powers.own)) && exact_zero(value_in_pairs(e, q, &powers.sloped));
+        return (struct near_place){touching && found[2] > 0.0 ? TOUCHING : OPEN, bottom, 0.0};
+    }
     if (height.high > 0.0)
         return (struct near_place){VALLEY, bottom, height.high};
     /* of the cubic about the minimum, from its parabola's root on */
@@ -281,11 +303,12 @@ static struct near_place at_minimum(const struct pair_expansion *e, const struct
 /* What a guard does first, up to a neighbourhood of a place. */
 static struct near_place near_zero(const struct pair_expansion *e, const struct pair_series *q, double suspect)
 {
-    int64_t degree = e->terms - 1;
-    for (double part = WIDEST; degree > 0 && part >= NARROWEST; part *= NARROWER) {
-        double b[PAIR_TERMS], left[PAIR_TERMS], low = suspect * (1.0 - part), high = suspect * (1.0 + part);
-        high = smaller(high, e->reach);
-        double noise = 2.0 * bernstein_of(e, q, 0, high, b);
+    for (double part = WIDEST; e->terms > 1 && part >= NARROWEST; part *= NARROWER) {
+        struct bernstein whole;
+        double left[PAIR_TERMS], low = suspect * (1.0 - part), high = smaller(suspect * (1.0 + part), e->reach);
+        bernstein_of(e, q, 0, high, &whole);
+        double *b = whole.b, noise = 2.0 * whole.noise;
+        int64_t degree = whole.degree;
         cut(left, b, degree, low / high);
         int64_t shape = shape_of(b, degree, noise);
         if (shape == OPEN || !above(left, degree, noise, HALVINGS))
@@ -309,7 +332,7 @@ static bool has_no_event(const struct work *w, const struct pair_expansion *e, i
 {
     const struct pair_series *q = series_of(e, w->run->states + g);
     int64_t zeros = w->known_zeros[g], degree = e->terms - 1 - zeros;
-    double size = 0.0, power = 1.0, b[PAIR_TERMS];
+    double size = 0.0, power = 1.0;
     if (load_equals_friction(w, g, natural))
         return true;
     if (degree < 0)
@@ -325,44 +348,70 @@ static bool has_no_event(const struct work *w, const struct pair_expansion *e, i
             return false;
     if (sign * first - size > KNOWN_ZERO_LEVEL * (fabs(first) + size))
         return true;
-    double noise = bernstein_of(e, q, zeros, end, b);
-    for (int64_t i = 0; i <= degree; i++)
-        b[i] *= sign;
-    return above(b, degree, noise + (zeros > 0 ? KNOWN_ZERO_LEVEL * (fabs(first) + size) : 0.0), HALVINGS);
+    struct bernstein whole;
+    bernstein_of(e, q, zeros, end, &whole);
+    for (int64_t i = 0; i <= whole.degree; i++)
+        whole.b[i] *= sign;
+    double level = whole.noise + (zeros > 0 ? KNOWN_ZERO_LEVEL * (fabs(first) + size) : 0.0);
+    return above(whole.b, whole.degree, level, HALVINGS);
 }
 
-/* What follows where a guard falls through zero at a point; false where two numbers do not tell. */
-static bool change_at(const struct work *w, const struct pair_expansion *own, int64_t g, struct bounded time,
-                      const struct bounded *state, double rate, struct change *found)
+/* How a guard's surface is left on its other side: twice the first two terms of what is away from it, there. */
+struct beyond {
+    struct bounded rate, bend;
+};
+
+/* That at a point on the surface; false where it is not known. */
+static bool look_beyond(const struct work *w, const struct pair_expansion *own, const struct guard *guard,
+                        struct bounded time, const struct bounded *state, struct beyond *found)
+{
+    struct pair_expansion e = expansion_in(w, guard->mode_across);
+    const struct mode *across = mode_at(w, guard->mode_across);
+    e.unit = own->unit, e.reach = own->reach;
+    if (!make_room(&e))
+        return false;
+    expand_in_pairs(&e, time, state, 3);
+    bool there = false;
+    for (int64_t k = 0; k < across->guards; k++)
+        if (is_on(&across->guard[k], guard->index)) {
+            const struct pair_series *q = series_of(&e, w->run->states + k);
+            found->rate = term(q, 1);
+            found->bend = e.terms > 2 ? term(q, 2) : exactly(0.0);
+            there = true;
+        }
+    free(e.series);
+    return there;
+}
+
+/* What follows at a point where a guard falls through zero, or touches it; false where two numbers do not tell.
+ *
+ * Where it is touched the mode goes on, and there is no change: if the other side does not lead away as well.
+ */
+static bool change_at(const struct work *w, const struct pair_expansion *e, int64_t g, struct near_place near,
+                      struct bounded time, const struct bounded *state, struct change *found)
 {
     const struct guard *guard = &w->mode->guard[g];
+    bool touching = near.what == TOUCHING;
     *found = (struct change){RELEASED, guard->mode_across, guard->zeros_at_release};
     if (guard->kind == VALID || guard->coupled != UNCOUPLED || guard->hold_zone != 0 || guard->jump
         || guard->mode_across < 0)
         return false;
     if (guard->kind == RELEASE)
         return found->zeros > 0;
-    struct pair_expansion e = expansion_in(w, guard->mode_across);
-    e.unit = own->unit, e.reach = own->reach;
-    if (!make_room(&e))
+    struct beyond away;
+    if (!look_beyond(w, e, guard, time, state, &away))
         return false;
-    expand_in_pairs(&e, time, state, 3);
-    const struct mode *across = mode_at(w, guard->mode_across);
-    struct bounded away = exactly(0.0);
-    for (int64_t k = 0; k < across->guards; k++)
-        if (is_on(&across->guard[k], guard->index)) {
-            const struct pair_series *q = series_of(&e, w->run->states + k);
-            away = term(q, 1);
-            away.error += e.terms > 2 ? KNOWN_PLACE * fabs(q->high[2]) : 0.0;
-        }
-    free(e.series);
-    if (!(fabs(away.high) > larger(CLEAR * away.error, TANGENT * rate)))
+    if (touching && exact_zero(away.rate))
+        return away.bend.high < -CLEAR * away.bend.error;
+    double derivative[4], error = away.rate.error + KNOWN_PLACE * fabs(away.bend.high);
+    derivatives(e, series_of(e, w->run->states + g), near.at.high, derivative);
+    if (!(fabs(away.rate.high) > larger(CLEAR * error, TANGENT * fabs(derivative[1]))))
         return false;
-    if (away.high > 0.0)
+    if (away.rate.high > 0.0)
         *found = (struct change){CROSSING, guard->mode_across, 1};
     else
         *found = (struct change){STICK, guard->mode_stuck, 0};
-    return found->mode >= 0;
+    return touching ? away.rate.high < 0.0 : found->mode >= 0;
 }
 
 /* Two doubles of a number. */
@@ -390,6 +439,7 @@ static void step_to(struct work *w, struct bounded time, const struct bounded *s
 static int64_t settle(struct work *w, struct pair_expansion *e, int64_t g, double natural, struct bounded *state)
 {
     struct run *run = w->run;
+    const struct guard *guard = &w->mode->guard[g];
     bool rounded;
     if (w->known_zeros[g] > 0 || !all_digits(w, e, state, &rounded))
         return UNDECIDED_EVENT;
@@ -407,33 +457,33 @@ static int64_t settle(struct work *w, struct pair_expansion *e, int64_t g, doubl
     for (int64_t k = 0; k < w->mode->guards; k++)
         if (k != g && !has_no_event(w, e, k, smaller(near.at.high * (1.0 + NARROWEST), e->reach), natural))
             return UNDECIDED_EVENT;
+    struct powers powers;
+    powers_at(e, near.at, &powers);
     for (int64_t i = 0; i < run->states; i++)
-        state[i] = value_in_pairs(e, &e->series[i], at_place(near.at));
+        state[i] = value_in_pairs(e, &e->series[i], &powers.own);
     struct pair step = {near.at.high * e->unit, near.at.low * e->unit};
     struct pair end = added((struct pair){run->time, run->time_low}, step);
     struct bounded time = {end.high, end.low, 0.0};
     double left = (run->horizon - end.high) + (run->horizon_low - end.low), nothing = TIME_ROUNDING * fabs(run->horizon);
-    bool late = left < -nothing || (left < nothing && near.what != FALLING);
+    bool event = near.what == FALLING || near.what == TOUCHING, late = left < (event ? -nothing : nothing);
     struct change found;
-    double rate = fabs(slope_in_pairs(e, q, at_place(near.at)).high);
-    if (near.what == FALLING && !late && (w->words || !change_at(w, e, g, time, state, rate, &found)))
+    if (event && !late && (w->words || !change_at(w, e, g, near, time, state, &found)))
         return UNDECIDED_EVENT; /* (the modes of contacts are no rows) */
     step_to(w, time, state, step.high);
     if (late) {
         run->time = run->horizon, run->time_low = run->horizon_low;
     } else if (near.what == FALLING) {
-        const struct guard *guard = &w->mode->guard[g];
-        const struct mode *after = mode_at(w, found.mode);
         record_transition(w, found.kind, guard->index, guard->side, run->mode, found.mode);
         run->mode = found.mode;
-        set_known_zeros(w, after, guard->index, found.zeros);
+        set_known_zeros(w, mode_at(w, found.mode), guard->index, found.zeros);
         if (events_accumulate(run))
             return EVENTS_ACCUMULATE;
-        return run->stopped ? STOPPED : ON;
-    } else if (near.what == VALLEY) {
+    } else if (near.what != RISING) {
         w->known_zeros[g] = 2;
+        if (near.what == TOUCHING && guard->kind == SURFACE) /* of a slide whose end is touched nothing is told */
+            record_transition(w, GRAZE, guard->index, 0, run->mode, run->mode);
     }
-    return ON;
+    return run->stopped ? STOPPED : ON;
 }
 
 /* Decide the event at which a step was left undecided; UNDECIDED_EVENT where multiprecision has to. */

@@ -80,6 +80,7 @@ enum {
     ENTRIES_IN_WORD = 32,  /* entries of a mode, two bits each, where contacts do not act on each other */
     MOST_COUPLED = 4,      /* surfaces in play that act on each other; with more the candidates are searched, not
                               tried (Python does) */
+    PAIR_ROWS = 64,        /* states and guards of a mode that is gone through in double-double */
     NOWHERE = -1,          /* in place of the guard last hit: nothing was hit, one is at zero where a step begins */
     UNCLEAR = -1,          /* in place of a mode's row: Python has to decide, or the mode is not compiled */
     SELECTED = -1,         /* in place of a transition's kind: a mode that was selected is not compiled yet */
@@ -102,6 +103,7 @@ struct tape_operation {
     int64_t first, second;   /* operations that it reads; of a function the second is its derivative's factor */
     int64_t constant, slope; /* constants that it reads */
     int64_t sign, divides;   /* of a function y of a: y' = sign a' factor; or y' factor = sign a' */
+    int64_t degree;          /* in time; a large number for what is no polynomial */
 };
 
 /* Field and guards of a mode as a list of operations, the states first. Behind them stand, as integers, those that are

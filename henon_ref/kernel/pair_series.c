@@ -16,6 +16,7 @@
 
 /* A series in a unit of time. */
 struct pair_series {
+    int64_t degree; /* terms beyond it are zero */
     double high[PAIR_TERMS], low[PAIR_TERMS], error[PAIR_TERMS];
 };
 
@@ -68,31 +69,49 @@ static inline struct bounded constant(const struct pair_expansion *e, int64_t in
     return known_to(e->constants[index], e->constants[e->tape->constants + index], ACCURATE);
 }
 
+/* A sum of products, term by term: of the doubles, of what their rounding lost, and of the sizes of both. */
+struct product_sum {
+    double sum, rest, size, rest_size, error;
+};
+
+static inline void add_product(struct product_sum *s, double p, double p_low, double p_error, double q, double q_low,
+                               double q_error)
+{
+    struct pair product = pair_product(p, q), total = pair_sum(s->sum, product.high);
+    double lost = total.low + (product.low + fused(p, q_low, p_low * q));
+    s->sum = total.high;
+    s->rest += lost;
+    s->size += fabs(product.high);
+    s->rest_size += fabs(lost);
+    s->error += fabs(p) * q_error + p_error * (fabs(q) + q_error);
+}
+
+/* It, where it is of so many products. */
+static inline struct bounded summed(const struct product_sum *s, int64_t count)
+{
+    struct pair total = pair_sum(s->sum, s->rest);
+    double rounding = (double)(count + 4) * EPS * s->rest_size + (s->rest_size > 0.0 ? 8.0 * EPS * EPS * s->size : 0.0);
+    return (struct bounded){total.high, total.low, OUTWARDS * (s->error + rounding)};
+}
+
 /* The sum of a[j] b[k - j] for j from "first" to "last". */
 static inline struct bounded convolution(const struct pair_series *a, const struct pair_series *b, int64_t k,
                                          int64_t first, int64_t last)
 {
-    double sum = 0.0, rest = 0.0, size = 0.0, error = 0.0;
-    bool exact = true;
-    for (int64_t j = first; j <= last; j++) {
-        double p = a->high[j], q = b->high[k - j];
-        struct pair product = pair_product(p, q), total = pair_sum(sum, product.high);
-        double lows = fused(p, b->low[k - j], a->low[j] * q);
-        sum = total.high;
-        rest += total.low + (product.low + lows);
-        size += fabs(product.high);
-        error += fabs(p) * b->error[k - j] + a->error[j] * (fabs(q) + b->error[k - j]);
-        exact = exact && product.low == 0.0 && total.low == 0.0 && lows == 0.0;
-    }
-    double count = (double)(last - first + 3);
-    struct pair total = pair_sum(sum, rest);
-    error = OUTWARDS * error + (exact ? 0.0 : 4.0 * count * count * 0x1p-106 * size);
-    return (struct bounded){total.high, total.low, error};
+    struct product_sum s = {0.0, 0.0, 0.0, 0.0, 0.0};
+    first = k - b->degree > first ? k - b->degree : first;
+    last = least(last, a->degree);
+    for (int64_t j = first; j <= last; j++)
+        add_product(&s, a->high[j], a->low[j], a->error[j], b->high[k - j], b->low[k - j], b->error[k - j]);
+    return summed(&s, last - first + 1);
 }
 
 static inline struct bounded over_integer(struct bounded a, int64_t k)
 {
-    return k == 1 ? a : quotient(a, exactly((double)k));
+    double divisor = (double)k, high = a.high / divisor, rest = fused(-high, divisor, a.high) + a.low;
+    struct pair found = pair_sum(high, rest / divisor);
+    double error = OUTWARDS * (a.error / divisor) + (rest != 0.0 ? OPERATION_ERROR * fabs(high) : 0.0);
+    return (struct bounded){found.high, found.low, error};
 }
 
 /* Terms of the sine's and the cosine's series, and of the exponential's, where the argument is small enough. */
@@ -187,6 +206,7 @@ static inline struct bounded integral_term(const struct pair_expansion *e, const
         return over_integer(sloped, k);
     }
     put_term(slopes, k, sloped);
+    slopes->degree = a->degree;
     return over_integer(convolution(slopes, factor, k, 1, k), k);
 }
 
@@ -255,22 +275,23 @@ static inline struct pair_series *series_of(const struct pair_expansion *e, int6
     return &e->series[r < tape->states ? r : rows[r]];
 }
 
-/* Whether the last terms of the states and the guards count for nothing as far as the series have to hold. */
-static bool ends_here(const struct pair_expansion *e, int64_t terms)
+/* How far the series of a row have come: the sizes of its terms so far, and how many count for nothing in a row. */
+struct convergence {
+    double total;
+    int64_t quiet;
+};
+
+/* Whether the last terms of the states and the guards count for nothing; "power" is that of term k. */
+static bool ends_here(const struct pair_expansion *e, struct convergence *rows, int64_t k, double power)
 {
+    bool found = k + 1 >= FEWEST_TERMS;
     for (int64_t r = 0; r < e->tape->states + e->tape->outputs; r++) {
-        const double *c = series_of(e, r)->high;
-        double total = 0.0, last = 0.0, power = 1.0;
-        for (int64_t k = 0; k < terms; k++) {
-            double size = fabs(c[k]) * power;
-            total += size;
-            last = k >= terms - ENDING_TERMS ? larger(last, size) : last;
-            power *= e->reach;
-        }
-        if (!(last <= NOTHING * total && total < INFINITY))
-            return false;
+        double size = fabs(series_of(e, r)->high[k]) * power;
+        rows[r].total += size;
+        rows[r].quiet = size <= NOTHING * rows[r].total ? rows[r].quiet + 1 : 0;
+        found = found && rows[r].quiet >= ENDING_TERMS && rows[r].total < INFINITY;
     }
-    return true;
+    return found;
 }
 
 /* Fill the series, from a time and a state on, of "most" terms at most. */
@@ -278,53 +299,57 @@ static void expand_in_pairs(struct pair_expansion *e, struct bounded time, const
 {
     const struct tape *tape = e->tape;
     const int64_t *field = (const int64_t *)(tape->operation + tape->operations);
+    struct convergence rows[PAIR_ROWS] = {{0.0, 0}};
+    double power = 1.0;
     e->whole = e->converged = 0 < tape->degree && tape->degree < most;
     most = e->whole ? tape->degree + 1 : most;
+    for (int64_t at = 0; at < tape->operations; at++) {
+        e->series[at].degree = tape->operation[at].degree;
+        e->series[tape->operations + at].degree = PAIR_TERMS;
+    }
     for (int64_t i = 0; i < tape->states; i++)
         put_term(&e->series[i], 0, state[i]);
     for (int64_t k = 0; k < most; k++) {
         for (int64_t at = tape->states; at < tape->operations; at++)
             put_term(&e->series[at], k, next_term(e, time, at, k));
         e->terms = k + 1;
-        if (!e->whole && e->terms >= FEWEST_TERMS && e->terms % ENDING_TERMS == 0 && ends_here(e, e->terms)) {
+        if (!e->whole && ends_here(e, rows, k, power)) {
             e->converged = true;
             return;
         }
+        power *= e->reach;
         for (int64_t i = 0; i < tape->states && k + 1 < most; i++)
             put_term(&e->series[i], k + 1,
                      over_integer(scaled_exactly(term(&e->series[field[i]], k), e->unit), k + 1));
     }
 }
 
-/* What is left out of a series at a place, about. */
-static inline double left_out(const struct pair_expansion *e, const struct pair_series *series)
+/* The powers of a place in the unit, no farther than the series hold; and k times power k - 1 for each k. */
+struct powers {
+    struct pair_series own, sloped;
+};
+
+static void powers_at(const struct pair_expansion *e, struct pair place, struct powers *powers)
 {
-    double size = 0.0, power = 1.0;
+    struct bounded at = {place.high, place.low, 0.0}, power = exactly(1.0);
+    put_term(&powers->sloped, 0, exactly(0.0));
     for (int64_t k = 0; k < e->terms; k++) {
-        size += fabs(series->high[k]) * power;
-        power *= e->reach;
+        put_term(&powers->own, k, power);
+        if (k + 1 < e->terms)
+            put_term(&powers->sloped, k + 1, bounded_product(exactly((double)(k + 1)), power));
+        power = bounded_product(power, at);
     }
-    return e->whole ? 0.0 : 4.0 * NOTHING * size;
 }
 
-/* A series' value at a place in the unit, by Horner's rule. */
-static struct bounded value_in_pairs(const struct pair_expansion *e, const struct pair_series *series,
-                                     struct bounded place)
+/* A series' value where the powers are those of a place, or its slope in the unit where they are sloped. */
+static inline struct bounded value_in_pairs(const struct pair_expansion *e, const struct pair_series *series,
+                                            const struct pair_series *powers)
 {
-    struct bounded total = term(series, e->terms - 1);
-    for (int64_t k = e->terms - 2; k >= 0; k--)
-        total = bounded_sum(bounded_product(total, place), term(series, k));
-    total.error += left_out(e, series);
-    return total;
-}
-
-/* The same of its slope, in its unit. */
-static struct bounded slope_in_pairs(const struct pair_expansion *e, const struct pair_series *series,
-                                     struct bounded place)
-{
-    struct bounded total = exactly(0.0);
-    for (int64_t k = e->terms - 1; k > 0; k--)
-        total = bounded_sum(bounded_product(total, place), bounded_product(exactly((double)k), term(series, k)));
-    total.error += (double)e->terms * left_out(e, series);
-    return total;
+    struct product_sum s = {0.0, 0.0, 0.0, 0.0, 0.0};
+    for (int64_t k = e->terms - 1; k >= 0; k--)
+        add_product(&s, series->high[k], series->low[k], series->error[k], powers->high[k], powers->low[k],
+                    powers->error[k]);
+    if (!e->whole) /* what is left out */
+        s.error += 4.0 * NOTHING * (double)e->terms * s.size;
+    return summed(&s, e->terms);
 }

@@ -57,9 +57,9 @@ def _root(shape: str, gap: str) -> mpmath.mpf:
 @pytest.mark.parametrize("rtol", [1e-6, 1e-9, 1e-12])
 @pytest.mark.parametrize("case", ["grazing", "grazing_ballistic", "grazing_sliding", "two_roots", "horizon_event"])
 def test_readings_of_ladders_need_no_python(case: str, rtol: float) -> None:
-    """But for what double-double leaves open: exact touches, and pairs of roots closer than 1e-10."""
+    """But for what double-double leaves open: an exact touch of a sine, and pairs of roots closer than 1e-10."""
     for reading in load_case(HARD / f"{case}.yaml").readings:
         close = case == "two_roots" and reading.name not in {f"d1e{k}" for k in range(1, 11)}
-        if reading.name != "exact" and not close:
+        if (case, reading.name) != ("grazing", "exact") and not close:
             run = HENON_SOLVER.prepare(reading.problem, rtol=rtol)()
             assert (run.status, run.counts.decisions) == ("ok", Decisions()), reading.name
