@@ -299,7 +299,7 @@ class ModeTable:
             together = system.decided_together(guard, sliding) and guard.index not in passed
             coupled = kernel.COUPLED if together else kernel.UNCOUPLED
             record["coupled"] = kernel.RESETTING if resets else coupled
-            # Filippov's release is tangent (h = h' = 0); an override's need not be, and a body lifts off with more zeros.
+            # Filippov's release is tangent (h = h' = 0); an override's need not be; a body lifts off with more zeros.
             if guard.kind == "release":
                 tangent = 0 if guard.index in system.overrides else 2
                 record["zeros_at_release"] = -1 if guard.index in system.resets else tangent

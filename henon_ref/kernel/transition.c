@@ -269,20 +269,16 @@ static int64_t apply_event(struct work *w)
         coincident = coincident || (w->hits[g] == 1 && g != run->guard);
     if (guard->kind == VALID)
         return LEFT_DOMAIN;
-    struct change found = {RELEASED, guard->mode_across, guard->zeros_at_release};
-    if (guard->kind == SURFACE) {
-        if (guard->jump && !coincident)
-            return jump_transition(w);
-        if (coincident || guard->coupled != UNCOUPLED) {
-            int64_t code = apply_selection(w);
-            return code == SELECT_MODE ? cross_kinks(w) : code;
-        }
-        int64_t code = at_surface(w, run->mode, run->guard, &found);
-        if (code != ON)
-            return code;
-    } else if (coincident || guard->coupled != UNCOUPLED) {
-        return cross_kinks(w);
+    if (guard->jump && !coincident)
+        return jump_transition(w);
+    if (coincident || guard->coupled != UNCOUPLED) {
+        int64_t code = apply_selection(w);
+        return code == SELECT_MODE ? cross_kinks(w) : code;
     }
+    struct change found = {RELEASED, guard->mode_across, guard->zeros_at_release};
+    int64_t code = guard->kind == SURFACE ? at_surface(w, run->mode, run->guard, &found) : ON;
+    if (code != ON)
+        return code;
     if (found.mode < 0) {
         run->pending_kind = found.kind, run->pending_mode = -1;
         return MODE_NOT_COMPILED;

@@ -12,7 +12,6 @@ from fractions import Fraction
 from functools import lru_cache
 from typing import Any
 
-import numpy as np
 import sympy as sp
 from flint import arb, fmpq
 
@@ -219,7 +218,7 @@ class QuickStart:
         """Constants at some values; None where some of them are not finite."""
         programs = self._integrator.programs
         made = DoubleConstants(programs, values, lambda: self._exact(changes))
-        return made if bool(np.isfinite(made.latest.numbers).all()) else None
+        return made if made.is_finite else None
 
     def _exact(self, changes: Changes) -> list[sp.Expr]:
         """Exact values: the system's own, or the decimal numbers that others are printed as, and what follows these."""
