@@ -33,6 +33,8 @@ class DoubleConstants(ModeConstants):
 
     Attributes
     ----------
+    doubles : tuple of float
+        The values, each rounded to double.
     is_finite : bool
         Whether the constants of all modes that were compiled first are.
     """
@@ -41,6 +43,7 @@ class DoubleConstants(ModeConstants):
         self, programs: ParameterPrograms, values: tuple[Three, ...], exact: Callable[[], Sequence[sp.Expr]]
     ) -> None:
         self._programs, self.values, self._exact = programs, values, exact
+        self.doubles = tuple([high for high, _, _ in values])
         self._table = programs.table
         made = programs.at_once(values)
         if made is None:
@@ -48,11 +51,6 @@ class DoubleConstants(ModeConstants):
             self.is_finite = bool(np.isfinite(self.latest.numbers).all())
         else:
             self.latest, self.is_finite = made, True
-
-    @cached_property
-    def doubles(self) -> tuple[float, ...]:
-        """The values, each rounded to double."""
-        return tuple([high for high, _, _ in self.values])
 
     @cached_property
     def _values(self) -> NDArray[np.float64]:
