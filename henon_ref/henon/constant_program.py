@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from henon_ref.errors import ModelError
 from henon_ref.filippov.exact_numbers import double_double
-from henon_ref.kernel.shared import LEVELS, doubles, integers, kernel
+from henon_ref.kernel.shared import LEVELS, doubles, ffi, integers, kernel
 from henon_ref.precision import working_precision
 
 ADD, MULTIPLY, POWER, SQRT = kernel.ADD, kernel.MULTIPLY, kernel.POWER, kernel.SQRT
@@ -73,6 +73,21 @@ class ConstantProgram:
         """Operations in runs of those that the machine has, and those that it has not."""
         grouped = groupby(self.operations, key=lambda operation: operation[0] >= FUNCTION)
         return [(other, np.array(list(group), dtype=np.int64)) for other, group in grouped]
+
+    def compiled(self, sources: NDArray[np.int64]) -> tuple[Any, tuple[Any, ...]] | None:
+        """The program as a ``struct program`` of ``kernel.h``, and what it points to; None where it holds functions.
+
+        ``sources``: what is put at each place.
+        """
+        if any(other for other, _ in self._stages):
+            return None
+        operations = self._stages[0][1] if self._stages else np.zeros((0, 4), dtype=np.int64)
+        kept = integers(operations), doubles(self._registers), integers(self.places), integers(sources)
+        made = ffi.new("struct program *")
+        made.operations, made.registers, made.outputs, made.sources = kept
+        made.count, made.width, made.inputs = len(operations), len(self._registers), self.inputs
+        made.results, made.places = len(self.outputs), sources.size
+        return made, kept
 
     def registers(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Run at some points.

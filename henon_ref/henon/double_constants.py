@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from henon_ref.filippov.mode_evaluation import ModeWithTape
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.switching import Switching
-from henon_ref.henon.mode_constants import ModeConstants, Pair
+from henon_ref.henon.mode_constants import LoopData, ModeConstants, Pair
 from henon_ref.henon.pairs import Three, three_of
-from henon_ref.henon.parameter_programs import ParameterPrograms
+from henon_ref.henon.parameter_programs import ParameterPrograms, numbers_behind
 from henon_ref.henon.precise_modes import BallSwitching, PreciseModes
 from henon_ref.taylor.tape import Tape
 
@@ -30,14 +30,33 @@ class DoubleConstants(ModeConstants):
         Of the programs' parameters, in their order (see :mod:`henon_ref.henon.pairs`).
     exact : callable
         Gives them as exact numbers, for what double-double does not decide.
+
+    Attributes
+    ----------
+    doubles : tuple of float
+        The values, each rounded to double.
+    is_finite : bool
+        Whether the constants of all modes that were compiled first are.
     """
 
     def __init__(
         self, programs: ParameterPrograms, values: tuple[Three, ...], exact: Callable[[], Sequence[sp.Expr]]
     ) -> None:
         self._programs, self.values, self._exact = programs, values, exact
-        self.doubles = tuple(high for high, _, _ in values)
-        super().__init__(programs.table)
+        self.doubles = tuple([high for high, _, _ in values])
+        self.table = programs.table
+        made = programs.at_once(values)
+        if made is None:
+            super().__init__(programs.table)
+            self.is_finite = bool(np.isfinite(self.latest.numbers).all())
+        else:
+            self.latest, self.is_finite = made, True
+
+    @cached_property
+    def _values(self) -> NDArray[np.float64]:
+        """See :class:`ModeConstants`; of modes whose constants have been made at once it is theirs."""
+        made: LoopData | None = self.__dict__.get("latest")
+        return np.zeros(1) if made is None else numbers_behind(made)
 
     def _pairs(self, expressions: Sequence[sp.Expr]) -> NDArray[np.float64]:
         program = self._programs.program(tuple(expressions))

@@ -32,19 +32,30 @@ class LoopData(NamedTuple):
     """What the compiled loop reads of the modes that are compiled, apart from a run's own memory."""
 
     compiled: CompiledModes
-    numbers: NDArray[np.float64]
-    """(M, 2 or 3, K): for each mode the constants of its expansion, of its probe, and of the maps of resets where
-    compiled code makes jumps, rounded to double; behind them what the rounding lost of each."""
-    normals: NDArray[np.float64]
-    """Constants of the normal velocities of all surfaces, likewise; none where the loop selects no mode by them."""
+    constants: Any
+    """The memory of the modes' constants, and of those of the normal velocities."""
     tables: Any
     """All this as the loop takes it: ``struct tables`` of ``henon_ref/kernel/kernel.h``, which points into it."""
+
+    @property
+    def numbers(self) -> NDArray[np.float64]:
+        """(M, 2 or 3, K): for each mode the constants of its expansion, of its probe, and of the maps of resets where
+        compiled code makes jumps, rounded to double; behind them what the rounding lost of each. A copy."""
+        shape = self.tables.count, self.tables.tapes, self.tables.length
+        memory = ffi.buffer(self.tables.numbers, 8 * math.prod(shape))
+        return np.frombuffer(memory, dtype=np.float64).reshape(shape).copy()
 
 
 def loop_data(
     mode_table: ModeTable, compiled: CompiledModes, numbers: NDArray[np.float64], normals: NDArray[np.float64]
 ) -> LoopData:
-    """Modes that are compiled with their constants; those of the first point where there are several points'."""
+    """Modes that are compiled with their constants; those of the first point where there are several points'.
+
+    numbers : ndarray, shape (..., M, tapes, K)
+        See :attr:`LoopData.numbers`.
+    normals : ndarray
+        Constants of the normal velocities of all surfaces, likewise; none where the loop selects no mode by them.
+    """
     tables = ffi.new("struct tables *")
     tables.modes, tables.count = ffi.from_buffer(compiled.records), len(compiled.records)
     tables.numbers = doubles(numbers)
@@ -60,7 +71,7 @@ def loop_data(
         selection.surfaces, selection.decoupled = compiled.signs.shape[1], mode_table.decoupled
         if velocities.contacts is not None:
             selection.contact, selection.beside = integers(velocities.contacts), integers(velocities.beside)
-    return LoopData(compiled, numbers, normals, tables)
+    return LoopData(compiled, (numbers, normals), tables)
 
 
 class ModeConstants(ABC):
@@ -81,10 +92,17 @@ class ModeConstants(ABC):
 
     def __init__(self, mode_table: ModeTable) -> None:
         self.table = mode_table
-        self._values = np.zeros(1)
-        """See :class:`henon_ref.henon.distinct_constants.DistinctConstants`."""
-        self._rows = GrowingRows(np.float64, (0, 0))
         self.latest = self._extended(mode_table.compiled)
+
+    @cached_property
+    def _values(self) -> NDArray[np.float64]:
+        """See :class:`henon_ref.henon.distinct_constants.DistinctConstants`."""
+        return np.zeros(1)
+
+    @cached_property
+    def _rows(self) -> GrowingRows:
+        """The modes' rows of constants."""
+        return GrowingRows(np.float64, (0, 0))
 
     @property
     @abstractmethod

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from fractions import Fraction
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,8 @@ Three = tuple[float, float, float]
 """A number as its double, what that leaves, and a bound of their error."""
 WHOLE = 2**53
 """Whole numbers up to here are doubles."""
+KEPT = 256
+"""Decimal numbers that are remembered: of many runs most have the same initial values and horizon."""
 SHORT = 1e6
 """A multiple of 1/256 below this has no more than 15 decimals: it is printed as it is."""
 
@@ -110,6 +113,7 @@ def _rational(numerator: int, denominator: int) -> Pair | None:
         return None
 
 
+@lru_cache(maxsize=KEPT)
 def _printed(value: float) -> Pair | None:
     """A double and what it leaves of the decimal number that it is printed as; None where it is not finite."""
     try:

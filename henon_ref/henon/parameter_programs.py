@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from itertools import chain
+from struct import Struct
 from typing import Any
 
 import numpy as np
@@ -15,13 +17,20 @@ from henon_ref.filippov.mode_evaluation import ModeWithTape, mode_with_tape
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.constant_program import ConstantProgram, constant_program
+from henon_ref.henon.mode_constants import LoopData, loop_data
 from henon_ref.henon.mode_table import CompiledModes, ModeTable
-from henon_ref.kernel.shared import doubles, integers, kernel
+from henon_ref.henon.pairs import Three
+from henon_ref.kernel.shared import doubles, ffi, integers, kernel
 from henon_ref.precision import one_at_a_time
 from henon_ref.taylor.tape import TIME, Tape, build_tape
 
 KEPT = 64
 """Programs of constants that are kept: those of all modes, and of what later ones have more."""
+SHARE = 25
+"""Constants of all modes for which one point more is made without a program of all."""
+TABLES = ffi.sizeof("struct tables") // 8
+"""Length of the tables at the begin of a block, in doubles."""
+_BLOCK = ffi.typeof("double[]")
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +41,20 @@ class LoopProgram:
     constants: ConstantProgram
     normals: ConstantProgram
     """Constants of the normal velocities."""
+    table: ModeTable
+
+    @cached_property
+    def one_point(self) -> OnePoint | None:
+        """What makes the constants of one point at once; None where they hold functions."""
+        rows, nothing = self.compiled.sources, np.zeros(1)
+        count = 2 * len(self.normals.outputs)
+        places = np.concatenate([np.arange(1, count, 2), np.arange(2, count + 1, 2), [0]])
+        constants, normals = self.constants.compiled(rows), self.normals.compiled(places)
+        if constants is None or normals is None:
+            return None
+        template = loop_data(self.table, self.compiled, np.zeros(rows.shape), nothing)
+        size = 2 + rows.size + len(places) + 2 * len(self.constants.outputs) + count
+        return OnePoint(template, constants, normals, TABLES + size, self.constants.inputs)
 
     @property
     def bytes_a_point(self) -> int:
@@ -57,6 +80,38 @@ class LoopProgram:
         return np.take(found, self.compiled.sources, axis=1), normals
 
 
+class OnePoint:
+    """Makes the constants of one point at once: see ``point_tables`` of ``kernel.h``.
+
+    Parameters
+    ----------
+    template : LoopData
+        Of the modes, whatever their constants are.
+    constants, normals
+        See :meth:`ConstantProgram.compiled`.
+    size : int
+        Of a block, in doubles.
+    parameters : int
+    """
+
+    def __init__(self, template: LoopData, constants: Any, normals: Any, size: int, parameters: int) -> None:
+        self._template, self._constants, self._normals, self._size = template, constants, normals, size
+        self._pack = Struct(f"{3 * parameters}d").pack
+
+    def __call__(self, values: Sequence[Three]) -> LoopData | None:
+        """At parameter values; None where a constant is not finite, or its terms cancel."""
+        block, inputs = ffi.new(_BLOCK, self._size), self._pack(*chain.from_iterable(values))
+        compiled, _, template = self._template
+        tables = kernel.point_tables(template, self._constants[0], self._normals[0], inputs, block)
+        return LoopData(compiled, block, tables) if tables else None
+
+
+def numbers_behind(data: LoopData) -> NDArray[np.float64]:
+    """Constants by their numbers (see :class:`henon_ref.henon.distinct_constants.DistinctConstants`), of one point."""
+    numbers = np.frombuffer(ffi.buffer(data.constants), dtype=np.float64)
+    return numbers[TABLES : TABLES + 1 + 2 * data.compiled.constants].copy()
+
+
 class ParameterPrograms:
     """Programs of one system, whose parameters have no values.
 
@@ -75,11 +130,26 @@ class ParameterPrograms:
         self.system = mode_table.system
         self.parameters = parameters_in(self.system)
         self._loop: LoopProgram | None = None
+        self._asked, self._asked_for = 0, self.table.compiled
         self._modes: dict[Mode, ModeWithTape | None] = {}
         self._programs: dict[int, tuple[Tape, ConstantProgram]] = {}
         self._functions: dict[tuple[Any, ...], Callable[..., list[Any]]] = {}
         self._function_tapes: dict[tuple[Any, ...], Tape] = {}
         self.program = lru_cache(maxsize=KEPT)(self._program)
+
+    def at_once(self, values: Sequence[Three]) -> LoopData | None:
+        """Constants of the modes that are compiled now; None where they are to be made one after the other.
+
+        The program of all is written once points have come without new modes in between, more of them the longer it is.
+        """
+        made, compiled = self._loop, self.table.compiled
+        if made is None or made.compiled is not compiled:
+            self._asked = self._asked + 1 if self._asked_for is compiled else 1
+            self._asked_for = compiled
+            if self._asked * SHARE < compiled.constants:
+                return None
+            made = self.loop()
+        return None if made.one_point is None else made.one_point(values)
 
     def loop(self) -> LoopProgram:
         """For the modes that are compiled now."""
@@ -150,7 +220,7 @@ class ParameterPrograms:
     def _loop_program(self, compiled: CompiledModes) -> LoopProgram:
         constants, normals = self.table.constants.expressions[: compiled.constants], self.table.normals
         velocities = () if normals is None else normals.tape.constants
-        return LoopProgram(compiled, self.program(tuple(constants)), self.program(tuple(velocities)))
+        return LoopProgram(compiled, self.program(tuple(constants)), self.program(tuple(velocities)), self.table)
 
 
 def parameters_in(system: FilippovSystem) -> tuple[sp.Symbol, ...]:

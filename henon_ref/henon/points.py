@@ -248,7 +248,7 @@ class _Part:
         rows, surfaces = self._rows()
         times = runs.times[self.part].reshape(-1, 4)
         initial = np.ascontiguousarray(runs.initial[self.part].transpose(0, 2, 1)).reshape(len(times), -1)
-        template = replace(runs.start(self.first), zeros=runs.integrator.no_zeros).state
+        template = replace(runs.start(self.first), zeros=runs.integrator.no_zeros).written()
         points = ffi.new("struct points *")
         points.count, points.block, points.start = len(times), doubles(workspace.block), doubles(template)
         points.times, points.initial = doubles(times), doubles(initial)

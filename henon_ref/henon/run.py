@@ -18,7 +18,7 @@ from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.mode_changes import Jumped, ModeChanges
 from henon_ref.henon.multiprecision_event import UndecidedStep, locate_event
 from henon_ref.henon.records import GRAZE, STEP_PLACES, step_dtype
-from henon_ref.henon.start import Start, out_of_steps
+from henon_ref.henon.start import Start, doubles_of, out_of_steps
 from henon_ref.henon.transition_array import TransitionArray
 from henon_ref.henon.workspace import CHUNK, STATE_PLACE
 from henon_ref.jit.processor_time import Deadline
@@ -84,7 +84,11 @@ class Run(ModeChanges):
             self.workspace = workspace = integrator.workspaces.new()
         self.integrator, self.start, self.deadline = integrator, start, deadline
         self.state = state = workspace.state
-        state[...] = start.state
+        self._scalars = None
+        if start.kept is None:
+            start.write(state, workspace.memory)
+        else:
+            state[...] = start.kept
         if block != CHUNK:
             self.scalars.transition_capacity = block
         self.samples, self._sampled = _NO_SAMPLES, ffi.NULL
@@ -293,7 +297,7 @@ class Run(ModeChanges):
         counts = _tuple(Counts, counted)
         if self.decisions is not _NO_DECISIONS:
             counts.decisions = self.decisions
-        end, x = state.item(0), start.unpacked(state, _STATE)
+        end, x = state.item(0), doubles_of(len(start.x)).unpack_from(state, _STATE)
         since = self._since() if below else ()
         own = self.mode if self.integrator.mode_table.contacts else self.integrator.mode_table.modes[mode]
         fields = status, transitions, end, x, own, reason, counts, 0.0, samples, sample_modes, since

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from struct import Struct
 
 import numpy as np
@@ -31,7 +30,7 @@ def out_of_steps(steps: int, time: float) -> str:
     return f"stopped after {steps} steps, as many as max_steps allows, at t = {time:.17g}"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)  # frozen, it would take a microsecond more
 class Start:
     """A problem's start and horizon as the compiled loop takes them."""
 
@@ -62,33 +61,44 @@ class Start:
     most_steps: int = MOST_STEPS
     """Steps after which the run ends with status ``failed``."""
 
-    @cached_property
-    def unpacked(self) -> Callable[..., tuple[float, ...]]:
-        """Doubles of a state from their place in an array: half the time of a slice and its list."""
-        return Struct(f"{len(self.x)}d").unpack_from
+    kept: NDArray[np.float64] | None = None
+    """What :meth:`write` writes, for a start of many runs."""
 
-    @cached_property
-    def state(self) -> NDArray[np.float64]:
-        """What a run begins with (``struct run`` of ``kernel.h``, then vectors); each run copies it to its memory."""
-        n, guards = len(self.x), len(self.zeros)
+    def write(self, state: NDArray[np.float64], memory: memoryview) -> None:
+        """Write what a run begins with (``struct run`` of ``kernel.h``, then vectors) into an array, and its memory."""
         limits = self.stop_falling, self.stop_rising, self.most_steps
         table = self.constants.table
-        contacts = table.contacts, table.row_length
-        state = _template(n, guards, self.order, self.landing, self.tolerance, *limits, *contacts).copy()
-        length = (self.until[0] - self.time[0]) + (self.until[1] - self.time[1])
-        _BEGIN.pack_into(state.data, _BEGIN_PLACE, *self.time, max(length, 1e-280), self.time[0])
-        _HORIZON.pack_into(state.data, _HORIZON_PLACE, *self.until)
-        if table.contacts:
+        contacts, guards = table.contacts, len(self.zeros)
+        own = contacts, table.row_length
+        state[...] = _template(len(self.x), guards, self.order, self.landing, self.tolerance, *limits, *own)
+        (time, low), until = self.time, self.until
+        length = (until[0] - time) + (until[1] - low)
+        _BEGIN.pack_into(memory, _BEGIN_PLACE, time, low, length if length > 1e-280 else 1e-280, time)
+        _HORIZON.pack_into(memory, _HORIZON_PLACE, *until)
+        if contacts:
             last = len(state) - guards
-            state[last - words_of(table.contacts) : last].view(np.int64)[:] = written(self.row, table.contacts)
+            state[last - words_of(contacts) : last].view(np.int64)[:] = written(self.row, contacts)
         else:
-            _MODE.pack_into(state.data, _MODE_PLACE, self.row)
-        high, low = zip(*self.x, strict=True)
-        state[STATE_PLACE : STATE_PLACE + 2 * n] = high + low
+            _MODE.pack_into(memory, _MODE_PLACE, self.row)
+        high, rest = zip(*self.x, strict=True)
+        doubles_of(2 * len(high)).pack_into(memory, 8 * STATE_PLACE, *high, *rest)
         if any(self.zeros):
-            first = STATE_PLACE + 3 * n
-            state[first : first + guards].view(np.int64)[:] = self.zeros
+            first = STATE_PLACE + 3 * len(high)
+            state[first : first + len(self.zeros)].view(np.int64)[:] = self.zeros
+
+    def written(self) -> NDArray[np.float64]:
+        """The same as an array of its own."""
+        table = self.constants.table
+        own = table.contacts, table.row_length
+        state = np.empty(places(len(self.x), len(self.zeros), self.order, *own).end_of_state)
+        self.write(state, state.data)
         return state
+
+
+@lru_cache(maxsize=64)
+def doubles_of(count: int) -> Struct:
+    """So many doubles, which it takes from an array in half the time of a slice and its list."""
+    return Struct(f"{count}d")
 
 
 @lru_cache(maxsize=64)

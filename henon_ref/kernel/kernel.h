@@ -183,6 +183,16 @@ struct tables {
     const int64_t *owned;      /* places in a row of "numbers", contact by contact */
 };
 
+/* Constants in parameters as a program (henon_ref.henon.constant_program), and where they go. */
+struct program {
+    const int64_t *operations; /* (count, 4): see run_operations */
+    const double *registers;   /* (width, 3): all of them before a run, the inputs first */
+    const int64_t *outputs;    /* (results): registers of the constants */
+    const int64_t *sources;    /* (places): of each place the number that is put there: 0 for a zero, else 1 + 2 k for
+                                  constant k, and 2 + 2 k for what its rounding lost */
+    int64_t count, width, inputs, results, places;
+};
+
 /* A transition that is written down. */
 struct transition {
     double time, time_low;      /* s, and what rounding it lost */
@@ -361,6 +371,9 @@ HENON_EXPORT void run_operations(const int64_t *operations, int64_t count, doubl
                                  int64_t points);
 HENON_EXPORT int64_t scatter(const double *registers, int64_t width, int64_t points, const int64_t *sources,
                              const int64_t *highs, const int64_t *lows, int64_t count, double *out, int64_t places);
+HENON_EXPORT int64_t run_program(const struct program *program, const double *inputs, double *numbers, double *out);
+HENON_EXPORT struct tables *point_tables(const struct tables *template, const struct program *constants,
+                                         const struct program *normals, const char *inputs, double *block);
 HENON_EXPORT void signs_of(const double *registers, int64_t width, int64_t points, const int64_t *sources,
                            int64_t count, int64_t *signs);
 

@@ -43,9 +43,10 @@ static inline struct look accepted_step(struct work *w, double theta)
     look.final = look.natural >= left;
     if (look.final)
         look.theta = left / unit;
-    /* Over what is left before the horizon it has not grown; but the unit of a mode's first step is none. */
-    bool stepped = w->last_steps[run->step_place] > 0.0;
-    bool grown = (stepped ? look.theta * unit : look.natural) > CHECKED_GROWTH * unit;
+    bool grown = look.natural > CHECKED_GROWTH * unit;
+    double last = w->last_steps[run->step_place];
+    if (grown && look.final && left <= last) /* what is left before the horizon is none that has grown */
+        grown = false, look.natural = smaller(look.natural, last);
     bool unconverged = w->mode->polynomial_degree == 0 && (grown || tail_unconverged(w, rows, look.theta));
     if (!unconverged && !w->mode->slopes)
         return look;

@@ -387,21 +387,18 @@ static int64_t apply_event(struct work *w)
         return LEFT_DOMAIN;
     if (coincident && w->words)
         return apply_to_each(w);
+    if (guard->jump && !coincident)
+        return jump_transition(w);
+    if (coincident || guard->coupled != UNCOUPLED) {
+        int64_t code = apply_selection(w);
+        return code == SELECT_MODE ? cross_kinks(w) : code;
+    }
     struct change found = {RELEASED, guard->mode_across, guard->zeros_at_release};
     if (guard->kind == SURFACE) {
-        if (guard->jump && !coincident)
-            return jump_transition(w);
-        if (coincident || guard->coupled != UNCOUPLED) {
-            int64_t code = apply_selection(w);
-            return code == SELECT_MODE ? cross_kinks(w) : code;
-        }
         run->expansions += 1;
         int64_t code = at_surface(w, w->mode, run->guard, speeds_at(w), &found);
         if (code != ON)
             return code;
-    } else if (coincident || guard->coupled != UNCOUPLED) {
-        int64_t code = apply_selection(w);
-        return code == SELECT_MODE ? cross_kinks(w) : code;
     }
     if (found.mode < 0) {
         run->pending_kind = found.kind, run->pending_mode = -1;

@@ -32,22 +32,26 @@ def sign_function(
     sums = [sp.Add.make_args(sp.expand(e)) for e in expressions]
     if any(len(terms) > MOST_TERMS or not all(map(_is_product, terms)) for terms in sums):
         return None
-    terms_at = sp.lambdify(symbols, [list(terms) for terms in sums], "math")
+    values_at = sp.lambdify(symbols, [_value_and_size(terms) for terms in sums], "math")
 
     def signs(*point: float) -> tuple[int, ...] | None:
         found = []
         try:
-            values = terms_at(*point)
+            values = values_at(*point)
         except ArithmeticError:
             return None
-        for terms in values:
-            value = sum(terms)
-            if not abs(value) > CLEAR * sum(map(abs, terms)):  # nor where they are not finite
+        for value, size in values:
+            if not abs(value) > CLEAR * size:  # nor where they are not finite
                 return None
             found.append(1 if value > 0.0 else -1)
         return tuple(found)
 
     return signs
+
+
+def _value_and_size(terms: Sequence[sp.Expr]) -> tuple[sp.Expr, sp.Expr]:
+    """A sum, and that of the sizes of its terms, as they are to be evaluated."""
+    return sp.Add(*terms, evaluate=False), sp.Add(*(sp.Abs(term, evaluate=False) for term in terms), evaluate=False)
 
 
 def _is_product(term: sp.Expr) -> bool:

@@ -87,6 +87,8 @@ def launch(
     """
     if not isinstance(system, System):
         raise ArgumentError(f"system is {str(system)[:60]!r}; wanted a System")
+    if start is None and system.own_start is None:
+        start = 0
     if type(initial) is not dict or until is None or start is None:
         initial, until, start, mode = start_of(system, initial, until, start, mode)
     tolerance = rtol if type(rtol) is float else tolerance_of(rtol)

@@ -12,7 +12,6 @@ from fractions import Fraction
 from functools import lru_cache
 from typing import Any
 
-import numpy as np
 import sympy as sp
 from flint import arb, fmpq
 
@@ -82,7 +81,8 @@ class QuickStart:
         mode: Mapping[Any, Any] | None,
     ) -> Start | None:
         """Where a run starts; None where that is to be found in the exact way."""
-        if type(initial) is not dict or not all(given is None or type(given) is dict for given in (parameters, mode)):
+        plain = type(initial) is dict and (parameters is None or type(parameters) is dict)
+        if not plain or not (mode is None or type(mode) is dict):
             return None
         values = self._values if not parameters else self._changed(parameters)
         changes = tuple(parameters.items()) if parameters else ()
@@ -115,7 +115,7 @@ class QuickStart:
         if self._signs is None:
             signs: tuple[int, ...] | None = constants.start_signs(time, x)
         else:
-            signs = self._signs(time[0], *(high for high, _ in x), *constants.doubles)
+            signs = self._signs(time[0], *[high for high, _ in x], *constants.doubles)
         if signs is None or kernel.UNCLEAR_SIGN in signs or 0 in signs or -1 in signs[count:]:
             return None
         return self._integrator.mode_table.known(signs[:count])
@@ -219,7 +219,7 @@ class QuickStart:
         """Constants at some values; None where some of them are not finite."""
         programs = self._integrator.programs
         made = DoubleConstants(programs, values, lambda: self._exact(changes))
-        return made if bool(np.isfinite(made.latest.numbers).all()) else None
+        return made if made.is_finite else None
 
     def _exact(self, changes: Changes) -> list[sp.Expr]:
         """Exact values: the system's own, or the decimal numbers that others are printed as, and what follows these."""
