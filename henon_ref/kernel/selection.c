@@ -26,6 +26,7 @@ struct affine {
     double a[MOST_COUPLED], b[MOST_COUPLED][MOST_COUPLED];
     double size[MOST_COUPLED]; /* of each velocity's terms together */
     double lean[MOST_COUPLED]; /* sign of a velocity that no signs turn; else 0 */
+    bool idle[MOST_COUPLED];   /* surfaces whose sign is in no velocity: a section, a kink of another rate */
     double s[MOST_COUPLED];
     double m[MOST_COUPLED][MOST_COUPLED + 1];
     int64_t index[MOST_COUPLED];
@@ -118,6 +119,11 @@ static bool affine_velocities(const struct work *w, const struct in_play *p, str
                 return false;
         }
     }
+    for (int64_t j = 0; j < count; j++) {
+        f->idle[j] = true;
+        for (int64_t k = 0; k < count; k++)
+            f->idle[j] = f->idle[j] && fabs(f->b[k][j]) <= 1e-3 * CLEAR_MARGIN * f->size[k];
+    }
     return true;
 }
 
@@ -171,12 +177,18 @@ static bool solved(struct affine *f, int64_t count, int64_t candidate)
     return true;
 }
 
-/* 1 if a candidate's own field keeps it, -1 if not, 0 if that is not clear. */
+/* 1 if a candidate's own field keeps it, -1 if not, 0 if that is not clear.
+ *
+ * Nothing slides on an idle surface: what the others do there is the same on both its sides, and the candidates for
+ * these say whether its velocity is clearly none.
+ */
 static int64_t consistent(struct affine *f, int64_t count, int64_t candidate)
 {
-    for (int64_t k = 0; k < count; k++)
-        if (f->lean[k] != 0.0 && f->lean[k] != (double)choice(candidate, k))
+    for (int64_t k = 0; k < count; k++) {
+        double side = (double)choice(candidate, k);
+        if ((f->idle[k] && side == 0.0) || (f->lean[k] != 0.0 && f->lean[k] != side))
             return -1;
+    }
     bool unclear = !solved(f, count, candidate);
     for (int64_t k = 0; k < count; k++) {
         int64_t side = choice(candidate, k);

@@ -295,6 +295,24 @@ def test_any_corner_is_decided_as_in_python(surfaces: int, coupled: bool) -> Non
     assert clear >= 40
 
 
+def test_a_section_beside_contacts_that_act_on_each_other_is_crossed() -> None:
+    """Its sign is in no velocity, but theirs are in its own: no candidate slides on it."""
+    corner, random = Corner(3, [(0, 0), (0, 1), (1, 0), (1, 1), (2, 0), (2, 1)]), np.random.default_rng(3)
+    clear = 0
+    for _ in range(200):
+        numbers = [*random.integers(-6, 7, 3) / 2, *random.integers(-4, 2, 6)]
+        mode = tuple(int(s) for s in random.choice([-1, 0, 1], 3, p=[0.4, 0.2, 0.4]))
+        hit = [i for i in range(3) if mode[i] and (i == 2 or random.random() < 0.8)]
+        if 2 not in hit:
+            continue
+        ours, theirs = corner.both(numbers, mode, hit)
+        if ours is not None:
+            clear += 1
+            assert ours[2] != 0
+            assert (theirs.status, theirs.mode) == ("unique", ours), (numbers, mode, hit)
+    assert clear >= 40
+
+
 @pytest.mark.parametrize("rtol", [1e-6, 1e-9, 1e-15])
 def test_ever_shorter_slides_end_with_a_word(rtol: float) -> None:
     """Transitions that accumulate at (A + B)/(1 - q): told up to where doubles end, never an endless loop."""
