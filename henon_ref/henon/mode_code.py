@@ -215,5 +215,6 @@ def _of_contacts(system: FilippovSystem) -> tuple[list[sp.Symbol], list[sp.Expr]
 def _known_of(system: FilippovSystem, index: int) -> int:
     own = system.overrides.get(index)
     if own is None:
-        return 0
-    return kernel.FIXED | (kernel.KNOWN_INERTIA if own.inertia is not None else 0) | (kernel.BY_LOAD if own.push else 0)
+        moved = not system.normal_velocity(index).free_symbols.isdisjoint(system.signs)
+        return 0 if moved else int(kernel.SECTION)
+    return kernel.FIXED | (own.inertia is not None) * kernel.KNOWN_INERTIA | bool(own.push) * kernel.BY_LOAD

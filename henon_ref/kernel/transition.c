@@ -80,7 +80,7 @@ static int64_t apply_selection(struct work *w)
         w->run->pending_kind = SELECTED, w->run->pending_mode = number;
         return MODE_NOT_COMPILED;
     }
-    if (target < 0 || (selection->contact && !goes_on(w, target)) || !change_mode(w, target))
+    if (target < 0 || !goes_on(w, target) || !change_mode(w, target))
         return SELECT_MODE;
     return events_accumulate(w->run) ? EVENTS_ACCUMULATE : ON;
 }
