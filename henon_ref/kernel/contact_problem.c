@@ -184,7 +184,8 @@ static bool clearly_solved(const struct contact_problem *p, struct accelerations
 
 /* A group at the point where the run stands. */
 struct group {
-    int64_t side[SURFACES_IN_TABLE];           /* of every surface its entry in the mode; behind a section that is hit */
+    int64_t before[SURFACES_IN_TABLE];         /* of every surface its entry in the mode */
+    int64_t side[SURFACES_IN_TABLE];           /* the same behind sections that are hit */
     int64_t sections;                          /* how many of these there are */
     int64_t count, contact[SURFACES_IN_TABLE]; /* contacts in play, in order */
     int64_t static_ones;                   /* contacts among them that have static friction */
@@ -290,13 +291,13 @@ static bool balance(const struct work *w, struct group *g)
 
 /* Mark the surfaces that are open: those of guards at zero, and those slid on, or at zero, that act on them by way of
  * others; false where a guard that is no surface's is at zero. */
-static bool mark_open(const struct work *w, const int64_t *before, bool *open, bool *released)
+static bool mark_open(const struct work *w, const struct group *g, bool *open, bool *released)
 {
     const struct selection *selection = &w->tables->selection;
     int64_t surfaces = selection->surfaces;
     bool zero[SURFACES_IN_TABLE], more = true;
     for (int64_t i = 0; i < surfaces; i++)
-        zero[i] = before[i] == 0, open[i] = released[i] = false;
+        zero[i] = g->before[i] == 0, open[i] = released[i] = false;
     for (int64_t k = 0; k < w->mode->guards; k++)
         if (w->hits[k] == 1) {
             int64_t i = w->mode->guard[k].index;
@@ -319,18 +320,18 @@ static bool mark_open(const struct work *w, const int64_t *before, bool *open, b
 static bool find_group(const struct work *w, struct group *g)
 {
     const struct selection *selection = &w->tables->selection;
-    const int64_t *before = selection->signs + w->run->mode * selection->surfaces;
     bool open[SURFACES_IN_TABLE], released[SURFACES_IN_TABLE];
-    if (!mark_open(w, before, open, released))
+    for (int64_t i = 0; i < selection->surfaces; i++)
+        g->before[i] = g->side[i] = selection->signs[w->run->mode * selection->surfaces + i];
+    if (!mark_open(w, g, open, released))
         return false;
     g->count = g->static_ones = g->sections = 0;
     for (int64_t i = 0; i < selection->surfaces; i++) {
         bool fixed = selection->contact[i] & FIXED;
-        g->side[i] = before[i];
         if (open[i] && selection->contact[i] & SECTION) {
-            if (before[i] == 0)
+            if (g->before[i] == 0)
                 return false;
-            g->side[i] = -before[i], g->sections += 1;
+            g->side[i] = -g->before[i], g->sections += 1;
         } else if (open[i]) {
             g->static_ones += fixed;
             g->slipped[g->count] = released[i] && fixed;
@@ -344,11 +345,10 @@ static bool find_group(const struct work *w, struct group *g)
 static bool sections_crossed(const struct work *w, const struct group *g)
 {
     int64_t surfaces = w->tables->selection.surfaces;
-    const int64_t *before = w->tables->selection.signs + w->run->mode * surfaces;
     double *point = resting_point(w, g), *values = point + w->run->states + 2 * surfaces;
     velocities_at(w, point, values);
     for (int64_t i = 0; i < surfaces; i++)
-        if (g->side[i] != before[i] && !((double)g->side[i] * values[w->run->states + 2 * surfaces + i] > 0.0))
+        if (g->side[i] != g->before[i] && !((double)g->side[i] * values[w->run->states + 2 * surfaces + i] > 0.0))
             return false;
     return true;
 }

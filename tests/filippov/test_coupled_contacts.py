@@ -15,6 +15,7 @@ from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.integrator import Integrator
+from henon_ref.henon.mode_code import switched_mode_code
 from henon_ref.henon.records import HENON
 from henon_ref.henon.run import Run
 from henon_ref.henon.solver import order_for
@@ -151,3 +152,13 @@ def test_runs_need_no_equations_of_single_modes(name: str, monkeypatch: pytest.M
     assert len(told[0]) > 5
     times = [[t.time for t in run.transitions] for run in runs]
     assert times[0] == pytest.approx(times[1], abs=1e-11)
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_each_constant_is_that_of_one_contact(name: str) -> None:
+    """So a mode that is new has no constants that are: three a place, whatever the other contacts do."""
+    system = SYSTEMS[name]
+    made = system.switched
+    assert made is not None
+    code = switched_mode_code(system, made, 6)
+    assert all(len(own) < 2 for tape in code.tapes for own in tape.owners)
