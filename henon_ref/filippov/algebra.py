@@ -41,6 +41,11 @@ def simplified(expression: sp.Expr) -> sp.Expr:
     return _rational(expression, sp.simplify, MAX_TERMS, MAX_MONOMIALS)
 
 
+def cancelled(expression: sp.Expr) -> sp.Expr:
+    """The expression as one quotient in lowest terms, or as it is written where that is too much work."""
+    return _rational(expression, sp.cancel, MAX_TERMS, MAX_MONOMIALS) if expression.has(sp.Add) else expression
+
+
 def factored(expression: sp.Expr) -> sp.Expr:
     """The expression as a product, or as it is written where that is too much work."""
     return _rational(expression, sp.factor, MAX_FACTORED_TERMS, MAX_FACTORED_MONOMIALS)

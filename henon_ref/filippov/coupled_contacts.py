@@ -27,7 +27,7 @@ import sympy as sp
 
 from henon_ref.errors import ModelError
 from henon_ref.filippov.affine import constant_slope
-from henon_ref.filippov.algebra import simplified
+from henon_ref.filippov.algebra import cancelled
 from henon_ref.filippov.bounds import put
 from henon_ref.filippov.decoupled_contacts import Contact, Contacts, SwitchedEquations, indicators
 from henon_ref.filippov.equations import Guard, along
@@ -135,7 +135,7 @@ def _parts(system: SwitchedField, expression: sp.Expr) -> tuple[sp.Expr, dict[in
 
 def _constant_ratio(system: SwitchedField, above: sp.Expr, below: sp.Expr) -> sp.Expr | None:
     """The quotient of two expressions where it is the same at all times and for all signs."""
-    found = simplified(above / below)
+    found = cancelled(above / below)
     return None if found.free_symbols & {TIME, *system.states, *system.signs} else found
 
 

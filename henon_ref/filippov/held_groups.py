@@ -14,29 +14,27 @@ its own field keeps it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
-from typing import Any, NamedTuple
 
 import sympy as sp
 
 from henon_ref.errors import ModelError
-from henon_ref.filippov.bounds import put
 from henon_ref.filippov.contact_loops import closed
 from henon_ref.filippov.contact_problem import (
     Accelerations,
     ContactProblem,
     Negative,
-    Row,
     independent_of,
     is_clear,
     solved,
 )
 from henon_ref.filippov.decision import Decision, with_entries
-from henon_ref.filippov.equations import Guard, along
+from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.exact_numbers import exact_sign
+from henon_ref.filippov.group_balance import Balance, Values, balance_of
 from henon_ref.filippov.modes import Mode, mode_text, replaced
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.text import listed
@@ -60,8 +58,7 @@ Broken = Sequence[tuple[Guard, int]]
 class Numbers:
     """A point in some arithmetic."""
 
-    values: Callable[[tuple[sp.Expr, ...], Mode], Sequence[Any] | None]
-    """(expressions, signs of all surfaces) -> their values; None if not finite."""
+    values: Values
     negative: Negative
     broken: Callable[[Mode, Collection[int]], Broken | None]
     """(mode, surfaces in play) -> guards that do not hold; None where the mode has no equations."""
@@ -184,15 +181,6 @@ def _released(guard: Guard) -> tuple[tuple[int, int], ...]:
     return guard.cut or ((guard.index, guard.to_sign),)
 
 
-class _Balance(NamedTuple):
-    """A group's relative accelerations, and the limits of its static friction, at a point."""
-
-    problem: ContactProblem
-    """With the limits of contacts that have slipped."""
-    static: Mapping[int, tuple[Any, Any]]
-    """Place of a contact -> its least and largest force before that; None: no limit."""
-
-
 class _Group:
     """Surfaces in play at one point, those that are no contacts settled already."""
 
@@ -209,7 +197,7 @@ class _Group:
 
     def settled(self, slipped: frozenset[int]) -> Mode | None:
         """The mode that follows; None where no mode is kept by its own field."""
-        balance = self._balance()
+        balance = balance_of(self.system, self.mode, self.contacts, self.numbers.values, self.numbers.negative)
         if balance is None:  # no numbers tell: derivatives do
             return self._kept(with_entries(self.mode, self.contacts, [0] * len(self.contacts)), slipped)
         while True:
@@ -281,7 +269,7 @@ class _Group:
 
         Which way, the first derivative tells that is not zero; an acceleration as small as can be stands for it.
         """
-        balance = self._balance()
+        balance = balance_of(self.system, self.mode, self.contacts, self.numbers.values, self.numbers.negative)
         if balance is None or self.separating:
             return None
         held = [k for k, i in enumerate(self.contacts) if mode[i] == 0]
@@ -297,7 +285,7 @@ class _Group:
         self.separating = {i: -1 if i in back else 1 for i in separated}
         return self.settled(slipped)
 
-    def _limited(self, balance: _Balance, slipped: frozenset[int]) -> ContactProblem:
+    def _limited(self, balance: Balance, slipped: frozenset[int]) -> ContactProblem:
         """The contact problem with the limits of contacts that have not slipped."""
         free, matrix, lower, upper = (list(part) for part in balance.problem)
         for k, (least, most) in balance.static.items():
@@ -307,70 +295,6 @@ class _Group:
             k = self.contacts.index(i)
             free[k] += way * SMALL_ACCELERATION * (abs(free[k]) + sum(map(abs, matrix[k])))
         return ContactProblem(free, matrix, lower, upper)
-
-    def _balance(self) -> _Balance | None:
-        """None where the accelerations are not affine in the forces, or not finite, or a force does not act at all."""
-        rows = self._rows()
-        if rows is None:
-            return None
-        system, contacts = self.system, self.contacts
-        free, matrix, lower, upper = [], [], list[Any](), list[Any]()
-        static: dict[int, tuple[Any, Any]] = {}
-        ways = [1 if system.rests(i) else -1 for i in contacts]  # a reaction pushes off, friction holds back
-        for k, i in enumerate(contacts):
-            own = next(rows)
-            free.append(own[0])
-            matrix.append([way * slope for way, slope in zip(ways, own[1:], strict=True)])
-            if not self.numbers.negative(-matrix[k][k], abs(matrix[k][k])):
-                return None
-            ends = [(guard.to_sign, next(rows)) for guard in system.hold_guards(i)] if i in self.static else []
-            inertia, kinetic = 0 * own[0] + 1, 0 * own[0] + 1
-            if i in self.static and system.overrides[i].inertia is not None:
-                inertia = next(rows)[0]
-            elif i in self.static:
-                inertia = self._inertia(i, k, own, ends)
-            if i in self.static and system.overrides[i].push:
-                kinetic = inertia * next(rows)[0]
-            lower.append(None if system.rests(i) else -kinetic)
-            upper.append(0 * kinetic if system.rests(i) else kinetic)
-            if ends:
-                limits = {side: (end[0] + side * inertia * own[0]) / (inertia * matrix[k][k]) for side, end in ends}
-                static[k] = (-limits[-1] if -1 in limits else None), limits.get(1)
-        return _Balance(ContactProblem(free, matrix, lower, upper), static)
-
-    def _rows(self) -> Iterator[Row] | None:
-        """Numbers by which functions are affine in the signs of the contacts: values at no sign, and slopes in each.
-
-        Contacts that are in no function together have their signs put in at once.
-        """
-        group, count = self.contacts, len(self.contacts)
-        written, (together, places) = _written(self.system, group), _together(self.system, group)
-        steps = range(max(places, default=-1) + 1)
-        corners = [(0,) * count, *(tuple(int(place == step) for place in places) for step in steps), (1,) * count]
-        values = [self.numbers.values(written, with_entries(self.mode, group, corner)) for corner in corners]
-        known = [value for value in values if value is not None]
-        if len(known) < len(values):
-            return None
-        rows: list[Row] = []
-        for own, first, *stepped, last in zip(together, *known, strict=True):
-            slopes = [stepped[places[k]] - first if k in own else 0 * first for k in range(count)]
-            rest, size = last - sum(slopes, first), sum(map(abs, slopes), abs(first))
-            if self.numbers.negative(rest, size) or self.numbers.negative(-rest, size):
-                return None
-            rows.append([first, *slopes])
-        return iter(rows)
-
-    def _inertia(self, index: int, place: int, own: Row, ends: Iterable[tuple[int, Row]]) -> Any:
-        """How a load that is written by hand grows with the acceleration, from how both do with another force."""
-        for side, end in ends:
-            slope, j = max(((abs(float(v)), j) for j, v in enumerate(own[1:]) if j != place), default=(0.0, 0))
-            if slope:
-                inertia = -side * end[1 + j] / own[1 + j]
-                if not inertia > 0:
-                    name = self.system.sign_names[index]
-                    raise ModelError(f"the load of {name} is no force that keeps its surface: its 'sliding' is by hand")
-                return inertia
-        return 0 * own[0] + 1
 
     def _need_proof(self, problem: ContactProblem, found: Accelerations, what: str) -> None:
         def settled(chosen: list[int], k: int) -> bool:
@@ -382,32 +306,3 @@ class _Group:
 
     def _names(self, contacts: Collection[int]) -> str:
         return listed([self.system.sign_names[i] for i in sorted(contacts)])
-
-
-@lru_cache(maxsize=256)
-def _written(system: FilippovSystem, group: tuple[int, ...]) -> tuple[sp.Expr, ...]:
-    """What is read of each contact of a group: its acceleration, the ends of its hold zone, inertia, friction."""
-    off = {system.signs[i]: sp.S.One for i in system.resting}
-    acting = system.with_reactions(frozenset(i for i in group if i in system.overrides and system.overrides[i].push))
-    found = []
-    for i in group:
-        found.append(along(acting.surfaces[i], acting.states, acting.field))
-        if system.held_inside(i):
-            own, speed, sign = system.overrides[i], system.normal_velocity(i), system.signs[i]
-            found += [put(guard.expression, off) for guard in system.hold_guards(i)]
-            found += [] if own.inertia is None else [own.inertia]
-            found += [put(put(speed, {sign: sp.S.Zero}) - put(speed, {sign: sp.S.One}), off)] if own.push else []
-    return tuple(found)
-
-
-@lru_cache(maxsize=256)
-def _together(system: FilippovSystem, group: tuple[int, ...]) -> tuple[list[frozenset[int]], list[int]]:
-    """Contacts, by places, that each of these functions may depend on; the place of each among those it is with."""
-    contacts = {system.signs[i]: k for k, i in enumerate(group)}
-    own = [frozenset(contacts[s] for s in e.free_symbols if s in contacts) for e in _written(system, group)]
-    parts: list[frozenset[int]] = []
-    for few in own:
-        joined = [part for part in parts if part & few]
-        parts = [part for part in parts if not part & few] + [few.union(*joined)]
-    places = {k: place for part in parts for place, k in enumerate(sorted(part))}
-    return own, [places.get(k, 0) for k in range(len(group))]

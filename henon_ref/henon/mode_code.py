@@ -112,21 +112,22 @@ def common_mode_code(system: FilippovSystem, mode: Mode, order: int, passed: fro
         entries: Entries = (({}, {}, {}),) * len(mode)
     else:
         entries = tuple(tuple({sign: sp.Integer(s)} for s in (-1, 0, 1)) for sign in system.signs)
-    return _mode_code(system, order, build_tape(system.states, equations.field, outputs), sides, entries)
+    expansion, probe = build_tape(system.states, equations.field, outputs), build_tape(system.states, (), sides)
+    return _mode_code(system, order, expansion, probe, entries)
 
 
 def switched_mode_code(system: FilippovSystem, equations: SwitchedEquations, order: int) -> ModeCode:
     """One code for the modes of all combinations of sliding surfaces."""
     sides = _speeds(system, equations.guards((1,) * len(system.surfaces)))
     expansion = build_tape(system.states, equations.field, equations.outputs, equations.definitions)
-    return _mode_code(system, order, expansion, sides, equations.entries)
+    # Names keep apart the constants of contacts: each is that of one contact's entry, however many signs act together.
+    names = {s: sp.Symbol(f"side_{i}", real=True) for i, s in enumerate(system.signs)} if equations.coupled else {}
+    probe = build_tape(system.states, (), [e.xreplace(names) for e in sides], [(name, s) for s, name in names.items()])
+    return _mode_code(system, order, expansion, probe, equations.entries)
 
 
-def _mode_code(
-    system: FilippovSystem, order: int, expansion: Tape, sides: Sequence[sp.Expr], entries: Entries
-) -> ModeCode:
+def _mode_code(system: FilippovSystem, order: int, expansion: Tape, probe: Tape, entries: Entries) -> ModeCode:
     n, nodes = len(system.states), expansion.nodes
-    probe = build_tape(system.states, (), sides)
     degrees = [*(nodes[row].degree + 1 for row in expansion.field), *(nodes[row].degree for row in expansion.outputs)]
     degree = max(degrees) if max(degrees) <= order else 0
     field_branches = _has_branch_points(expansion, expansion.field)
@@ -227,5 +228,6 @@ def _of_contacts(system: FilippovSystem) -> tuple[list[sp.Symbol], list[sp.Expr]
 def _known_of(system: FilippovSystem, index: int) -> int:
     own = system.overrides.get(index)
     if own is None:
-        return 0
-    return kernel.FIXED | (kernel.KNOWN_INERTIA if own.inertia is not None else 0) | (kernel.BY_LOAD if own.push else 0)
+        moved = not system.normal_velocity(index).free_symbols.isdisjoint(system.signs)
+        return 0 if moved else int(kernel.SECTION)
+    return kernel.FIXED | (own.inertia is not None) * kernel.KNOWN_INERTIA | bool(own.push) * kernel.BY_LOAD

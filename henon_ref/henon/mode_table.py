@@ -294,10 +294,7 @@ class ModeTable:
         if not self.contacts:
             self._by_number[number] = row
             self._link_all(mode, number, row)
-        # Where normal velocities written for all modes hold operations that it does not, compiled code does not settle
-        # on it; nor where it may not attract, unless it looks whether it does.
-        told = self.system.overrides or all(g.kind != "attracts" for g in self.guards(mode))
-        if self._rows.size and mode not in self._codes and told:
+        if self._rows.size:
             self._rows[number] = row
         self.compiled = self._published()
         self.index[mode] = row  # whoever finds it there finds the tables that have it

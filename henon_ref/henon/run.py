@@ -84,7 +84,6 @@ class Run(ModeChanges):
             self.workspace = workspace = integrator.workspaces.new()
         self.integrator, self.start, self.deadline = integrator, start, deadline
         self.state = state = workspace.state
-        self._scalars = None
         if start.kept is None:
             start.write(state, workspace.memory)
         else:
@@ -297,7 +296,7 @@ class Run(ModeChanges):
         counts = _tuple(Counts, counted)
         if self.decisions is not _NO_DECISIONS:
             counts.decisions = self.decisions
-        end, x = state.item(0), doubles_of(len(start.x)).unpack_from(state, _STATE)
+        end, x = state.item(0), doubles_of(len(start.x)).unpack_from(self.workspace.memory, _STATE)
         since = self._since() if below else ()
         own = self.mode if self.integrator.mode_table.contacts else self.integrator.mode_table.modes[mode]
         fields = status, transitions, end, x, own, reason, counts, 0.0, samples, sample_modes, since

@@ -184,7 +184,10 @@ static bool clearly_solved(const struct contact_problem *p, struct accelerations
 
 /* A group at the point where the run stands. */
 struct group {
-    int64_t count, contact[SURFACES_IN_TABLE]; /* surfaces in play, in order */
+    int64_t before[SURFACES_IN_TABLE];         /* of every surface its entry in the mode */
+    int64_t side[SURFACES_IN_TABLE];           /* the same behind sections that are hit */
+    int64_t sections;                          /* how many of these there are */
+    int64_t count, contact[SURFACES_IN_TABLE]; /* contacts in play, in order */
     int64_t static_ones;                   /* contacts among them that have static friction */
     bool slipped[SURFACES_IN_TABLE];           /* whether the load of such a one has reached its limit in this instant */
     double least[SURFACES_IN_TABLE], most[SURFACES_IN_TABLE]; /* forces that static friction allows */
@@ -239,7 +242,7 @@ static double *resting_point(const struct work *w, const struct group *g)
     for (int64_t i = 0; i < n; i++)
         point[i] = w->x[i];
     for (int64_t i = 0; i < surfaces; i++) {
-        point[n + i] = (double)selection->signs[w->run->mode * surfaces + i];
+        point[n + i] = (double)g->side[i];
         point[n + surfaces + i] = 0.0;
     }
     for (int64_t k = 0; k < g->count; k++)
@@ -286,23 +289,22 @@ static bool balance(const struct work *w, struct group *g)
     return true;
 }
 
-/* Surfaces that are at zero or slid on, and by which a hit one is open: it, and what acts on it by way of others; false
- * where a guard that is no contact's is at zero, or they are too many. */
-static bool find_group(const struct work *w, struct group *g)
+/* Mark the surfaces that are open: those of guards at zero, and those slid on, or at zero, that act on them by way of
+ * others; false where a guard that is no surface's is at zero. */
+static bool mark_open(const struct work *w, const struct group *g, bool *open, bool *released)
 {
     const struct selection *selection = &w->tables->selection;
     int64_t surfaces = selection->surfaces;
-    const int64_t *before = selection->signs + w->run->mode * surfaces;
-    bool zero[SURFACES_IN_TABLE], open[SURFACES_IN_TABLE] = {false}, slipped[SURFACES_IN_TABLE] = {false}, more = true;
+    bool zero[SURFACES_IN_TABLE], more = true;
     for (int64_t i = 0; i < surfaces; i++)
-        zero[i] = before[i] == 0;
+        zero[i] = g->before[i] == 0, open[i] = released[i] = false;
     for (int64_t k = 0; k < w->mode->guards; k++)
         if (w->hits[k] == 1) {
             int64_t i = w->mode->guard[k].index;
             if (w->mode->guard[k].kind == VALID)
                 return false;
             zero[i] = open[i] = true;
-            slipped[i] = slipped[i] || w->mode->guard[k].kind == RELEASE;
+            released[i] = released[i] || w->mode->guard[k].kind == RELEASE;
         }
     while (more) {
         more = false;
@@ -311,14 +313,43 @@ static bool find_group(const struct work *w, struct group *g)
                 if (open[i] && zero[j] && !open[j] && selection->beside[i * surfaces + j])
                     open[j] = more = true;
     }
-    g->count = g->static_ones = 0;
-    for (int64_t i = 0; i < surfaces; i++)
-        if (open[i]) {
-            bool fixed = selection->contact[i] & FIXED;
+    return true;
+}
+
+/* The contacts in play, behind sections that are hit; false where these are not the only surfaces. */
+static bool find_group(const struct work *w, struct group *g)
+{
+    const struct selection *selection = &w->tables->selection;
+    bool open[SURFACES_IN_TABLE], released[SURFACES_IN_TABLE];
+    for (int64_t i = 0; i < selection->surfaces; i++)
+        g->before[i] = g->side[i] = selection->signs[w->run->mode * selection->surfaces + i];
+    if (!mark_open(w, g, open, released))
+        return false;
+    g->count = g->static_ones = g->sections = 0;
+    for (int64_t i = 0; i < selection->surfaces; i++) {
+        bool fixed = selection->contact[i] & FIXED;
+        if (open[i] && selection->contact[i] & SECTION) {
+            if (g->before[i] == 0)
+                return false;
+            g->side[i] = -g->before[i], g->sections += 1;
+        } else if (open[i]) {
             g->static_ones += fixed;
-            g->slipped[g->count] = slipped[i] && fixed;
+            g->slipped[g->count] = released[i] && fixed;
             g->contact[g->count++] = i;
         }
+    }
+    return true;
+}
+
+/* Whether the sections that are hit are crossed with a speed. */
+static bool sections_crossed(const struct work *w, const struct group *g)
+{
+    int64_t surfaces = w->tables->selection.surfaces;
+    double *point = resting_point(w, g), *values = point + w->run->states + 2 * surfaces;
+    velocities_at(w, point, values);
+    for (int64_t i = 0; i < surfaces; i++)
+        if (g->side[i] != g->before[i] && !((double)g->side[i] * values[w->run->states + 2 * surfaces + i] > 0.0))
+            return false;
     return true;
 }
 
@@ -350,10 +381,9 @@ static bool settled(const struct work *w, struct group *g, struct accelerations 
 static int64_t mode_of_contacts(const struct work *w)
 {
     const struct selection *selection = &w->tables->selection;
-    const int64_t *before = selection->signs + w->run->mode * selection->surfaces;
     struct group g;
     struct accelerations s;
-    if (!find_group(w, &g))
+    if (!find_group(w, &g) || (g.sections && !sections_crossed(w, &g)))
         return UNCLEAR;
     if (g.static_ones || g.count > MOST_COUPLED) {
         if (!settled(w, &g, &s))
@@ -372,7 +402,7 @@ static int64_t mode_of_contacts(const struct work *w)
     int64_t number = 0;
     for (int64_t i = 0, k = 0; i < selection->surfaces; i++) {
         bool open = k < g.count && g.contact[k] == i;
-        number += ((open ? s.entry[k] : before[i]) + 1) * three_to(i);
+        number += ((open ? s.entry[k] : g.side[i]) + 1) * three_to(i);
         k += open;
     }
     return number;

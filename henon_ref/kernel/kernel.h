@@ -26,9 +26,9 @@ enum transition_kind { STICK, RELEASED, CROSSING, GRAZE, RESET };
 /* Surfaces whose event is not decided by two normal velocities alone: they act on each other, or reset the state. */
 enum coupling { UNCOUPLED, COUPLED, RESETTING };
 
-/* What is known of a contact: whether it has static friction, and then how its load grows with its acceleration, and
- * what a load does. */
-enum contact { FIXED = 1, KNOWN_INERTIA = 2, BY_LOAD = 4 };
+/* What is known of a surface in a system with static friction: whether it is a contact that has some, and then how its
+ * load grows with its acceleration, and what a load does; whether it is no contact, no force acting on its velocity. */
+enum contact { FIXED = 1, KNOWN_INERTIA = 2, BY_LOAD = 4, SECTION = 8 };
 
 /* Ways of landing. */
 enum landing { HENON, NEWTON, BRENT, BRACKET };

@@ -96,7 +96,7 @@ static int64_t apply_selection(struct work *w)
     }
     if (target < 0 && number >= 0)
         return not_compiled(w->run, SELECTED, number);
-    if (target < 0 || (selection->contact && !goes_on(w, target)) || !change_mode(w, target))
+    if (target < 0 || !goes_on(w, target) || !change_mode(w, target))
         return SELECT_MODE;
     return events_accumulate(w->run) ? EVENTS_ACCUMULATE : ON;
 }

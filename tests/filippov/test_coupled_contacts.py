@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,8 +12,15 @@ import sympy as sp
 from henon_ref.casefile.case import parse_case
 from henon_ref.filippov.decoupled_contacts import SwitchedEquations
 from henon_ref.filippov.modes import Mode
+from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem
+from henon_ref.henon.integrator import Integrator
+from henon_ref.henon.mode_code import switched_mode_code
+from henon_ref.henon.records import HENON
+from henon_ref.henon.run import Run
+from henon_ref.henon.solver import order_for
 from henon_ref.taylor.tape import TIME
+from henon_ref.trajectory import Decisions
 
 
 def scene(bodies: str, connections: list[str], initial: str, parameters: str = "{}") -> FilippovSystem:
@@ -118,3 +126,39 @@ def test_equations_are_those_of_each_mode(name: str) -> None:
             if guard.kind == "release" and guard.to_sign == 1 and guard.index not in system.overrides:
                 expected[k : k + 2] = [2 * e / sum(expected[k : k + 2]) for e in expected[k : k + 2]]
         assert guards == pytest.approx(expected, rel=1e-11, abs=1e-11), mode
+
+
+@pytest.mark.parametrize("name", ["stack", "clutches"])
+def test_runs_need_no_equations_of_single_modes(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same transitions as by the modes' own equations, at the same times; Python decides none of them."""
+    system = SYSTEMS[name]
+    start = tuple(sp.Rational((-1) ** k * k, 4) for k in range(len(system.states)))
+    runs = []
+    for together in (True, False):
+        fresh = replace(system)
+        with monkeypatch.context() as patch:
+            if together:
+                patch.setattr(FilippovSystem, "shared_equations", lambda *_: pytest.fail("a mode was derived"))
+            else:
+                patch.setattr(FilippovSystem, "switched", None)
+            integrator = Integrator(fresh, order_for(1e-13))
+            problem = Problem(fresh, sp.S.Zero, start, sp.Integer(6))
+            run = Run(integrator, integrator.start(problem, tolerance=1e-13, landing=HENON)).to_horizon()
+        assert run.status == "ok", run.reason
+        assert not together or run.counts.decisions._replace(new_modes=0) == Decisions()
+        runs.append(run)
+    told = [[(t.kind, t.surface, t.from_mode, t.to_mode) for t in run.transitions] for run in runs]
+    assert told[0] == told[1]
+    assert len(told[0]) > 5
+    times = [[t.time for t in run.transitions] for run in runs]
+    assert times[0] == pytest.approx(times[1], abs=1e-11)
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_each_constant_is_that_of_one_contact(name: str) -> None:
+    """So a mode that is new has no constants that are: three a place, whatever the other contacts do."""
+    system = SYSTEMS[name]
+    made = system.switched
+    assert made is not None
+    code = switched_mode_code(system, made, 6)
+    assert all(len(own) < 2 for tape in code.tapes for own in tape.owners)

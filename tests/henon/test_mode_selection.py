@@ -326,3 +326,21 @@ def test_ever_shorter_slides_end_with_a_word(rtol: float) -> None:
     assert [t.to_mode for t in run.transitions[:96]] == cycle * 12
     gaps = [b.time - a.time for a, b in pairwise(run.transitions[3:80:4])]
     assert all(after / before == pytest.approx(3**-0.5, rel=1e-4) for before, after in pairwise(gaps))
+
+
+GROUPS = [
+    (scene, reading)
+    for scene, readings in {"coupled_clutches": ("equal", "peak"), "clutch_pair": ("default",)}.items()
+    for reading in readings
+]
+
+
+@pytest.mark.parametrize(("scene", "reading"), GROUPS)
+def test_groups_with_static_friction_are_decided_without_python(
+    scene: str, reading: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A clutch closed at a given instant, too: a section is crossed beside contacts that hold."""
+    problem = load_case(CASES / "scenes" / f"{scene}.yaml").reading(reading).problem
+    ours, theirs, asked = runs(problem, monkeypatch)
+    same_transitions(ours, theirs)
+    assert asked == 0
