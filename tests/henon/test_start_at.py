@@ -40,7 +40,14 @@ def both(problem: Problem) -> tuple[Start, Start, Integrator]:
     return fast, integrator.start(exact, **settings), integrator
 
 
-@pytest.mark.parametrize("path", paths(), ids=lambda path: path.stem)
+LARGE = "burridge_knopoff"
+"""It takes seconds for the equations of its many blocks; daily: block_chain, which has eight."""
+
+
+@pytest.mark.parametrize(
+    "path",
+    [pytest.param(path, id=path.stem, marks=[pytest.mark.slow] if path.stem == LARGE else []) for path in paths()],
+)
 def test_every_case_starts_as_from_exact_numbers(path: Path) -> None:
     """In the same mode, with the same known zeros and, but for the last bits of what rounding lost, constants."""
     fast, exact, _ = both(read(path).readings[0].problem)
