@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import cast
 
 import contourpy
 import numpy as np
@@ -63,11 +62,6 @@ def _surfaces(
         h = sp.lambdify(states, system.numeric(surface), np)
         values = np.broadcast_to(np.asarray(h(*np.meshgrid(across, upward)), dtype=float), (GRID, GRID))
         if np.nanmin(values) < 0 < np.nanmax(values):
-<<<<<<< HEAD
             generator = contourpy.contour_generator(across, upward, np.ma.masked_invalid(values), name="mpl2014")
             found += [np.asarray(line) for line in generator.lines(0.0)[0]]
-=======
-            lines = contour_generator(across, upward, np.ma.masked_invalid(values), name="mpl2014").lines(0.0)
-            found += cast(list[NDArray[np.float64]], lines[0])  # behind them what matplotlib's paths need
->>>>>>> tests
     return found
