@@ -53,7 +53,7 @@ def _surfaces(
     system: FilippovSystem, pair: tuple[int, int], limits: Sequence[tuple[float, float]]
 ) -> list[NDArray[np.float64]]:
     """The curves h = 0 of the surfaces that depend on these two states alone."""
-    from contourpy import contour_generator
+    from contourpy import contour_generator  # what matplotlib draws contours with
 
     states = [system.states[k] for k in pair]
     across, upward = (np.linspace(low, high, GRID) for low, high in limits)
