@@ -275,6 +275,7 @@ class Corner:
 
 @pytest.mark.parametrize(
     ("surfaces", "coupled"),
+    # Six are slow: 729 modes, whose equations take as long as all the rest; daily: up to five.
     [(2, False), (3, False), (5, False), pytest.param(6, False, marks=pytest.mark.slow), (2, True), (3, True)],
 )
 def test_any_corner_is_decided_as_in_python(surfaces: int, coupled: bool) -> None:

@@ -235,7 +235,7 @@ def test_workers_that_are_killed_leave_the_same_files(tmp_path: Path) -> None:
         import numpy as np, henon_ref as hr
         field = ["v", "-x - F*s/(1 + d*s*(v - vb))"]
         block = hr.System(["x", "v"], {{"F": 1, "d": 3, "vb": 0.5}}, {{"s": "v - vb"}}, field)
-        hr.sweep(block, {{"x": 0, "v": 0}}, until=5000, grid={{"vb": np.linspace(0.1, 1, 100)}}, rtol=1e-9,
+        hr.sweep(block, {{"x": 0, "v": 0}}, until=5000, grid={{"vb": np.linspace(0.1, 1, 60)}}, rtol=1e-9,
                  observe=[hr.observe.final_state()], jobs=2, chunk=5, out={str(tmp_path / "killed")!r})
         """
     )
@@ -251,7 +251,7 @@ def test_workers_that_are_killed_leave_the_same_files(tmp_path: Path) -> None:
         time.sleep(0.005)
     assert process.wait(timeout=600) == 0
     assert killed
-    arguments: dict[str, Any] = {"until": 5000, "grid": {"vb": np.linspace(0.1, 1, 100)}, "rtol": 1e-9}
+    arguments: dict[str, Any] = {"until": 5000, "grid": {"vb": np.linspace(0.1, 1, 60)}, "rtol": 1e-9}
     sweep(
         belt(), {"x": 0, "v": 0}, observe=[observe.final_state()], jobs=1, chunk=5, out=tmp_path / "whole", **arguments
     )
