@@ -9,9 +9,10 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Sequence
+from itertools import groupby
 
 from henon_ref.campaign.causes_of_peers import DIFFSOL, NOT_FINITE, PEER_NAMES, PEER_RULES
-from henon_ref.campaign.seen_run import Seen
+from henon_ref.campaign.seen_run import Seen, number
 from henon_ref.columns import Row
 
 EXPLAINED = ("solver defect", "not judged")
@@ -145,8 +146,36 @@ def _past_the_end(seen: Seen) -> str | None:
 def _naive(seen: Seen) -> str | None:
     if seen.solver == "scipy-sign" and "the budget of" in seen.reason and seen.run["status"] == "failed":
         return "sign-chatter"
-    within = seen.solver == "scipy-smoothed" and seen.depth <= SMOOTHED_BAND * seen.number("atol")
-    return "smoothed-creep" if within and seen.missed_pairs else None
+    if seen.solver != "scipy-smoothed":
+        return None
+    within = seen.depth <= SMOOTHED_BAND * seen.number("atol") and seen.missed_pairs
+    return "smoothed-creep" if within or _smoothed_into_one(seen) else None
+
+
+def _smoothed_into_one(seen: Seen) -> bool:
+    """Whether all that is wrong are two transitions of a surface in a row that are found as one, which smoothing hides.
+
+    It leads where they lead. Either the surface function stays within the band between them, or they are a stick that
+    is shorter than releases of the run are late.
+    """
+    rows = [row for row in seen.transitions if row["outcome"] != "touch"]
+    groups = [list(own) for right, own in groupby(rows, lambda row: row["outcome"] == "matched") if not right]
+    releases = (row for row in rows if row["outcome"] == "matched" and row["kind"] == "release")
+    late = max((number(row, "time_error_s") for row in releases), default=0.0)
+    return seen.run["status"] == "wrong" and bool(groups) and all(_one_for_two(seen, own, late) for own in groups)
+
+
+def _one_for_two(seen: Seen, rows: Sequence[Row], late: float) -> bool:
+    missed = [row for row in rows if row["outcome"] == "missed"]
+    found = [row for row in rows if row["outcome"] == "spurious"]
+    if (len(missed), len(found)) != (2, 1) or len({row["surface"] for row in rows}) != 1:
+        return False
+    (first, last), (one,) = missed, found
+    if (one["from_mode"], one["to_mode"]) != (first["from_mode"], last["to_mode"]):
+        return False
+    if (first["kind"], last["kind"]) == ("stick", "release"):
+        return number(last, "reference_time_s") - number(first, "reference_time_s") < late
+    return min(number(first, "graze_distance"), number(last, "graze_distance")) <= SMOOTHED_BAND * seen.number("atol")
 
 
 RULES: tuple[Callable[[Seen], str | None], ...] = (

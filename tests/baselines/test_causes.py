@@ -345,3 +345,21 @@ def test_the_page_says_so_where_a_claim_does_not_hold(monkeypatch: pytest.Monkey
     text = page.write_causes(tmp_path).read_text(encoding="utf-8")
     assert "**not as claimed with this version**: it found both." in text
     assert '<a id="scipy-pair"></a>' in text
+
+
+def test_smoothing_makes_one_transition_of_two_within_its_band_or_of_a_short_stick() -> None:
+    """Fig. 8 at 1e-6 has a stick of 19 ms beside releases 50 ms late; two blocks cross and stick within the band."""
+    late = missed("0", "-", outcome="matched", kind="release", time_error_s=0.05)
+    wrong = run_row(solver="scipy-smoothed", missed=2, spurious=1)
+    stick = missed("+", "0", kind="stick", reference_time_s=2.492, graze_distance=0.02)
+    release = missed("0", "-", kind="release", reference_time_s=2.511, graze_distance=0.08)
+    crossing = missed("+", "-", outcome="spurious")
+    assert cause_of(wrong, [late, stick, crossing, release]) == "smoothed-creep"
+    assert cause_of(wrong, [late | {"time_error_s": 0.01}, stick, crossing, release]) is None
+    assert cause_of(wrong, [late, stick, crossing | {"to_mode": "0"}, release]) is None
+    assert cause_of(run_row(solver="scipy-sign", missed=2, spurious=1), [late, stick, crossing, release]) is None
+    shallow = [missed("-", "+"), missed("+", "0", kind="stick", graze_distance=5e-4)]
+    one = missed("-", "0", outcome="spurious", kind="stick")
+    assert cause_of(wrong, [one, *shallow]) == "smoothed-creep"
+    assert cause_of(wrong, [one, *(row | {"graze_distance": 5e-3} for row in shallow)]) is None
+    assert cause_of(wrong | {"missed": 3}, [one, *shallow, late, missed("0", "+")]) is None
