@@ -149,23 +149,38 @@ def _naive(seen: Seen) -> str | None:
     if seen.solver != "scipy-smoothed":
         return None
     within = seen.depth <= SMOOTHED_BAND * seen.number("atol") and seen.missed_pairs
-    return "smoothed-creep" if within or _smoothed_into_one(seen) else None
+    if within or _smoothed_into_one(seen):
+        return "smoothed-creep"
+    return "smoothed-late" if _released_late(seen) else None
+
+
+def _released_late(seen: Seen) -> bool:
+    """Whether each surface has all its transitions, and their order among surfaces alone is wrong, by late releases."""
+    wrong = [row for row in seen.transitions if row["outcome"] in ("missed", "spurious")]
+    delays: dict[bool, list[float]] = {True: [], False: []}
+    for surface in {row["surface"] for row in wrong}:
+        own = [row for row in wrong if row["surface"] == surface]
+        exact, found = ([row for row in own if row["outcome"] == what] for what in ("missed", "spurious"))
+        if [row["kind"] for row in exact] != [row["kind"] for row in found]:
+            return False
+        for there, here in zip(exact, found, strict=True):
+            delays[there["kind"] == "release"].append(number(here, "time_s") - number(there, "reference_time_s"))
+    late, others = delays[True], delays[False]
+    latest = max(late, default=0.0)
+    return seen.run["status"] == "wrong" and min(late, default=0.0) > 0.0 and all(abs(d) < latest for d in others)
 
 
 def _smoothed_into_one(seen: Seen) -> bool:
     """Whether all that is wrong are two transitions of a surface in a row that are found as one, which smoothing hides.
 
-    It leads where they lead. Either the surface function stays within the band between them, or they are a stick that
-    is shorter than releases of the run are late.
+    It leads where they lead, and the surface function stays within the band between them.
     """
     rows = [row for row in seen.transitions if row["outcome"] != "touch"]
     groups = [list(own) for right, own in groupby(rows, lambda row: row["outcome"] == "matched") if not right]
-    releases = (row for row in rows if row["outcome"] == "matched" and row["kind"] == "release")
-    late = max((number(row, "time_error_s") for row in releases), default=0.0)
-    return seen.run["status"] == "wrong" and bool(groups) and all(_one_for_two(seen, own, late) for own in groups)
+    return seen.run["status"] == "wrong" and bool(groups) and all(_one_for_two(seen, own) for own in groups)
 
 
-def _one_for_two(seen: Seen, rows: Sequence[Row], late: float) -> bool:
+def _one_for_two(seen: Seen, rows: Sequence[Row]) -> bool:
     missed = [row for row in rows if row["outcome"] == "missed"]
     found = [row for row in rows if row["outcome"] == "spurious"]
     if (len(missed), len(found)) != (2, 1) or len({row["surface"] for row in rows}) != 1:
@@ -173,8 +188,6 @@ def _one_for_two(seen: Seen, rows: Sequence[Row], late: float) -> bool:
     (first, last), (one,) = missed, found
     if (one["from_mode"], one["to_mode"]) != (first["from_mode"], last["to_mode"]):
         return False
-    if (first["kind"], last["kind"]) == ("stick", "release"):
-        return number(last, "reference_time_s") - number(first, "reference_time_s") < late
     return min(number(first, "graze_distance"), number(last, "graze_distance")) <= SMOOTHED_BAND * seen.number("atol")
 
 
@@ -199,6 +212,7 @@ NAMES = (
     "scipy-pole", "diffrax-pole",
     "scipy-blow-up", "scipy-radau-order", "scipy-bdf-order", "scipy-lsoda-nan", "heyoka-start", "heyoka-double-root",
     "heyoka-hidden-drive", "heyoka-event-polynomial", "heyoka-past-end", "sign-chatter", "smoothed-creep",
+    "smoothed-late",
     "cvode-c-pair", "octave-pair", "diffrax-pair", "diffrax-start", "diffsol-pair", *PEER_NAMES,
 )  # fmt: skip
 """Every name that a rule may give."""
