@@ -35,6 +35,21 @@ def smoothed_stick_creeps() -> str:
     return f"smoothed over {WIDTH:g}, a body that should stick creeps at {creep:.2e} for good"
 
 
+def smoothed_release_is_late() -> str:
+    """v' = t - tanh(v / eps): pulled by t against a friction of 1, a body at rest lets go at t = 1."""
+    from scipy.integrate import solve_ivp
+
+    def beyond(t: float, v: np.ndarray) -> float:  # here the smoothed friction is 1 to the last digit
+        return float(v[0]) - 20 * WIDTH
+
+    beyond.terminal = True  # type: ignore[attr-defined]
+    how = {"method": "LSODA", "rtol": 1e-9, "atol": 1e-9, "events": beyond}
+    late = float(solve_ivp(lambda t, v: [t - np.tanh(v[0] / WIDTH)], (0, 2), [0.0], **how).t[-1]) - 1.0
+    exact = np.sqrt(2 * 20 * WIDTH)  # v = (t - 1)^2 / 2
+    holds(0.5 * exact < late < 1.5 * exact, f"it is released {late} s late")
+    return f"smoothed over {WIDTH:g}, a body is 20 widths fast {late:.3f} s after its release at 1 s"
+
+
 NAIVE = (
     Cause(
         "sign-chatter",
@@ -52,5 +67,13 @@ NAIVE = (
         "its band is not told apart.",
         smoothed_stick_creeps,
         ("https://github.com/google-deepmind/mujoco/issues/3328",),
+    ),
+    Cause(
+        "smoothed-late",
+        "scipy",
+        "A smoothed release is late",
+        "A body that lets go is told from one that creeps only when it has left the band, by a time that goes with the "
+        "root of the smoothing's width: releases come late, and behind transitions that they come before.",
+        smoothed_release_is_late,
     ),
 )

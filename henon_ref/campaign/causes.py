@@ -12,7 +12,7 @@ import sys
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import takewhile
+from itertools import groupby, takewhile
 
 from henon_ref import registry
 from henon_ref.rows import RunRow, TransitionRow, number
@@ -170,6 +170,44 @@ def _past_the_end(seen: Seen) -> bool:
 def _within_the_band(seen: Seen) -> bool:
     rows = _in_pairs(seen)
     return bool(rows) and _deepest(rows) <= SMOOTHED_BAND * number(seen.run.atol)
+
+
+def _released_late(seen: Seen) -> bool:
+    """Each surface has all its transitions, and their order among surfaces alone is wrong, by late releases."""
+    wrong = [row for row in seen.transitions if row.outcome in ("missed", "spurious")]
+    delays: dict[bool, list[float]] = {True: [], False: []}
+    for surface in {row.surface for row in wrong}:
+        own = [row for row in wrong if row.surface == surface]
+        exact, found = ([row for row in own if row.outcome == what] for what in ("missed", "spurious"))
+        if [row.kind for row in exact] != [row.kind for row in found]:
+            return False
+        for there, here in zip(exact, found, strict=True):
+            delays[there.kind == "release"].append(number(here.time_s) - number(there.reference_time_s))
+    late, others = delays[True], delays[False]
+    latest = max(late, default=0.0)
+    return min(late, default=0.0) > 0.0 and all(abs(delay) < latest for delay in others)
+
+
+def _smoothed_into_one(seen: Seen) -> bool:
+    """All that is wrong are two transitions of a surface in a row that are found as one, which smoothing hides.
+
+    It leads where they lead, and the surface function stays within the band between them.
+    """
+    rows = [row for row in seen.transitions if row.outcome != "touch"]
+    groups = [list(own) for right, own in groupby(rows, lambda row: row.outcome == "matched") if not right]
+    return bool(groups) and all(_one_for_two(seen, own) for own in groups)
+
+
+def _one_for_two(seen: Seen, rows: Sequence[TransitionRow]) -> bool:
+    missed = [row for row in rows if row.outcome == "missed"]
+    found = [row for row in rows if row.outcome == "spurious"]
+    if (len(missed), len(found)) != (2, 1) or len({row.surface for row in rows}) != 1:
+        return False
+    (first, last), (one,) = missed, found
+    if (one.from_mode, one.to_mode) != (first.from_mode, last.to_mode):
+        return False
+    depth = min(number(first.graze_distance), number(last.graze_distance))
+    return depth <= SMOOTHED_BAND * number(seen.run.atol)
 
 
 def _small_step(seen: Seen) -> bool:
@@ -333,6 +371,8 @@ PATTERNS = (
     Pattern("heyoka-past-end", HEYOKA, ends="failed", missed=0, right=True, when=_past_the_end),
     Pattern("sign-chatter", ("scipy-sign",), "the budget of", status="failed"),
     Pattern("smoothed-creep", ("scipy-smoothed",), when=_within_the_band),
+    Pattern("smoothed-creep", ("scipy-smoothed",), status="wrong", when=_smoothed_into_one),
+    Pattern("smoothed-late", ("scipy-smoothed",), status="wrong", when=_released_late),
     Pattern("diffsol-small-step", DIFFSOL, "Step size is too small at time = ", right=True, when=_small_step),
     Pattern("diffsol-late", DIFFSOL, "Stop time is at the current state time", right=True),
     Pattern("diffsol-stop-nan", DIFFSOL, "went on past", ends="failed", missed=0, right=True),

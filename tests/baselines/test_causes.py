@@ -351,3 +351,36 @@ def test_the_page_says_so_where_a_claim_does_not_hold(monkeypatch: pytest.Monkey
     text = page.write_causes(tmp_path).read_text(encoding="utf-8")
     assert "**not as claimed with this version**: it found both." in text
     assert '<a id="scipy-pair"></a>' in text
+
+
+def test_smoothing_makes_one_transition_of_two_within_its_band() -> None:
+    """Two blocks at 1e-6 cross and stick at once, the smoothed ones stick; a short stick of Fig. 8 leaves the band."""
+    wrong = run_row(solver="scipy-smoothed", missed=2, spurious=1)
+    shallow = [missed("-", "+"), missed("+", "0", kind="stick", graze_distance=5e-4)]
+    one = missed("-", "0", outcome="spurious", kind="stick")
+    right = missed("0", "-", outcome="matched", kind="release")
+    assert cause_of(wrong, [one, *shallow, right]) == "smoothed-creep"
+    assert cause_of(wrong, [one | {"to_mode": "-"}, *shallow, right]) is None
+    assert cause_of(wrong | {"solver": "scipy-sign"}, [one, *shallow, right]) is None
+    assert cause_of(wrong | {"missed": 3}, [one, *shallow, right, missed("-", "+")]) is None
+    deep = [missed("+", "0", kind="stick", graze_distance=0.02), missed("0", "-", kind="release", graze_distance=0.08)]
+    assert cause_of(wrong, [deep[0], missed("+", "-", outcome="spurious"), deep[1]]) is None
+
+
+def test_late_releases_come_behind_what_they_come_before() -> None:
+    """Eight blocks at 1e-6: every surface has its transitions, those of others come first."""
+    wrong = run_row(solver="scipy-smoothed", missed=2, spurious=2)
+    exact = [
+        missed("0-", "--", kind="release", surface="a", reference_time_s=3.06),
+        missed("--", "-+", surface="b", reference_time_s=3.092),
+    ]
+    found = [
+        missed("0-", "0+", outcome="spurious", surface="b", time_s=3.0919),
+        missed("0+", "-+", outcome="spurious", kind="release", surface="a", time_s=3.14),
+    ]
+    assert cause_of(wrong, [*exact, *found]) == "smoothed-late"
+    early = found[1] | {"time_s": 3.05}
+    assert cause_of(wrong, [*exact, found[0], early]) is None
+    assert cause_of(wrong, [*exact, found[1]]) is None
+    assert cause_of(wrong, [*exact, found[0] | {"time_s": 3.3}, found[1]]) is None
+    assert cause_of(wrong | {"solver": "scipy-sign"}, [*exact, *found]) is None
