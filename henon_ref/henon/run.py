@@ -274,7 +274,7 @@ class Run(ModeChanges):
         counts = _tuple(Counts, counted)
         if self.decisions is not _NO_DECISIONS:
             counts.decisions = self.decisions
-        end, x = state.item(0), doubles_of(len(start.x)).unpack_from(state, _STATE)
+        end, x = state.item(0), doubles_of(len(start.x)).unpack_from(self.workspace.memory, _STATE)
         since = self._since() if below else ()
         fields = status, transitions, end, x, modes[mode], reason, counts, 0.0, samples, sample_modes, since
         return _tuple(Trajectory, fields)

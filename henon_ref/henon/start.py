@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from struct import Struct
 
@@ -60,7 +60,7 @@ class Start:
     most_steps: int = MOST_STEPS
     """Steps after which the run ends with status ``failed``."""
 
-    kept: NDArray[np.float64] | None = None
+    kept: NDArray[np.float64] | None = field(default=None, init=False)
     """What :meth:`write` writes, for a start of many runs."""
 
     def write(self, state: NDArray[np.float64], memory: memoryview) -> None:
