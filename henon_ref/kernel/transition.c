@@ -214,6 +214,17 @@ static bool kinks_behind(struct work *w, int64_t row, int64_t *ending, double *l
     return behind;
 }
 
+/* Whether a guard, if there is one, is the same in the mode of a row: modes with the same slides have their guards in
+ * one order. */
+static bool same_guard(const struct work *w, int64_t row, int64_t g)
+{
+    const struct mode *mode = mode_at(w, row);
+    if (g < 0)
+        return true;
+    const struct guard *one = &w->mode->guard[g], *other = &mode->guard[g];
+    return g < mode->guards && one->kind == other->kind && one->index == other->index;
+}
+
 /* What becomes of a slide whose end has come with kinks, in the mode behind these, which is expanded on a length; ON, or
  * why Python is needed. Its kind is GRAZE where the slide goes on: an equivalent sign that turns back. (A load that has
  * come to its limit has slipped.) */
@@ -276,7 +287,7 @@ static int64_t cross_kinks(struct work *w)
     bool numbered = w->mode->surfaces > 0;
     if (at.row < 0)
         return numbered ? not_compiled(run, CROSSING, at.number) : SELECT_MODE;
-    if (!kinks_behind(w, at.row, &at.other, &length))
+    if (!kinks_behind(w, at.row, &at.other, &length) || !same_guard(w, at.row, at.other))
         return SELECT_MODE;
     struct change found = {CROSSING, at.row, 0};
     if (at.other >= 0) {

@@ -45,12 +45,12 @@ def test_every_pattern_names_a_cause() -> None:
 
 def run_row(**values: object) -> RunRow:
     names = {"case": "made_up", "reading": "default", "solver": "scipy-rk45", "rtol": 1e-6, "atol": 1e-6}
-    return RunRow(**replace(names, status="wrong", "verdict": "solver defect", "missed": 2, "spurious": 0) | values)
+    return RunRow(**names | {"status": "wrong", "verdict": "solver defect", "missed": 2, "spurious": 0} | values)
 
 
 def missed(source: str, target: str, **values: object) -> TransitionRow:
     own = {"from_mode": source, "to_mode": target, "surface": "h", "kind": "crossing", "outcome": "missed"}
-    return TransitionRow("made_up", "default", "", None, None, 0, **replace(own, graze_distance=1e-4) | values)
+    return TransitionRow("made_up", "default", "", None, None, 0, **own | {"graze_distance": 1e-4} | values)
 
 
 PAIR = [missed("-", "+"), missed("+", "-")]
@@ -110,7 +110,7 @@ def test_lsoda_alone_goes_on_with_what_is_no_number() -> None:
     assert cause_of(run_row(solver="scipy-lsoda", **lost), []) == "scipy-lsoda-nan"
     assert cause_of(run_row(solver="scipy-smoothed", **lost), []) == "scipy-lsoda-nan"
     assert cause_of(run_row(solver="scipy-dop853", **lost), []) is None
-    assert cause_of(run_row(solver="scipy-lsoda", **replace(lost, spurious=1)), []) is None
+    assert cause_of(run_row(solver="scipy-lsoda", **lost | {"spurious": 1}), []) is None
 
 
 def test_a_polynomial_goes_past_the_end_of_what_it_stands_for() -> None:
@@ -121,15 +121,15 @@ def test_a_polynomial_goes_past_the_end_of_what_it_stands_for() -> None:
     }
     assert cause_of(run_row(solver="heyoka", **past), []) == "heyoka-past-end"
     assert cause_of(run_row(solver="scipy-rk45", **past), []) is None
-    assert cause_of(run_row(solver="heyoka", **replace(past, missed=1)), []) is None
-    assert cause_of(run_row(solver="heyoka", **replace(past, expected_status="diverged")), []) is None
+    assert cause_of(run_row(solver="heyoka", **past | {"missed": 1}), []) is None
+    assert cause_of(run_row(solver="heyoka", **past | {"expected_status": "diverged"}), []) is None
 
 
 def test_heyoka_may_be_past_the_end_of_a_field_before_it_stops() -> None:
     past = {"expected_status": "failed", "status": "failed", "missed": 0}
-    later = replace(past, status_reason="heyoka: the state is not finite; failed at t = 3.44, not at 2.567")
+    later = past | {"status_reason": "heyoka: the state is not finite; failed at t = 3.44, not at 2.567"}
     assert cause_of(run_row(solver="heyoka", **later), []) == "heyoka-past-end"
-    earlier = replace(past, status_reason="heyoka: the state is not finite; failed at t = 2.44, not at 2.567")
+    earlier = past | {"status_reason": "heyoka: the state is not finite; failed at t = 2.44, not at 2.567"}
     assert cause_of(run_row(solver="heyoka", **earlier), []) is None
 
 
@@ -154,16 +154,16 @@ def test_programs_in_other_languages_have_causes_of_their_own() -> None:
     assert cause_of(run_row(solver="octave-ode45"), PAIR) == "octave-pair"
     assert cause_of(run_row(solver="siconos"), PAIR) == "siconos-step"
     ended = {"status": "failed", "missed": 0, "matched": 1, "expected_status": "failed"}
-    late = replace(ended, status_reason="CVode: CV_REPTD_RHSFUNC_ERR at t = 2.05; failed at t = 2.05, not at 2")
+    late = ended | {"status_reason": "CVode: CV_REPTD_RHSFUNC_ERR at t = 2.05; failed at t = 2.05, not at 2"}
     assert cause_of(run_row(solver="cvode-c-bdf", **late), []) == "cvode-c-late-end"
-    assert cause_of(run_row(solver="cvode-c-bdf", **replace(late, missed=1)), []) is None
-    pole = replace(ended, expected_status="diverged", "status_reason": "ode45 ended at t = 0.999")
+    assert cause_of(run_row(solver="cvode-c-bdf", **late | {"missed": 1}), []) is None
+    pole = ended | {"expected_status": "diverged", "status_reason": "ode45 ended at t = 0.999"}
     assert cause_of(run_row(solver="octave-ode45", **pole), []) == "octave-blow-up"
     root = missed("+", "-", reference_time_s=0.9990001)
-    behind = run_row(solver="octave-ode45", **replace(pole, expected_status="ok", "end_time_s": 0.999, "missed": 1))
+    behind = run_row(solver="octave-ode45", **pole | {"expected_status": "ok", "end_time_s": 0.999, "missed": 1})
     assert cause_of(behind, [root]) == "octave-blow-up"  # a pole behind the surface
     assert cause_of(behind, [replace(root, reference_time_s=1.01)]) is None
-    past = replace(ended, status="wrong", "status_reason": "went on past t = 1, where the exact run is failed")
+    past = ended | {"status": "wrong", "status_reason": "went on past t = 1, where the exact run is failed"}
     assert cause_of(run_row(solver="octave-ode45", **past), []) == "octave-nan"
 
 
@@ -183,7 +183,7 @@ def test_a_time_is_off_by_the_location_where_the_errors_of_all_steps_cannot_move
 def test_ode45_takes_a_state_without_a_value_and_excuses_events_of_a_first_step() -> None:
     lost = {"status": "failed", "status_reason": "the state is not finite after t = 0.9", "missed": 0}
     assert cause_of(run_row(solver="octave-ode45", **lost), []) == "octave-nan-state"
-    assert cause_of(run_row(solver="octave-ode45", **replace(lost, spurious=1)), []) is None
+    assert cause_of(run_row(solver="octave-ode45", **lost | {"spurious": 1}), []) is None
     row = run_row(solver="octave-ode45", missed=1, end_time_s=2.0)
     early, found = missed("0", "+", reference_time_s=1e-9), missed("+", "0", outcome="matched", reference_time_s=1.0)
     assert cause_of(row, [early]) == "octave-first-step"
@@ -290,7 +290,7 @@ def test_time_stepping_has_no_value_in_the_step_in_which_the_model_ends() -> Non
     }
     assert cause_of(run_row(solver="siconos", expected_status="invalid", **said), []) == "siconos-step"
     assert cause_of(run_row(solver="siconos", expected_status="ok", **said), []) is None
-    assert cause_of(run_row(solver="siconos", expected_status="invalid", **replace(said, spurious=1)), []) is None
+    assert cause_of(run_row(solver="siconos", expected_status="invalid", **said | {"spurious": 1}), []) is None
 
 
 def test_time_stepping_misses_all_that_lies_within_a_step() -> None:
@@ -325,7 +325,7 @@ def test_what_peers_do_is_explained_by_peers() -> None:
     assert cause_of(run_row(solver="diffsol-bdf", **lost), []) is None
     ended = {"status": "failed", "status_reason": "IPOPT finds no step from t = 3", "missed": 1}
     assert cause_of(run_row(solver="nosnoc", **ended), []) == "nosnoc-infeasible"
-    assert cause_of(run_row(solver="nosnoc", **replace(ended, spurious=1)), []) is None
+    assert cause_of(run_row(solver="nosnoc", **ended | {"spurious": 1}), []) is None
     slow = run_row(solver="nosnoc", status="timeout", verdict="not judged", missed=0)
     assert cause_of(slow, []) == "nosnoc-cost"
     assert cause_of(replace(slow, missed=None, spurious=None), []) == "nosnoc-cost"  # stopped from outside

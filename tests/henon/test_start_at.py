@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -12,14 +13,17 @@ import sympy as sp
 from problems import make_problem
 from shipped import CASES, paths, read
 
+import henon_ref as hr
 from henon_ref.casefile.case import load_case
 from henon_ref.errors import ModelError
+from henon_ref.filippov.modes import replaced
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.switching import Switching
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.records import HENON
 from henon_ref.henon.run import Run
 from henon_ref.henon.start import Start
+from henon_ref.kernel.shared import ffi
 
 
 def both(problem: Problem) -> tuple[Start, Start, Integrator]:
@@ -60,6 +64,50 @@ def test_every_case_starts_as_from_exact_numbers(path: Path) -> None:
         return
     one, other = fast.constants.update().numbers, exact.constants.update().numbers
     assert one == pytest.approx(other, rel=2e-16, abs=1e-29 * np.nanmax(np.abs(other)), nan_ok=True)
+
+
+AT_ONCE = ["stribeck_belt", "two_blocks", "bouncing_ball", "static_belt", "clutch_pair"]
+
+
+@pytest.mark.parametrize("name", AT_ONCE)
+def test_constants_of_a_point_are_the_same_made_at_once(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bit for bit: those of the modes and of the normal velocities, also where modes are met later."""
+    system = load_case(name).readings[0].problem.system
+    integrator = Integrator(replace(system, parameters={}), 12)
+    first = (1,) * len(system.signs)
+    for mode in (first, replaced(first, 0, -1)):
+        integrator.mode_table.row(mode)
+    values = tuple(float(system.parameters[symbol]) for symbol in integrator.parameters)
+    with monkeypatch.context() as patch:
+        patch.setattr(integrator.programs, "at_once", lambda _: None)
+        slowly = integrator._double_constants(values)
+    integrator.programs.loop()
+    at_once = integrator._double_constants(values)
+    assert isinstance(slowly.latest.constants, tuple)
+    assert not isinstance(at_once.latest.constants, tuple)
+    integrator.mode_table.row(replaced(first, 0, 0))
+    for _ in range(2):
+        one, other = slowly.latest, at_once.latest
+        assert one.numbers.tobytes() == other.numbers.tobytes()
+        if one.compiled.rows.size:
+            counts = 8 * (2 * len(integrator.mode_table.normals.tape.constants) + 1)
+            pair = [bytes(ffi.buffer(data.tables.selection.constants, counts)) for data in (one, other)]
+            assert pair[0] == pair[1]
+        assert slowly.update().compiled is at_once.update().compiled
+
+
+def test_a_point_whose_terms_cancel_is_not_made_at_once() -> None:
+    """(a - b)/c at a = b + 1e-30 has lost its digits in pairs of doubles, and 1/c is none at c = 0."""
+    system = hr.System(["x"], {"a": 1, "b": 1, "c": 1}, {}, ["-(a - b)*x/c"])
+    integrator = Integrator(replace(system.model, parameters={}), 12)
+    integrator.mode_table.row(())
+    integrator.programs.loop()
+    near = Fraction(1) + Fraction(1, 10**30)
+    values = (2.0, 1.0, 3.0), (near, 1.0, 1.0), (2.0, 1.0, 0.0)
+    whole, cancelled, infinite = (integrator._double_constants(each) for each in values)
+    assert [isinstance(each.latest.constants, tuple) for each in (whole, cancelled, infinite)] == [False, True, True]
+    assert (cancelled.is_finite, infinite.is_finite) == (True, False)
+    assert -1e-30 in cancelled.latest.numbers
 
 
 GOES_ON = [path for path in paths(".") if path.stem != "rig_printed"]  # whose start is nonunique
