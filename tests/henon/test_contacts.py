@@ -16,10 +16,12 @@ from henon_ref.henon.records import HENON, mode_dtype
 from henon_ref.henon.run import Run
 from henon_ref.henon.workspace import places
 from henon_ref.kernel.shared import ffi, kernel
-from henon_ref.simulation.compiled import integrator_of, local_error
+from henon_ref.simulation.compiled import integrator_of
 from henon_ref.trajectory import Decisions, Trajectory, Transition
 
 RTOL = 1e-9
+LOCAL_ERROR = 0.1 * RTOL
+"""Of a step, at this tolerance."""
 UNTIL = 20
 
 
@@ -67,7 +69,7 @@ def in_bits(transitions: Sequence[Transition]) -> list[tuple[object, ...]]:
 @pytest.mark.parametrize("static", [0.0, 1.2])
 def test_a_mode_that_was_not_seen_before_is_no_affair_of_python(static: float) -> None:
     system = chain(12, static)
-    integrator = integrator_of(system, local_error(RTOL))
+    integrator = integrator_of(system, LOCAL_ERROR)
     seen = set()
     for seed in range(3):
         found = run(system, start(12, seed))
@@ -164,7 +166,7 @@ def test_a_sweep_starts_on_a_surface_as_a_run_does() -> None:
 
 def test_a_mode_is_put_together_as_it_would_be_written_out() -> None:
     system = chain(5, 1.2)
-    integrator, model = integrator_of(system, local_error(RTOL)), system.model
+    integrator, model = integrator_of(system, LOCAL_ERROR), system.model
     values = {"F": 1, "d": 3, "vb": Fraction(1, 2)}
     given = tuple(values[symbol.name] for symbol in integrator.parameters)
     begin = integrator.start_at(given, [*start(5, 1).values()], until=UNTIL, tolerance=1e-10, landing=HENON)
@@ -195,7 +197,7 @@ def test_any_corner_is_decided_as_in_python() -> None:
         surfaces={f"s{i}": f"x{i}" for i in every},
         field=[*(f"a{i} + b{i}*s{i}" for i in every), *("0" for _ in (*every, *every))],
     )
-    integrator, random, clear = integrator_of(system, local_error(RTOL)), np.random.default_rng(6), 0
+    integrator, random, clear = integrator_of(system, LOCAL_ERROR), np.random.default_rng(6), 0
     table = integrator.mode_table
     for _ in range(300):
         numbers = [*random.integers(-6, 7, 6) / 2, *random.integers(-4, 2, 6).astype(float)]  # ties are frequent
