@@ -152,6 +152,26 @@ def test_what_happens_at_one_instant_is_decided_for_each_contact(static: float, 
         assert [t for _, t in told[one]] == pytest.approx([t for _, t in told[other]], abs=1e-12)
 
 
+@pytest.mark.parametrize("beyond", [1e-10, 1e-12, 1e-13, -1e-10, -1e-13])
+def test_a_contact_that_is_next_to_touching_does_as_it_would_alone(beyond: float) -> None:
+    """Slipping with x'' = F - x from v = 0 its speed comes to ``vb + beyond``: a short slide, or none."""
+    every, vb, friction = range(5), 0.5, 0.1
+    many = hr.System(
+        state=[f"{name}{i}" for name in "xv" for i in every],
+        surfaces={f"s{i}": f"v{i} - {vb}" for i in every},
+        field=[*(f"v{i}" for i in every), *(f"-x{i} - {friction}*s{i}" for i in every)],
+    )
+    one = hr.System(["x", "v"], surfaces={"s": f"v - {vb}"}, field=["v", f"-x - {friction}*s"])
+    begin = friction - vb - beyond
+    others = {f"x{i}": 0.2 + 0.05 * i for i in every} | {f"v{i}": 0.0 for i in every}
+    found = run(many, others | {"x0": begin}, until=4)
+    alone = run(one, {"x": begin, "v": 0.0}, until=4)
+    told = [(t.kind, t.time) for t in found.transitions if t.surface == 0]
+    assert [kind for kind, _ in told] == [t.kind for t in alone.transitions]
+    assert len(told) == (2 if beyond > 0 else 0)
+    assert [time for _, time in told] == pytest.approx([t.time for t in alone.transitions], abs=1e-9)
+
+
 def test_a_sweep_starts_on_a_surface_as_a_run_does() -> None:
     system = chain(5)
     initial = start(5, 4) | {"v2": 0.5}
