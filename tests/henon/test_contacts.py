@@ -16,10 +16,12 @@ from henon_ref.henon.records import HENON, mode_dtype
 from henon_ref.henon.run import Run
 from henon_ref.henon.workspace import places
 from henon_ref.kernel.shared import ffi, kernel
-from henon_ref.simulation.compiled import integrator_of, local_error
+from henon_ref.simulation.compiled import integrator_of
 from henon_ref.trajectory import Decisions, Trajectory, Transition
 
 RTOL = 1e-9
+LOCAL_ERROR = 0.1 * RTOL
+"""Of a step, at this tolerance."""
 UNTIL = 20
 
 
@@ -67,7 +69,7 @@ def in_bits(transitions: Sequence[Transition]) -> list[tuple[object, ...]]:
 @pytest.mark.parametrize("static", [0.0, 1.2])
 def test_a_mode_that_was_not_seen_before_is_no_affair_of_python(static: float) -> None:
     system = chain(12, static)
-    integrator = integrator_of(system, local_error(RTOL))
+    integrator = integrator_of(system, LOCAL_ERROR)
     seen = set()
     for seed in range(3):
         found = run(system, start(12, seed))
@@ -150,6 +152,26 @@ def test_what_happens_at_one_instant_is_decided_for_each_contact(static: float, 
         assert [t for _, t in told[one]] == pytest.approx([t for _, t in told[other]], abs=1e-12)
 
 
+@pytest.mark.parametrize("beyond", [1e-10, 1e-12, 1e-13, -1e-10, -1e-13])
+def test_a_contact_that_is_next_to_touching_does_as_it_would_alone(beyond: float) -> None:
+    """Slipping with x'' = F - x from v = 0 its speed comes to ``vb + beyond``: a short slide, or none."""
+    every, vb, friction = range(5), 0.5, 0.1
+    many = hr.System(
+        state=[f"{name}{i}" for name in "xv" for i in every],
+        surfaces={f"s{i}": f"v{i} - {vb}" for i in every},
+        field=[*(f"v{i}" for i in every), *(f"-x{i} - {friction}*s{i}" for i in every)],
+    )
+    one = hr.System(["x", "v"], surfaces={"s": f"v - {vb}"}, field=["v", f"-x - {friction}*s"])
+    begin = friction - vb - beyond
+    others = {f"x{i}": 0.2 + 0.05 * i for i in every} | {f"v{i}": 0.0 for i in every}
+    found = run(many, others | {"x0": begin}, until=4)
+    alone = run(one, {"x": begin, "v": 0.0}, until=4)
+    told = [(t.kind, t.time) for t in found.transitions if t.surface == 0]
+    assert [kind for kind, _ in told] == [t.kind for t in alone.transitions]
+    assert len(told) == (2 if beyond > 0 else 0)
+    assert [time for _, time in told] == pytest.approx([t.time for t in alone.transitions], abs=1e-9)
+
+
 def test_a_sweep_starts_on_a_surface_as_a_run_does() -> None:
     system = chain(5)
     initial = start(5, 4) | {"v2": 0.5}
@@ -164,7 +186,7 @@ def test_a_sweep_starts_on_a_surface_as_a_run_does() -> None:
 
 def test_a_mode_is_put_together_as_it_would_be_written_out() -> None:
     system = chain(5, 1.2)
-    integrator, model = integrator_of(system, local_error(RTOL)), system.model
+    integrator, model = integrator_of(system, LOCAL_ERROR), system.model
     values = {"F": 1, "d": 3, "vb": Fraction(1, 2)}
     given = tuple(values[symbol.name] for symbol in integrator.parameters)
     begin = integrator.start_at(given, [*start(5, 1).values()], until=UNTIL, tolerance=1e-10, landing=HENON)
@@ -195,7 +217,7 @@ def test_any_corner_is_decided_as_in_python() -> None:
         surfaces={f"s{i}": f"x{i}" for i in every},
         field=[*(f"a{i} + b{i}*s{i}" for i in every), *("0" for _ in (*every, *every))],
     )
-    integrator, random, clear = integrator_of(system, local_error(RTOL)), np.random.default_rng(6), 0
+    integrator, random, clear = integrator_of(system, LOCAL_ERROR), np.random.default_rng(6), 0
     table = integrator.mode_table
     for _ in range(300):
         numbers = [*random.integers(-6, 7, 6) / 2, *random.integers(-4, 2, 6).astype(float)]  # ties are frequent
