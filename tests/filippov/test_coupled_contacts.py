@@ -18,7 +18,6 @@ from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.mode_code import switched_mode_code
 from henon_ref.henon.records import HENON
 from henon_ref.henon.run import Run
-from henon_ref.henon.solver import order_for
 from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Decisions
 
@@ -141,7 +140,7 @@ def test_runs_need_no_equations_of_single_modes(name: str, monkeypatch: pytest.M
                 patch.setattr(FilippovSystem, "shared_equations", lambda *_: pytest.fail("a mode was derived"))
             else:
                 patch.setattr(FilippovSystem, "switched", None)
-            integrator = Integrator(fresh, order_for(1e-13))
+            integrator = Integrator(fresh, 18)
             problem = Problem(fresh, sp.S.Zero, start, sp.Integer(6))
             run = Run(integrator, integrator.start(problem, tolerance=1e-13, landing=HENON)).to_horizon()
         assert run.status == "ok", run.reason
