@@ -141,7 +141,7 @@ def test_runs_need_no_equations_of_single_modes(name: str, monkeypatch: pytest.M
                 patch.setattr(FilippovSystem, "shared_equations", lambda *_: pytest.fail("a mode was derived"))
             else:
                 patch.setattr(FilippovSystem, "switched", None)
-            integrator = Integrator(fresh, order_for(1e-13))
+            integrator = Integrator(fresh, 18)
             problem = Problem(fresh, sp.S.Zero, start, sp.Integer(6))
             run = Run(integrator, integrator.start(problem, tolerance=1e-13, landing=HENON)).to_horizon()
         assert run.status == "ok", run.reason
