@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from random import Random
 
 import mpmath
 import pytest
@@ -11,7 +12,10 @@ from problems import make_problem
 
 from baselines.henon import HENON_SOLVER
 from henon_ref.casefile.case import load_case
-from henon_ref.trajectory import Decisions
+from henon_ref.filippov.modes import Mode
+from henon_ref.henon import mode_code
+from henon_ref.henon.tape_program import tape_program
+from henon_ref.trajectory import Decisions, Trajectory
 
 HARD = Path(__file__).parents[2] / "cases" / "hard"
 # Valleys of elementary functions of x = t: the guard, less g, and where its minimum, zero for g = 0, is.
@@ -63,3 +67,39 @@ def test_readings_of_ladders_need_no_python(case: str, rtol: float) -> None:
         if (case, reading.name) != ("grazing", "exact") and not close:
             run = HENON_SOLVER.prepare(reading.problem, rtol=rtol)()
             assert (run.status, run.counts.decisions) == ("ok", Decisions()), reading.name
+
+
+GUARDS = (
+    "x - 1",
+    "sin(3*x) - 1",
+    "x*y - 1/2",
+    "x**2 + y**2 - 1",
+    "exp(y - 1) - 1 + (x - 1)/50",
+    "cos(2*t) - 1",
+    "1 - x",
+)
+DRIVES = ("-x", "-x - s/2", "-x - s*(1 + y)/3", "-x + cos(t)/3 - s/9", "-sin(x) - s/3")
+
+
+@pytest.mark.parametrize("draw", range(24))
+def test_what_is_decided_is_what_multiprecision_decides(draw: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Grazes of circles, sines and products, in a first mode and in later ones, alone and beside another surface."""
+    rng = Random(draw)
+    gaps = [f"{rng.choice((-1, 1))}*{rng.randint(1, 9)}*10**(-{rng.randint(5, 15)})" for _ in "su"]
+    guards = [f"{rng.choice(GUARDS)} + {gap}" for gap in gaps]
+    surfaces = dict(zip("su", guards[: 1 + draw % 2], strict=False))
+    field = ["y", rng.choice(DRIVES) + (" - u/5" if draw % 2 else "")]
+    initial, rtol = rng.choice([[0, 1], ["1/3", 1], ["12/10", 0]]), rng.choice([1e-6, 1e-9, 1e-12])
+    found = []
+    for program in (tape_program, lambda *_: None):
+        monkeypatch.setattr(mode_code, "tape_program", program)
+        found.append(HENON_SOLVER.prepare(make_problem("x y", field, surfaces, initial, 6), rtol=rtol)())
+    own, other = found
+    assert own.status == other.status
+    assert [q[1:] for q in _told(own)] == [q[1:] for q in _told(other)]
+    assert [q[0] for q in _told(own)] == pytest.approx([q[0] for q in _told(other)], rel=0, abs=1e-15)
+    assert own.end_state == pytest.approx(other.end_state, rel=0, abs=1e-13)
+
+
+def _told(run: Trajectory) -> list[tuple[float, str, int, Mode]]:
+    return [(q.time, q.kind, q.surface, q.to_mode) for q in run.transitions]

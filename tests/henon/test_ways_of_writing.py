@@ -177,8 +177,8 @@ def test_so_does_that_of_a_scene(name: str) -> None:
 
 
 def test_what_it_is_left_for_is_counted() -> None:
-    """A parabola that touches its surface; two blocks at one instant; the limit of impacts; a root that branches."""
-    graze = hr.simulate(hr.System(["x"], {}, {"s": "x"}, ["2*(t - 1)"]), {"x": 1}, until=2)
+    """A touch of fourth order; two blocks at one instant; the limit of impacts; a root that branches."""
+    graze = hr.simulate(hr.System(["x"], {}, {"s": "x"}, ["4*(t - 1)**3"]), {"x": 1}, until=2)
     assert graze.transitions["kind"].tolist() == ["graze"]
     assert graze.counts.decisions == Decisions(event_locations=1)
     ball = bouncing("-1", parameters={"r": 0.5})
