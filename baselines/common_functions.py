@@ -28,8 +28,8 @@ class CommonFunctions:
     """
 
     def __init__(self, system: FilippovSystem) -> None:
-        assert system.shared is not None
-        self._shared, self._states = system.shared, system.states
+        assert system.switched is not None
+        self._shared, self._states = system.switched, system.states
         self.symbols: tuple[sp.Symbol, ...] = tuple(self._shared.owner)
         """The switches."""
         self.field_expressions = tuple(system.numeric(f) for f in self._shared.field)

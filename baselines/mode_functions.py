@@ -68,7 +68,7 @@ class ModeFunctions:
     @cached_property
     def common(self) -> CommonFunctions | None:
         """Functions that all modes have in common; None where each has its own, or where guards are followed."""
-        found = None if self.system.shared is None else common_functions(self.system)
+        found = None if self.system.switched is None else common_functions(self.system)
         return None if found is None or self.followed else found
 
     @cached_property
@@ -79,7 +79,7 @@ class ModeFunctions:
     @cached_property
     def rows(self) -> list[int]:
         """Of each guard its place among those of :attr:`common`."""
-        shared = self.system.shared
+        shared = self.system.switched
         if shared is None:
             return list(range(len(self.guards)))
         rows = shared.rows(self.mode)

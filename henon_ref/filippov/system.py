@@ -70,8 +70,8 @@ class FilippovSystem(SwitchedField):
         if key in self._cache:
             return self._cache[key]
         with one_at_a_time():
-            if self.shared is not None:
-                return self.shared.equations(mode)
+            if self.switched is not None:
+                return self.switched.equations(mode)
             shared = self.shared_equations(frozenset(i for i, s in enumerate(mode) if s == 0))
             slip = self.slip_signs(mode)
             made = ModeEquations(
@@ -87,13 +87,13 @@ class FilippovSystem(SwitchedField):
     def has_equations(self, mode: Mode) -> bool:
         """Whether a mode has equations."""
         try:
-            return self.shared is not None or bool(self.equations(mode))
+            return self.switched is not None or bool(self.equations(mode))
         except ModelError:
             return False
 
     def guards(self, mode: Mode) -> tuple[Guard, ...]:
         """Guards of the equations of a mode."""
-        return self.shared.own_guards(mode) if self.shared is not None else self.equations(mode).guards
+        return self.switched.own_guards(mode) if self.switched is not None else self.equations(mode).guards
 
     def slip_signs(self, mode: Mode) -> dict[sp.Symbol, sp.Expr]:
         """What a mode puts for the signs of its surfaces in slip."""
@@ -160,11 +160,6 @@ class FilippovSystem(SwitchedField):
     def switched(self) -> SwitchedEquations | None:
         """One set of equations for all modes of many contacts that do not act on each other."""
         return switched_equations(self) if len(self.surfaces) > FEW else None
-
-    @property
-    def shared(self) -> SwitchedEquations | None:
-        """The same where some contacts have static friction, whose modes are derived from it."""
-        return self.switched if self.overrides else None
 
     def shared_equations(self, sliding: frozenset[int]) -> ModeEquations:
         """Equations that all modes with this set of sliding surfaces share, slip signs kept as symbols.

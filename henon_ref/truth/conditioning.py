@@ -139,7 +139,7 @@ class _Variations:
         self._flows: dict[Mode, Callable[..., Any]] = {}
         self._functions: dict[Mode, Callable[..., Any]] = {}
         self._maps: dict[int, Callable[..., Any]] = {}
-        self._shared = system.shared
+        self._shared = system.switched
 
     def derivative(self, mode: Mode, begin: float, state: Vector, end: float, landed: Vector) -> tuple[Vector, Vector]:
         """Phi, the derivative of the state at ``end`` with respect to that at ``begin`` within a mode; the state there.

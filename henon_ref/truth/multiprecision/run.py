@@ -203,7 +203,7 @@ class _Simulation:
     @property
     def stepper(self) -> Stepper:
         key, _ = (
-            ((), None) if self.problem.system.shared is not None else self.problem.system.common_equations(self.mode)
+            ((), None) if self.problem.system.switched is not None else self.problem.system.common_equations(self.mode)
         )
         if key not in self.steppers:
             self.steppers[key] = Stepper(self.problem.system, self.mode, self.bits)

@@ -99,7 +99,7 @@ class Stepper:
 
     def __init__(self, system: FilippovSystem, mode: Mode, bits: int) -> None:
         self.bits, self._system = bits, system
-        self._shared = system.shared
+        self._shared = system.switched
         self.guards: tuple[Guard, ...] = ()
         """Of the mode, in the order of its equations."""
         if self._shared is not None:
