@@ -300,5 +300,5 @@ def test_what_is_wrong_in_a_large_system_is_said() -> None:
     with pytest.raises(hr.HenonRefError, match="unknown name 'y'"):
         hr.System(state=names, field=["x1"] * 299 + ["y"])
     ends = {"when": "x1", "direction": "up", "to": 1}
-    with pytest.raises(hr.HenonRefError, match="'direction' in 'release': must be 'rising' or 'falling'"):
+    with pytest.raises(hr.HenonRefError, match="'direction': must be 'rising' or 'falling'"):
         hr.System(names, {}, {"s": "x0"}, ["x1"] * 300, sliding={"s": {"field": ["x1"] * 300, "release": [ends]}})
