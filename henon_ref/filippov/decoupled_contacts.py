@@ -182,10 +182,22 @@ class SwitchedEquations:
 
     def equations(self, mode: Mode) -> ModeEquations:
         """Equations of one mode, put together from those of its contacts."""
-        field = list(self.system.field)
+        field, held = list(self.system.field), self.system.overrides
         for i, (entry, contact) in enumerate(zip(mode, self.contacts, strict=True)):
             field[contact.row] = self._slipping[i][entry] if entry else contact.sliding
-        return ModeEquations(tuple(field), self.own_guards(mode), {})
+        signs = {i: self._equivalent_sign(i) for i, entry in enumerate(mode) if not entry and i not in held}
+        return ModeEquations(tuple(field), self.own_guards(mode), signs)
+
+    def _equivalent_sign(self, index: int) -> sp.Expr:
+        """Filippov's, by the normal velocities N below and above: (N(-1) + N(+1)) / (N(-1) - N(+1))."""
+        if index not in self._equivalent_signs:
+            above, below = (end.expression / 2 for end in self.contacts[index].ends)
+            self._equivalent_signs[index] = (below - above) / (below + above)
+        return self._equivalent_signs[index]
+
+    @cached_property
+    def _equivalent_signs(self) -> dict[int, sp.Expr]:
+        return {}
 
     def own_guards(self, mode: Mode) -> tuple[Guard, ...]:
         """Their guards."""

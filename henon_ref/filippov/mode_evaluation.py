@@ -191,14 +191,14 @@ class ModeEvaluation:
     @cached_property
     def _shared(self) -> ModeTape | None:
         """The tape of a system whose modes have one in common."""
-        made = self.system.of_all_modes
+        made = self.system.switched
         if made is None:
             return None
         return ModeTape(build_tape(self.system.states, made.field, made.outputs, made.definitions), made.entries)
 
     def _shared_equations(self, mode: Mode) -> tuple[ModeEquations, Tape, list[Any]]:
         """A mode's equations, its own part of that tape, and its constants, each worked out once."""
-        shared, made = self._shared, self.system.of_all_modes
+        shared, made = self._shared, self.system.switched
         assert shared is not None
         assert made is not None
         own = tuple(shared.tape.outputs[row] for row in made.rows(mode))

@@ -90,14 +90,13 @@ class FilippovSystem(SwitchedField):
     def has_equations(self, mode: Mode) -> bool:
         """Whether a mode has equations."""
         try:
-            return self.of_all_modes is not None or bool(self.equations(mode))
+            return self.switched is not None or bool(self.equations(mode))
         except ModelError:
             return False
 
     def guards(self, mode: Mode) -> tuple[Guard, ...]:
         """Guards of the equations of a mode."""
-        made = self.of_all_modes
-        return self.equations(mode).guards if made is None else made.own_guards(mode)
+        return self.switched.own_guards(mode) if self.switched is not None else self.equations(mode).guards
 
     def slip_signs(self, mode: Mode) -> dict[sp.Symbol, sp.Expr]:
         """What a mode puts for the signs of its surfaces in slip."""
@@ -168,15 +167,8 @@ class FilippovSystem(SwitchedField):
 
     @property
     def shared(self) -> SwitchedEquations | None:
-        """The same where contacts do not act on each other and some have static friction: modes are derived from it."""
-        made = self.of_all_modes
-        return None if made is None or made.coupled else made
-
-    @property
-    def of_all_modes(self) -> SwitchedEquations | None:
-        """The one set by which modes are decided: :attr:`shared`, or that of contacts which act on each other."""
-        switched = self.switched
-        return switched if switched is not None and (switched.coupled or self.overrides) else None
+        """The same where contacts do not act on each other: a mode's own equations are put together from it."""
+        return None if self.switched is None or self.switched.coupled else self.switched
 
     def shared_equations(self, sliding: frozenset[int]) -> ModeEquations:
         """Equations that all modes with this set of sliding surfaces share, slip signs kept as symbols.

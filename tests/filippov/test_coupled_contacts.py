@@ -16,7 +16,6 @@ from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.mode_code import switched_mode_code
-from henon_ref.henon.prepared_run import order_for
 from henon_ref.henon.records import HENON
 from henon_ref.henon.run import Run
 from henon_ref.taylor.tape import TIME

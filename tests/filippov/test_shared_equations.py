@@ -58,7 +58,7 @@ def test_one_set_of_equations_is_that_of_every_mode(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(systems, "FEW", 8)
     own = parse_case(text("1")).readings[0].problem.system
     shared = switched_equations(own)
-    assert own.shared is None
+    assert own.switched is None
     assert shared is not None
     point = {TIME: sp.Rational(3, 7), **{x: sp.Rational(2 * k + 1, 11) for k, x in enumerate(own.states)}}
     for mode in list(product((-1, 0, 1), repeat=4))[::7]:
@@ -119,7 +119,7 @@ def test_conditioning_of_a_chain_is_that_of_its_modes_one_by_one(monkeypatch: py
     common = conditioning(problem, found)
     monkeypatch.setattr(systems, "FEW", 8)
     alone = parse_case(text("9")).readings[0].problem
-    assert alone.system.shared is None
+    assert alone.system.switched is None
     assert len(common) >= 4
     assert common == pytest.approx(conditioning(alone, found), rel=1e-6)
 
@@ -132,5 +132,5 @@ def test_conditioning_of_a_chain_is_that_of_its_modes_one_by_one(monkeypatch: py
     ],
 )
 def test_contacts_that_act_on_each_other_have_no_common_equations(change: tuple[str, str]) -> None:
-    assert parse_case(text("1")).readings[0].problem.system.shared is not None
-    assert parse_case(text("1").replace(*change)).readings[0].problem.system.shared is None
+    assert parse_case(text("1")).readings[0].problem.system.switched is not None
+    assert parse_case(text("1").replace(*change)).readings[0].problem.system.switched is None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import pickle
 from fractions import Fraction
 from pathlib import Path
@@ -272,3 +273,32 @@ def test_kinks_in_maps_are_refused_with_what_can_be_written() -> None:
         hr.System(["x", "v"], {}, {"s": "x"}, ["v", "-1"], resets={"s": {"map": {"v": "0.8*abs(v)"}}})
     bounce = hr.System(["x", "v"], {}, {"s": "x"}, ["v", "-1"], resets={"s": {"map": {"v": "0.8*(-v)"}}})
     assert hr.simulate(bounce, {"x": 1, "v": 0}, until=2).status == "ok"
+
+
+def test_a_system_from_python_has_more_states_than_one_of_a_file() -> None:
+    """Each state of 300 follows the one before; with the machine code of a long tape."""
+    names = [f"x{i}" for i in range(300)]
+    field = [f"x{(i - 1) % 300} - x{i}" for i in range(300)]
+    system = hr.System(state=names, surfaces={"s": "x7 - x250 - 3"}, field=field)
+    run = hr.simulate(system, {x: 1 + (x == "x7") for x in names}, until=1, rtol=1e-10)
+    assert (run.status, run.y[7, -1]) == ("ok", pytest.approx(1 + math.exp(-1), abs=1e-12))
+    assert run.y[9, -1] == pytest.approx(1 + math.exp(-1) / 2, abs=1e-12)  # a Poisson distribution
+
+
+@pytest.mark.parametrize("key", ["state", "surfaces"])
+def test_more_states_and_surfaces_than_that_are_refused(key: str) -> None:
+    names = [f"x{i}" for i in range(4097)]
+    given = {"state": names, "field": ["1"] * 4097}
+    if key == "surfaces":
+        given = {"state": ["x"], "surfaces": {f"s{i}": "x" for i in range(4097)}, "field": ["1"]}
+    with pytest.raises(hr.HenonRefError, match=f"'{key}' in 'system': may have at most 4096 entries"):
+        hr.System(**given)
+
+
+def test_what_is_wrong_in_a_large_system_is_said() -> None:
+    names = [f"x{i}" for i in range(300)]
+    with pytest.raises(hr.HenonRefError, match="unknown name 'y'"):
+        hr.System(state=names, field=["x1"] * 299 + ["y"])
+    ends = {"when": "x1", "direction": "up", "to": 1}
+    with pytest.raises(hr.HenonRefError, match="'direction': must be 'rising' or 'falling'"):
+        hr.System(names, {}, {"s": "x0"}, ["x1"] * 300, sliding={"s": {"field": ["x1"] * 300, "release": [ends]}})

@@ -35,6 +35,8 @@ from henon_ref.filippov.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 from henon_ref.truth.multiprecision import series
 
+FIRST_ORDERS = (1, 3)
+"""Orders of the guards' series that are tried before the highest: in nearly all events the first one tells."""
 LeadingTerm = tuple[int, int] | None
 """(index, sign) of a guard's first Taylor coefficient that is not zero; None: none found."""
 
@@ -126,14 +128,19 @@ class ModeSelection:
             Surfaces that the point is on, whatever rounding says.
         """
         guards = self.system.equations(mode).guards
-        try:
-            expansions = self._expansions(point, mode)
-        except (ZeroDivisionError, ValueError):  # python-flint's words for a series that does not exist
-            return None
-        if not all(c[0].is_finite() and c[1].is_finite() for c in expansions):
-            return None
         first = [1 if g.kind == "surface" and g.index in active else 0 for g in guards]
-        return [series.leading(c, k) for c, k in zip(expansions, first, strict=True)]
+        found: list[LeadingTerm] = []
+        for order in (*FIRST_ORDERS, series.ORDER):
+            try:
+                expansions = self._expansions(point, mode, order)
+            except (ZeroDivisionError, ValueError):  # python-flint's words for a series that does not exist
+                return None
+            if not all(c[0].is_finite() and c[1].is_finite() for c in expansions):
+                return None
+            found = [series.leading(c, k) for c, k in zip(expansions, first, strict=True)]
+            if None not in found:
+                break
+        return found
 
     def guard_series(self, point: Point, mode: Mode) -> list[list[arb]]:
         """Taylor coefficients in time of a mode's guards; ZeroDivisionError or ValueError where there are none."""

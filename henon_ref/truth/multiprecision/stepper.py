@@ -126,6 +126,9 @@ class Stepper:
         symbols.update((symbol, hy.par[k]) for k, symbol in enumerate(self._switches))
         self._values: dict[sp.Symbol, sp.Expr] = {}
         self._rhs = [*field, *slopes]
+        self._own: dict[int, sp.Expr] = {}
+        self._parabolas: dict[int, bool] = {}
+        self._places = {x: i for i, x in enumerate(system.states)}
         self._numbers = RealParameters(bits, len(self._switches))
         rhs = tuple([to_heyoka(e, symbols, self._numbers) for e in self._rhs])
         self._shortened: Any = None
@@ -147,6 +150,7 @@ class Stepper:
             self._rows = [self._dimension + row for row in self._shared.rows(mode)]
             outputs = [guards[place] if place >= 0 else arb(1) for place in self._shared.places(mode)]
             self._values = self._shared.values(mode)
+        self._own, self._parabolas = {}, {}
         integrator.pars[:] = [hy.real(str(self._values[s]), self.bits) for s in self._switches] + self._numbers.values
         integrator.state[:] = [to_real(v, self.bits) for v in (*state, *outputs)]
         integrator.time = to_real(time, self.bits)
@@ -192,14 +196,14 @@ class Stepper:
         """
         tails = [np.abs(row[-4:]) for row in step.coefficients]
         rows = [i for i, c in enumerate(tails) if not max(c[2], c[3]) * hy.real("2", self.bits) < max(c[0], c[1])]
-        rows = [i for i in rows if not self._rhs[i].is_number]
+        rows = [i for i in rows if not self._is_parabola(i)]
         if not rows:
             return True
         variations = np.abs(step.rough[:, 1:]).sum(axis=1)
         box = [to_ball(c) + arb(0, 1.01 * v) for c, v in zip(step.coefficients[:, 0], variations, strict=True)]
         length = to_ball(step.length)
         time = (to_ball(step.time) + length / 2) + arb(0, length.upper() / 2)
-        rhs = [e.xreplace(self._values) for e in self._rhs]
+        rhs = [self._in_mode(i) for i in range(len(self._rhs))]
         n = self._dimension
         try:
             slopes = series.along(rhs[:n], [rhs[i] for i in rows], self._system.states, time, box[:n], bits=self.bits)
@@ -210,6 +214,20 @@ class Stepper:
             bool(abs(c[-1]) * length ** (series.ORDER + 1) <= max(LOOSE * variations[i], floor))
             for i, c in zip(rows, slopes, strict=True)
         )
+
+    def _in_mode(self, row: int) -> sp.Expr:
+        """What a row's polynomial is the integral of, in the mode."""
+        if row not in self._own:
+            self._own[row] = self._rhs[row].xreplace(self._values)
+        return self._own[row]
+
+    def _is_parabola(self, row: int) -> bool:
+        """Whether a row is of degree 2 at most: its rate is linear in time and in states whose rates are constant."""
+        if row not in self._parabolas:
+            rate, places = self._in_mode(row), self._places
+            constant = all(s == TIME or (s in places and self._in_mode(places[s]).is_number) for s in rate.free_symbols)
+            self._parabolas[row] = constant and not any(sp.diff(rate, s).free_symbols for s in rate.free_symbols)
+        return self._parabolas[row]
 
     def state_at(self, time: arb) -> list[arb]:
         """State within (or a little past) the last step."""
