@@ -296,6 +296,8 @@ def read_rows(kind: type[AnyRow], path: Path) -> list[AnyRow]:
         for column in needed:
             if column not in present:
                 raise TableError(f"there is no column '{column}'; needed are {', '.join(needed)}")
+        if len(set(present)) < len(present):
+            raise TableError("a column is there twice")
         states = [name for name in present if name not in readers] if kind is TransitionRow else []
         for cells in filter(None, reader):
             if len(cells) != len(present):
@@ -304,7 +306,7 @@ def read_rows(kind: type[AnyRow], path: Path) -> list[AnyRow]:
             where = reader.line_num, lines[reader.line_num - 1]
             values = {c: _read(read, line[c], *where) for c, read in readers.items() if c in line}
             if states:
-                values[STATE] = {name: _read(_number, line[name], *where) for name in states}
+                values[STATE] = {name: _read(_optional(_number), line[name], *where) for name in states}
             try:
                 rows.append(kind(**values))
             except ValueError as error:
@@ -314,29 +316,32 @@ def read_rows(kind: type[AnyRow], path: Path) -> list[AnyRow]:
     return rows
 
 
-def _text(text: str) -> str | None:
-    return from_cell(text) if text else None
-
-
-def _number(text: str) -> float | None:
-    value = float(text) if text else None
-    if value is not None and math.isnan(value):
+def _number(text: str) -> float:
+    value = float(text)
+    if math.isnan(value):
         raise ValueError(text)
     return value
 
 
-def _count(text: str) -> int | None:
-    if not text:
-        return None
+def _count(text: str) -> int:
     value = float(text)
     if not value.is_integer():
         raise ValueError(text)
     return int(value)
 
 
+def _optional(read: Callable[[str], Any]) -> Callable[[str], Any]:
+    return lambda text: read(text) if text else None
+
+
 _READERS: Mapping[object, Callable[[str], Any]] = {
-    str: from_cell, str | None: _text, int: _count, int | None: _count, float: _number, float | None: _number,
-}  # fmt: skip
+    str: from_cell,
+    int: _count,
+    float: _number,
+    str | None: _optional(from_cell),
+    int | None: _optional(_count),
+    float | None: _optional(_number),
+}
 """How a field is read, by its type."""
 
 

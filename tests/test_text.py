@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from markdown_it import MarkdownIt
 from markdown_it.token import Token
 
-from henon_ref.rows import StickRow, TableError, TransitionRow, read_rows, rows_text
+from henon_ref.rows import RunRow, StickRow, TableError, TransitionRow, read_rows, rows_text
 from henon_ref.table import Table
 from henon_ref.text import LONGEST_LINE, cell, code, from_cell, link, markdown, message, one_line, paragraphs, printable
 
@@ -125,6 +125,7 @@ def test_a_file_reads_back_as_it_was_written(tmp_path):
         ("a,b,c,,,1.5,,,,,,,", "'1.5' is no number", (2, 9)),
         ("a,b,c,,,1,small,,,,,,", "'small' is no number", (2, 11)),
         ("a,b,c,,,1,nan,,,,,,", "'nan' is no number", (2, 11)),
+        ("a,b,c,,,,1,,,,,,", "'' is no number", (2, 1)),
         ("a,b,c", "3 fields; there are 13 columns", (2, 1)),
         ('"a,b', "unexpected end of data", (2, 1)),
     ],
@@ -134,6 +135,12 @@ def test_what_is_wrong_with_a_file_is_told_with_its_place(tmp_path, line, words,
     with pytest.raises(TableError, match=words) as raised:
         read_rows(StickRow, tmp_path / "a.csv")
     assert (raised.value.line, raised.value.column) == place
+
+
+def test_a_column_that_is_there_twice_is_refused(tmp_path):
+    (tmp_path / "a.csv").write_text("case,reading,solver,solver\na,b,c,d\n")
+    with pytest.raises(TableError, match="a column is there twice"):
+        read_rows(RunRow, tmp_path / "a.csv")
 
 
 def test_a_file_of_another_kind_is_told_by_the_column_that_it_lacks(tmp_path):

@@ -15,8 +15,7 @@ from henon_ref.campaign.plan import check_required, check_solvers
 from henon_ref.campaign.progress import ProgressLine
 from henon_ref.casefile.case import Case
 from henon_ref.cli import status_line
-from henon_ref.cli.end_output import case_line, document, print_end
-from henon_ref.cli.end_table import EndTable
+from henon_ref.cli.end_output import EndTable, case_line, document, print_end
 from henon_ref.cli.exit_status import say
 from henon_ref.cli.request import Request
 from henon_ref.report.case_report import write_report

@@ -9,12 +9,11 @@ from html.parser import HTMLParser
 import pytest
 from fakes import case, expected, found, statement, trajectory
 
-from henon_ref.campaign.comparison import Comparison
+from henon_ref.campaign.comparison import Comparison, summary_rows
 from henon_ref.campaign.options import Options
 from henon_ref.campaign.results import ReadingResult
 from henon_ref.campaign.rows import Outcome, record
 from henon_ref.campaign.settings import Setting
-from henon_ref.campaign.summary import summary_rows
 from henon_ref.campaign.worker import Failure
 from henon_ref.casefile.case import Case, parse_case
 from henon_ref.errors import CaseError

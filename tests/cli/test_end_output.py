@@ -12,8 +12,7 @@ from commands import SOLVERS, run
 from fakes import CASE, Fake
 
 from henon_ref import registry
-from henon_ref.cli.end_output import case_line, document, failing_line, print_end
-from henon_ref.cli.end_table import EndTable, Failing
+from henon_ref.cli.end_output import EndTable, Failing, case_line, document, failing_line, print_end
 from henon_ref.rows import RunRow
 from henon_ref.score.standing import tightest
 from henon_ref.text import LONGEST_LINE

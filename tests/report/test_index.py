@@ -15,9 +15,8 @@ from henon_ref.campaign.comparison import Comparison
 from henon_ref.errors import CaseError
 from henon_ref.report.case_report import write_report
 from henon_ref.report.text.choice import case_table, choice_table
-from henon_ref.report.text.index import FIGURE, commits, counted, index_text, is_drawn, write_index
+from henon_ref.report.text.index import FIGURE, commits, counted, index_text, is_drawn, updated, write_index
 from henon_ref.report.text.kinds_figure import draw_kinds
-from henon_ref.report.text.matrix_merge import updated
 from henon_ref.report.text.matrix_page import coverage_table, reading_table, solver_table
 from henon_ref.report.text.matrix_rows import MatrixRow, read_matrix, rows_of_report, summary
 from henon_ref.rows import RunRow, read_rows, rows_text

@@ -24,8 +24,7 @@ from henon_ref.cli import compare_cases
 from henon_ref.errors import CaseError
 from henon_ref.report import case_report
 from henon_ref.report.files.write import check_index
-from henon_ref.report.text.index import index_text, matrix_text, write_index
-from henon_ref.report.text.matrix_merge import merged
+from henon_ref.report.text.index import index_text, matrix_text, merged, write_index
 from henon_ref.report.text.matrix_rows import MatrixRow
 from henon_ref.rows import RunRow, csv_text, rows_text
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 from henon_ref.casefile.case import load_case, parse_case
-from henon_ref.report.text.effects import MOST_ROWS, effect_table
+from henon_ref.report.text.model import MOST_ROWS, effect_table
 from henon_ref.table import Table
 
 CASES = Path(__file__).parents[2] / "cases"

@@ -25,7 +25,6 @@ from henon_ref.report.text.paired_times import PairRow
 from henon_ref.rows import RunRow
 from henon_ref.studies.price import compiling, effects
 from henon_ref.studies.price.compiling import Ready, paid_after, readiness
-from henon_ref.studies.price.costs import mean_costs, why_not
 from henon_ref.studies.price.fit import power
 from henon_ref.studies.price.growth import STICKS, Horizon, exponent, horizons
 from henon_ref.studies.price.ladder import WHEN_NAMED, solvers
@@ -35,7 +34,15 @@ from henon_ref.studies.price.operations import count, work
 from henon_ref.studies.price.orbit import orbit_problem
 from henon_ref.studies.price.run import truths_of
 from henon_ref.studies.price.states import Size, fitted, sizes
-from henon_ref.studies.price.tables import callback_costs, landing_table, price_table, ready_table, rival_table
+from henon_ref.studies.price.tables import (
+    callback_costs,
+    landing_table,
+    mean_costs,
+    price_table,
+    ready_table,
+    rival_table,
+    why_not,
+)
 from henon_ref.taylor.tape import TIME
 
 CASES = Path(__file__).parents[2] / "cases"

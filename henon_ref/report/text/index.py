@@ -2,26 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import sys
+from collections.abc import Collection, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from henon_ref.atomic_write import replace_file
+from henon_ref.errors import CaseError
 from henon_ref.report.files.links import without_dead_links
 from henon_ref.report.files.svg import svg
-from henon_ref.report.files.write import INDEX, MATRIX, MATRIX_PAGE, REPORT, check_index
+from henon_ref.report.files.write import INDEX, MANIFEST, MATRIX, MATRIX_PAGE, REPORT, RUNS, check_index
 from henon_ref.report.text.choice import case_table, choice_table
 from henon_ref.report.text.formats import count
 from henon_ref.report.text.kinds_figure import draw_kinds
 from henon_ref.report.text.markdown import environment
-from henon_ref.report.text.matrix import KEY
-from henon_ref.report.text.matrix_merge import merged
+from henon_ref.report.text.matrix import KEY, solvers_of
 from henon_ref.report.text.matrix_page import coverage_table, reading_table, solver_table, titles
-from henon_ref.report.text.matrix_rows import MatrixRow
+from henon_ref.report.text.matrix_rows import MatrixRow, case_readings, read_matrix, rows_of_report
 from henon_ref.report.text.paired_times import PRICE_PAIRS, cheapest, own_words, read_ratios
 from henon_ref.report.text.restarts import WHY, beaten_table, read_suite
 from henon_ref.rows import NOT_RUN, rows_text
 from henon_ref.score.kinds import CLOSE
-from henon_ref.text import code
+from henon_ref.text import code, message
 
 PAGES = {
     "price": "[Price list](price/README.md): what accuracy costs in time, from one transition to a million seconds",
@@ -147,3 +149,48 @@ def commits(rows: Sequence[MatrixRow]) -> str:
     made = {row.commit or "" for row in rows}
     known = len(made - {""})
     return f"{count(known, 'commit')} of the program" if known else "a program of no known commit"
+
+
+def merged(folder: Path) -> list[MatrixRow]:
+    """The matrix's rows by case, reading and solver: of the reports in a folder, and earlier ones of its matrix.
+
+    An earlier row stays where the case has no report there, and where the report's comparison did not run the solver.
+    A report that cannot be read is named, and left out.
+
+    Raises
+    ------
+    CaseError
+        Where the matrix is not what this package writes.
+    """
+    cases: dict[str, list[MatrixRow]] = {}
+    for row in read_matrix(folder):
+        cases.setdefault(row.case, []).append(row)
+    for manifest in sorted(folder.glob(f"*/{MANIFEST}")):
+        if manifest.with_name(RUNS).exists():
+            try:
+                fresh, readings = rows_of_report(manifest), case_readings(manifest)
+            except CaseError as error:
+                print(message(f"left out of the index: {error}"), file=sys.stderr)
+                continue
+            case = manifest.parent.name
+            cases[case] = updated(cases.get(case, []), fresh, readings)
+    return [row for case in sorted(cases) for row in cases[case]]
+
+
+def updated(earlier: Sequence[MatrixRow], fresh: Sequence[MatrixRow], readings: Collection[str]) -> list[MatrixRow]:
+    """The rows of one case after a comparison of some of its solvers.
+
+    Parameters
+    ----------
+    earlier, fresh : sequence of MatrixRow
+        Of the matrix; title and kind of the fresh ones hold for all.
+    readings : collection of str
+        Those that the case has now; earlier rows of others go.
+    """
+    ran = {(row.reading, row.solver) for row in fresh}
+    rows = [*fresh, *(row for row in earlier if (row.reading, row.solver) not in ran and row.reading in readings)]
+    kinds = {row.problem: row.kind for row in (*earlier, *fresh) if row.kind}
+    titles = [row.title for row in fresh][:1]
+    rows = [replace(row, kind=kinds.get(row.problem), title=titles[0] if titles else row.title) for row in rows]
+    places, solvers = {reading: k for k, reading in enumerate(readings)}, solvers_of(rows)
+    return sorted(rows, key=lambda row: (places.get(row.reading, len(places)), solvers.index(row.solver)))

@@ -12,11 +12,11 @@ from henon_ref.campaign.results import ReadingResult
 from henon_ref.casefile.case import DEFAULT_READING
 from henon_ref.report.files.figure_jobs import COST, ERRORS, MODES, PORTRAIT, SCENE, file_name
 from henon_ref.report.files.manifest import Provenance
-from henon_ref.report.text.effects import effect_table
 from henon_ref.report.text.formats import listing
 from henon_ref.report.text.gate import gate_table
 from henon_ref.report.text.model import (
     as_written,
+    effect_table,
     general_form,
     kink_notes,
     mode_equations,

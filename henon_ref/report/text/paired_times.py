@@ -60,7 +60,6 @@ class PairRow(Row):
         """Case and reading."""
         return self.case, self.reading
 
-    @property
     def own_ratio(self) -> float | None:
         """Time of the rival's own library over the reference's whole run; None where it is not known."""
         return None if self.rival_own_s is None else self.rival_own_s / self.wall_s
@@ -101,15 +100,19 @@ def cheapest(rows: Sequence[PairRow]) -> dict[tuple[str, str, int], str]:
 def spread_table(rows: Sequence[PairRow]) -> Table:
     """How many times as long as ``henon`` the others take over the readings; and in how many they take less."""
     lines = []
-    for against, label in ((SECOND, code(SECOND)), (FROM_C, FROM_C), (OTHERS, OTHERS)):
+    for label, against, times_of in (
+        (code(SECOND), SECOND, _times_as_long),
+        (f"{code(SECOND)}, its own calls alone", SECOND, PairRow.own_ratio),
+        (FROM_C, FROM_C, _times_as_long),
+        (OTHERS, OTHERS, _times_as_long),
+    ):
         for digits in (*LEVELS, None):
-            found = [1.0 / row.ratio for row in rows if (row.against, row.digits) == (against, digits)]
+            own = [times_of(row) for row in rows if (row.against, row.digits) == (against, digits)]
+            found = [times for times in own if times is not None]
             if found:
                 quantiles = (significant(value) for value in np.quantile(found, [0.0, 0.25, 0.5, 0.75, 1.0]))
                 faster = sum(times < 1 for times in found)
                 lines.append((label, bound(digits), f"{len(found)}", *quantiles, f"{faster}"))
-        if against == SECOND:
-            lines += _own_lines(rows)
     headings = (
         "solver", "digits", "readings", "times as long, least", "lower quartile", "median", "upper quartile", "most",
         f"faster than {code(FIRST)} in",
@@ -117,19 +120,8 @@ def spread_table(rows: Sequence[PairRow]) -> Table:
     return Table(headings, "l" + "r" * (len(headings) - 1), lines)
 
 
-def _own_lines(rows: Sequence[PairRow]) -> list[tuple[str, ...]]:
-    """The same for what heyoka takes itself, where that is known."""
-    lines = []
-    for digits in (*LEVELS, None):
-        own = [row.own_ratio for row in rows if (row.against, row.digits) == (SECOND, digits)]
-        found = [ratio for ratio in own if ratio is not None]
-        if found:
-            quantiles = (significant(value) for value in np.quantile(found, [0.0, 0.25, 0.5, 0.75, 1.0]))
-            faster = sum(times < 1 for times in found)
-            lines.append(
-                (f"{code(SECOND)}, its own calls alone", bound(digits), f"{len(found)}", *quantiles, f"{faster}")
-            )
-    return lines
+def _times_as_long(row: PairRow) -> float | None:
+    return 1.0 / row.ratio
 
 
 def slower_table(rows: Sequence[PairRow], runs: Sequence[RunRow], reports: str = "../") -> Table:

@@ -2,19 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from henon_ref.campaign.options import Observer, Options
 from henon_ref.casefile.case import Case
 from henon_ref.report.files.manifest import Provenance
 from henon_ref.report.files.write import RUNS
-from henon_ref.report.text.paired_times import FIRST, FOLDER, FROM_C, OTHERS, SECOND, link
+from henon_ref.report.text.paired_times import (
+    FIRST,
+    FOLDER,
+    FROM_C,
+    OTHERS,
+    RATIOS,
+    SECOND,
+    PairRow,
+    link,
+    own_words,
+    slower_table,
+    spread_table,
+)
 from henon_ref.report.text.ranking import LEVELS, readings_of
-from henon_ref.rows import RunRow, read_rows
+from henon_ref.rows import RunRow, read_rows, rows_text
+from henon_ref.studies.page import write
 from henon_ref.studies.price.paired_times import PairedTiming, time_pairs
-from henon_ref.studies.price.paired_times_page import write_page
 from henon_ref.studies.price.pairs import able_rows, pairs_of
+from henon_ref.text import markdown
 
 SECONDS = 1.0
 """Time that the runs of a reading may take in all."""
@@ -79,3 +92,46 @@ def timings_of(case: Case, rows: Sequence[RunRow], deadline: float) -> Iterator[
         found = tuple(pairs_of(own, rivals, LEVELS))
         if found:
             yield PairedTiming(case.name, reading.name, reading.problem, found, SECONDS, deadline)
+
+
+def write_page(
+    rows: Sequence[PairRow],
+    failed: Sequence[str],
+    left: Mapping[str, Sequence[str]],
+    runs: Sequence[RunRow],
+    origin: Provenance,
+    folder: Path,
+) -> Path:
+    """Write ratios and page.
+
+    Parameters
+    ----------
+    rows : sequence of PairRow
+    failed : sequence of str
+        Readings that could not be timed, and why.
+    left : mapping of sequences of str
+        Readings in which there is nothing to time, as links, by the reason.
+    runs : sequence of RunRow
+        Rows of the reports that told whom to time.
+    origin : Provenance
+    folder : Path
+        The experiment's own folder; made if need be.
+
+    Raises
+    ------
+    OSError
+        Where it cannot be written.
+    """
+    slower = slower_table(rows, runs)
+    context = {
+        "readings": len({row.problem for row in rows}),
+        "total": len(readings_of(runs)),
+        "left": left,
+        "fewest": LEVELS[0],
+        "own": own_words(rows),
+        "spread": spread_table(rows).markdown,
+        "slower": slower.markdown if slower.rows else "",
+        "failed": [markdown(each) for each in failed],
+        "origin": origin,
+    }
+    return write(folder, "paired_times", context, {RATIOS: rows_text(PairRow, rows)})

@@ -23,8 +23,7 @@ from henon_ref.errors import CaseError
 from henon_ref.figures.curves import Curves
 from henon_ref.report.case_report import write_report
 from henon_ref.report.folder_report import write_folder_report
-from henon_ref.report.html.colours import NIGHT, PAPER, SEEN, contrast, solver_lines
-from henon_ref.report.html.content import CELL
+from henon_ref.report.html.content import CELL, NIGHT, PAPER, SEEN, contrast, solver_lines
 from henon_ref.report.html.embedded import embedded, read_embedded
 from henon_ref.report.html.packed_runs import FIELDS, Words, field_values, packed, unpacked
 from henon_ref.report.html.portrait import CELLS, MOST_POINTS
