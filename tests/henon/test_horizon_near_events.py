@@ -74,3 +74,13 @@ def test_a_singularity_next_to_the_horizon_still_ends_a_run(behind: float) -> No
     found = re.search(r"t = (\S+): the field of x is singular", end.message)
     assert found
     assert hr.simulate(system, {"x": 1}, until=float(found[1]) + behind).status == "failed"
+
+
+def test_no_more_steps_are_taken_before_a_horizon_next_to_an_event() -> None:
+    """A step that the horizon cuts has not grown: held against an expansion made anew it was shortened 900 times."""
+    system = hr.System.from_case("steep_friction")
+    whole = hr.simulate(system, dense_output=False)
+    for event in whole.trajectory.transitions[:4]:
+        run = hr.simulate(system, until=event.time + 1e-9, dense_output=False)
+        assert run.status == "ok"
+        assert run.counts.steps <= whole.counts.steps
