@@ -91,8 +91,8 @@ class _Equations:
         """Number of unknowns that have a time derivative."""
         self.unknowns = (*system.states, *copies, *(system.signs[i] for i in self.sliding))
         self.right = (*field, *swings, *(condition(i) for i in self.sliding))
-        self.alike = model.common is not None
-        """Whether all modes have their equations in common: no dry friction without static friction, no copies."""
+        self.alike = model.common is not None and not self.sliding
+        """Whether its equations are those that all modes have in common: no equivalent signs, no copies."""
         self.values = model.field if self.alike else scalar(self.unknowns, self.right)
         """(t, *y) -> f, c."""
         started = [*guards, *signs, *model.field_expressions, *swings, *(model.along(e) for e in signs)]
