@@ -64,12 +64,6 @@ static void keep_origin(struct work *w)
         high[i] = w->x[i], low[i] = w->x_low[i], error[i] = exact ? 0.0 : PAIR_ROUNDING * fabs(w->x[i]);
 }
 
-/* The expansion of the mode in a row, whose series are still to be made room for. */
-static struct pair_expansion expansion_in(const struct work *w, int64_t row)
-{
-    return (struct pair_expansion){.tape = mode_at(w, row)->tape, .constants = constants_of(w->tables, row, 0)};
-}
-
 static bool make_room(struct pair_expansion *e)
 {
     e->series = e->tape ? malloc((size_t)(2 * e->tape->operations) * sizeof(struct pair_series)) : NULL;
@@ -362,24 +356,25 @@ struct beyond {
 };
 
 /* That at a point on the surface; false where it is not known. */
-static bool look_beyond(const struct work *w, const struct pair_expansion *own, const struct guard *guard,
+static bool look_beyond(struct work *w, const struct pair_expansion *own, const struct guard *guard,
                         struct bounded time, const struct bounded *state, struct beyond *found)
 {
-    struct pair_expansion e = expansion_in(w, guard->mode_across);
-    const struct mode *across = mode_at(w, guard->mode_across);
+    int64_t surface = guard->index, back = go_over(w, surface, guard->mode_across);
+    struct pair_expansion e = {.tape = w->mode->tape, .constants = w->constants};
     e.unit = own->unit, e.reach = own->reach;
-    if (!make_room(&e))
-        return false;
-    expand_in_pairs(&e, time, state, 3);
     bool there = false;
-    for (int64_t k = 0; k < across->guards; k++)
-        if (is_on(&across->guard[k], guard->index)) {
-            const struct pair_series *q = series_of(&e, w->run->states + k);
-            found->rate = term(q, 1);
-            found->bend = e.terms > 2 ? term(q, 2) : exactly(0.0);
-            there = true;
-        }
-    free(e.series);
+    if (make_room(&e)) {
+        expand_in_pairs(&e, time, state, 3);
+        for (int64_t k = 0; k < w->mode->guards; k++)
+            if (is_on(&w->mode->guard[k], surface)) {
+                const struct pair_series *q = series_of(&e, w->run->states + k);
+                found->rate = term(q, 1);
+                found->bend = e.terms > 2 ? term(q, 2) : exactly(0.0);
+                there = true;
+            }
+        free(e.series);
+    }
+    go_over(w, surface, back);
     return there;
 }
 
@@ -387,7 +382,7 @@ static bool look_beyond(const struct work *w, const struct pair_expansion *own, 
  *
  * Where it is touched the mode goes on, and there is no change: if the other side does not lead away as well.
  */
-static bool change_at(const struct work *w, const struct pair_expansion *e, int64_t g, struct near_place near,
+static bool change_at(struct work *w, const struct pair_expansion *e, int64_t g, struct near_place near,
                       struct bounded time, const struct bounded *state, struct change *found)
 {
     const struct guard *guard = &w->mode->guard[g];
@@ -467,15 +462,17 @@ static int64_t settle(struct work *w, struct pair_expansion *e, int64_t g, doubl
     double left = (run->horizon - end.high) + (run->horizon_low - end.low), nothing = TIME_ROUNDING * fabs(run->horizon);
     bool event = near.what == FALLING || near.what == TOUCHING, late = left < (event ? -nothing : nothing);
     struct change found;
-    if (event && !late && (w->words || !change_at(w, e, g, near, time, state, &found)))
-        return UNDECIDED_EVENT; /* (the modes of contacts are no rows) */
+    if (event && !late && !change_at(w, e, g, near, time, state, &found))
+        return UNDECIDED_EVENT;
     step_to(w, time, state, step.high);
+    leave(w);
     if (late) {
         run->time = run->horizon, run->time_low = run->horizon_low;
     } else if (near.what == FALLING) {
-        record_transition(w, found.kind, guard->index, guard->side, run->mode, found.mode);
-        run->mode = found.mode;
-        set_known_zeros(w, mode_at(w, found.mode), guard->index, found.zeros);
+        int64_t index = guard->index, side = guard->side, mode = run->mode;
+        go_over(w, index, found.mode);
+        record_transition(w, found.kind, index, side, mode, run->mode);
+        set_known_zeros(w, w->mode, index, found.zeros);
         if (events_accumulate(run))
             return EVENTS_ACCUMULATE;
     } else if (near.what != RISING) {
