@@ -24,6 +24,7 @@
 #include "selection.c"
 #include "jump.c"
 #include "transition.c"
+#include "near_zero.c"
 #include "close_event.c"
 #include "loop.c"
 #include "surface_start.c"
