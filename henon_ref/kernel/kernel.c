@@ -27,6 +27,7 @@
 #include "contact_problem.c"
 #include "jump.c"
 #include "transition.c"
+#include "near_zero.c"
 #include "close_event.c"
 #include "loop.c"
 #include "surface_start.c"

@@ -1,0 +1,217 @@
+/* What a guard does next to a place where it is near zero, by its series in double-double. */
+
+/* Neighbourhoods of the place, in parts of the way there: the widest, and how much narrower the next one is. */
+#define WIDEST 0x1p-3
+#define NARROWER 0x1p-3
+#define NARROWEST 0x1p-21
+/* Halvings by which a guard is shown to be positive. */
+#define HALVINGS 6
+/* To which a root is known, in the unit of the expansion, if it is. */
+#define KNOWN_PLACE 0x1p-62
+/* So many times its error a number is clear of zero. */
+#define CLEAR 2.0
+
+/* What a guard does next to where it was seen near zero: TOUCHING it does exactly, in numbers that doubles hold. */
+enum nearby { OPEN, RISING, VALLEY, TOUCHING, FALLING };
+
+/* That, and where: its minimum (VALLEY, TOUCHING), its root (FALLING). */
+struct near_place {
+    int64_t what;
+    struct pair at;
+    double depth; /* how far from zero what decides it is */
+};
+
+/* Bernstein coefficients on [0, end] of a series, its first "zeros" terms left out. */
+struct bernstein {
+    int64_t degree; /* what comes after it counts for nothing in doubles */
+    double noise;   /* what each coefficient may be off */
+    double b[PAIR_TERMS];
+};
+
+static void bernstein_of(const struct pair_expansion *e, const struct pair_series *q, int64_t zeros, double end,
+                         struct bernstein *found)
+{
+    int64_t degree = e->terms - 1 - zeros;
+    double size = 0.0, error = 0.0, power = 1.0, scaled[PAIR_TERMS], *b = found->b;
+    for (int64_t k = 0; k <= degree; k++) {
+        scaled[k] = q->high[zeros + k] * power;
+        size += fabs(scaled[k]), error += q->error[zeros + k] * power;
+        power *= end;
+    }
+    for (double left_out = 0.0; degree > 2; degree--) {
+        left_out += fabs(scaled[degree]);
+        if (left_out > 0.5 * EPS * size)
+            break;
+        error += fabs(scaled[degree]);
+    }
+    double choices = 1.0; /* binomial coefficients; sums of products with others, as in Pascal's triangle */
+    for (int64_t k = degree; k >= 0; k--) {
+        double carried = scaled[k] / choices;
+        for (int64_t i = 0; i <= degree - k; i++) {
+            double before = i < degree - k ? b[i] : 0.0;
+            b[i] = carried;
+            carried += before;
+        }
+        choices = choices * (double)k / (double)(degree - k + 1);
+    }
+    found->degree = degree;
+    found->noise = 4.0 * (double)(degree + 2) * EPS * size + error;
+}
+
+/* Whether a polynomial of these Bernstein coefficients is above a level. */
+static bool above(const double *b, int64_t degree, double level, int64_t halvings)
+{
+    double lowest = INFINITY, left[PAIR_TERMS], right[PAIR_TERMS];
+    for (int64_t i = 0; i <= degree; i++) {
+        lowest = smaller(lowest, b[i]);
+        right[i] = b[i];
+    }
+    if (lowest > level)
+        return true;
+    if (!(b[0] > level && b[degree] > level) || halvings == 0)
+        return false;
+    cut(left, right, degree, 0.5);
+    return above(left, degree, level, halvings - 1) && above(right, degree, level, halvings - 1);
+}
+
+/* What the differences of Bernstein coefficients say: FALLING, RISING (rises), VALLEY (at one minimum), or OPEN. */
+static int64_t shape_of(const double *b, int64_t degree, double noise)
+{
+    int64_t falling = 0, unclear = 0, rising = 0;
+    for (int64_t i = 0; i < degree; i++) {
+        double difference = b[i + 1] - b[i];
+        if (difference > noise)
+            rising += 1;
+        else if (difference >= -noise)
+            unclear += 1;
+        else if (rising > 0)
+            return OPEN;
+        else
+            falling += 1;
+    }
+    if (unclear == 0 && rising == 0)
+        return FALLING;
+    if (unclear == 0 && falling == 0)
+        return RISING;
+    return unclear <= 1 && falling > 0 && rising > 0 ? VALLEY : OPEN;
+}
+
+/* First derivatives of a series at a place, in doubles. */
+static void derivatives(const struct pair_expansion *e, const struct pair_series *q, double at, double *found)
+{
+    found[0] = found[1] = found[2] = found[3] = 0.0;
+    for (int64_t k = e->terms - 1; k >= 0; k--) {
+        found[3] = fused(found[3], at, 3.0 * found[2]);
+        found[2] = fused(found[2], at, 2.0 * found[1]);
+        found[1] = fused(found[1], at, found[0]);
+        found[0] = fused(found[0], at, q->high[k]);
+    }
+}
+
+/* Zero of a derivative that changes its sign once between two places, in doubles; "rising": from below zero. */
+static double sign_change(const struct pair_expansion *e, const struct pair_series *q, int order, double low,
+                          double high)
+{
+    double at = 0.5 * (low + high), found[4], before = high - low;
+    for (int step = 0; step < 60; step++) {
+        derivatives(e, q, at, found);
+        if ((found[order] < 0.0) == (order == 1))
+            low = at;
+        else
+            high = at;
+        double new = at - found[order] / found[order + 1];
+        if (!(low < new && new < high))
+            new = 0.5 * (low + high);
+        double moved = fabs(new - at);
+        at = new;
+        if (moved <= 2.0 * EPS * at || (moved < 1e-13 * at && moved >= 0.5 * before))
+            break;
+        before = moved;
+    }
+    return at;
+}
+
+/* The root of a guard that falls next to a place: Newton's method in double-double. */
+static struct near_place falling_root(const struct pair_expansion *e, const struct pair_series *q, struct pair at)
+{
+    for (int step = 0; step < 4; step++) {
+        struct powers powers;
+        powers_at(e, at, &powers);
+        struct bounded height = value_in_pairs(e, q, &powers.own), slope = value_in_pairs(e, q, &powers.sloped);
+        if (!(slope.high < -CLEAR * slope.error))
+            break;
+        double found[4], shift = -height.high / slope.high;
+        derivatives(e, q, at.high, found);
+        double radius = (height.error + fabs(found[2]) * shift * shift) / -slope.high;
+        struct pair exact = divided((struct pair){-height.high, -height.low}, (struct pair){slope.high, slope.low});
+        at = added(at, exact);
+        if (radius <= KNOWN_PLACE)
+            return (struct near_place){FALLING, at, 0.0};
+    }
+    return (struct near_place){.what = OPEN};
+}
+
+/* Whether a number is zero and known to be. */
+static inline bool exact_zero(struct bounded number)
+{
+    return number.high == 0.0 && number.low == 0.0 && number.error == 0.0;
+}
+
+/* A guard with one minimum between two places: whether that is above zero, or else its first root. */
+static struct near_place at_minimum(const struct pair_expansion *e, const struct pair_series *q, double low,
+                                    double high)
+{
+    double about = sign_change(e, q, 1, low, high), found[4];
+    struct powers powers;
+    powers_at(e, (struct pair){about, 0.0}, &powers);
+    struct bounded height = value_in_pairs(e, q, &powers.own), slope = value_in_pairs(e, q, &powers.sloped);
+    derivatives(e, q, about, found);
+    double shift = -slope.high / found[2];
+    height = bounded_sum(height, exactly(0.5 * slope.high * shift));
+    double error = height.error + (fabs(slope.high) * EPS + slope.error) * fabs(shift)
+                   + fabs(found[3] * shift * shift * shift);
+    struct pair bottom = pair_sum(about, shift);
+    if (!(found[2] > 0.0 && fabs(height.high) > CLEAR * error)) {
+        powers_at(e, bottom, &powers);
+        bool touching = exact_zero(value_in_pairs(e, q, &powers.own)) && exact_zero(value_in_pairs(e, q, &powers.sloped));
+        return (struct near_place){touching && found[2] > 0.0 ? TOUCHING : OPEN, bottom, 0.0};
+    }
+    if (height.high > 0.0)
+        return (struct near_place){VALLEY, bottom, height.high};
+    /* of the cubic about the minimum, from its parabola's root on */
+    double off = -sqrt(-2.0 * height.high / found[2]);
+    for (int step = 0; step < 4; step++)
+        off -= (height.high + off * off * (0.5 * found[2] + off * found[3] / 6.0))
+               / (off * (found[2] + 0.5 * off * found[3]));
+    struct near_place root = falling_root(e, q, added(bottom, (struct pair){off, 0.0}));
+    bool inside = low < root.at.high && root.at.high < about;
+    root.depth = -height.high;
+    return root.what == FALLING && inside ? root : (struct near_place){.what = OPEN};
+}
+
+/* What a guard does first, up to a neighbourhood of a place. */
+static struct near_place near_zero(const struct pair_expansion *e, const struct pair_series *q, double suspect)
+{
+    for (double part = WIDEST; e->terms > 1 && part >= NARROWEST; part *= NARROWER) {
+        struct bernstein whole;
+        double left[PAIR_TERMS], low = suspect * (1.0 - part), high = smaller(suspect * (1.0 + part), e->reach);
+        bernstein_of(e, q, 0, high, &whole);
+        double *b = whole.b, noise = 2.0 * whole.noise;
+        int64_t degree = whole.degree;
+        cut(left, b, degree, low / high);
+        int64_t shape = shape_of(b, degree, noise);
+        if (shape == OPEN || !above(left, degree, noise, HALVINGS))
+            continue;
+        if (shape == VALLEY)
+            return at_minimum(e, q, low, high);
+        if (shape == FALLING && b[degree] < -noise) {
+            struct near_place root = falling_root(e, q, (struct pair){sign_change(e, q, 0, low, high), 0.0});
+            root.depth = -b[degree];
+            return root;
+        }
+        double lowest = smaller(b[0], b[degree]);
+        if (lowest > noise)
+            return (struct near_place){RISING, {suspect, 0.0}, lowest};
+    }
+    return (struct near_place){.what = OPEN};
+}
