@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -108,6 +108,73 @@ class Trajectory(NamedTuple):
     undecided_after: tuple[tuple[int, float], ...] = ()
     """Surfaces (-1: an expression of the model's end) that the solver decides nothing of from a time on [s], being
     below their own rounding: of those it reports no later transition."""
+
+
+class Event(Protocol):
+    """A transition, a run's or the truth's: what matching, time errors, sticks and figures need to know of it."""
+
+    @property
+    def kind(self) -> str: ...
+    @property
+    def surface(self) -> int: ...
+    @property
+    def from_mode(self) -> Mode: ...
+    @property
+    def to_mode(self) -> Mode: ...
+    @property
+    def time(self) -> float: ...
+    @property
+    def time_low(self) -> float: ...
+    @property
+    def state(self) -> Sequence[object]: ...
+
+
+@dataclass(frozen=True)
+class Stick:
+    """One whole stick on one surface."""
+
+    surface: int
+    """Index of the surface."""
+    begin: int | None
+    """Index of the transition that starts it; None for a run that starts in it."""
+    end: int
+    """Index of the transition that ends it."""
+    start: float
+    """Time at which it starts [s]."""
+    duration: float
+    """How long it lasts [s]."""
+
+
+def sticks(transitions: Sequence[Event], *, start: float, after: float) -> tuple[Stick, ...]:
+    """The whole sticks of a sequence that do not end before ``after``, in order of their ends.
+
+    A stick that the horizon cuts off has no end and is left out; one that the run starts in begins at ``start``.
+
+    Parameters
+    ----------
+    transitions : sequence of Event
+        In order of time.
+    start : float
+        Initial time [s].
+    after : float
+        Start of the measured window [s].
+    """
+    found: list[Stick] = []
+    open_since: dict[int, int] = {}
+    left_once: set[int] = set()
+    for k, event in enumerate(transitions):
+        s = event.surface
+        before, after_it = event.from_mode[s], event.to_mode[s]
+        if before == 0 and after_it != 0:
+            begin = open_since.pop(s, None)
+            if (begin is not None or s not in left_once) and event.time >= after:
+                since, low = (start, 0.0) if begin is None else (transitions[begin].time, transitions[begin].time_low)
+                duration = (event.time - since) + (event.time_low - low)
+                found.append(Stick(s, begin, k, since, duration))
+        elif before != 0 and after_it == 0:
+            open_since[s] = k
+        left_once.add(s)
+    return tuple(found)
 
 
 def without_hidden_kinks(found: Trajectory, system: FilippovSystem) -> Trajectory:

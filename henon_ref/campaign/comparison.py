@@ -112,7 +112,7 @@ class Comparison:
         """
         from matplotlib import pyplot as plt
 
-        from henon_ref.figures.cost import draw_cost
+        from henon_ref.harness.figures.cost import draw_cost
 
         name = self.readings[0].reading.name if reading is None else self.case.reading(reading).name
         (result,) = (result for result in self.readings if result.reading.name == name)

@@ -15,10 +15,10 @@ from henon_ref.rows import REPEATED, RunRow, StickRow, TransitionRow
 from henon_ref.score.errors import Score, score
 from henon_ref.score.matching import Matching
 from henon_ref.score.reference import Expected
-from henon_ref.score.sticks import Stick, published_partners, sticks
+from henon_ref.score.sticks import published_partners
 from henon_ref.score.verdict import granted_error, graze_distance, missed_verdict, spurious_verdict
 from henon_ref.text import short_line
-from henon_ref.trajectory import Counts, Trajectory
+from henon_ref.trajectory import Counts, Stick, Trajectory, sticks
 
 SCORED = ("ok", "wrong", "diverged", "nonunique", "invalid", "timeout", "failed")
 """Statuses of runs that have an answer, whole or in part."""

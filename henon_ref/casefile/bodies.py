@@ -8,11 +8,10 @@ from typing import Literal
 
 import sympy as sp
 
-from henon_ref.casefile.grammar import NAME, name_problem
+from henon_ref.casefile.grammar import NAME, TAKEN, name_problem
 from henon_ref.casefile.requirements import Requirements
 from henon_ref.casefile.source import Path, Source
 from henon_ref.casefile.tree import MappingNode, ScalarNode, SequenceNode, child
-from henon_ref.rows import JUDGED_COLUMNS, TRANSITION_COLUMNS
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed
 
@@ -28,8 +27,6 @@ KEYS: Mapping[str, tuple[BodyKind, str]] = {
 """The key that says what a body is -> its kind, and the key's unit."""
 STATE_NAMES: Mapping[BodyKind, tuple[str, str]] = {"mass": ("x", "v"), "rotor": ("phi", "omega")}
 """Before the body's name: position [m] and velocity [m/s], angle [rad] and angular velocity [rad/s]."""
-TAKEN = frozenset((*TRANSITION_COLUMNS, *JUDGED_COLUMNS))
-"""Columns of ``transitions.csv``, where a state's column has the name of the state."""
 
 
 @dataclass(frozen=True)

@@ -44,6 +44,14 @@ NOT_STATES = ("t", "mode")
 """Keys of ``initial`` that are no state."""
 RESERVED = frozenset((*FUNCTIONS, *CONSTANT_FUNCTIONS, *KINK_FUNCTIONS, *CONSTANTS, "π", *NOT_STATES))
 """Names that a state, parameter or sign symbol may not have."""
+TAKEN = frozenset(
+    (
+        "case", "reading", "solver", "rtol", "step_s", "index", "kind", "surface", "from_mode", "to_mode",
+        "reference_time_s", "reference_radius_s", "time_s", "time_error_s", "conditioning", "transversality",
+        "graze_distance", "outcome", "verdict",
+    )
+)  # fmt: skip
+"""Columns of ``transitions.csv``, where a state's column has the name of the state: a state may not have them."""
 
 _LETTER = "A-Za-zΑ-ΡΣ-Ωα-ω"
 """Latin and Greek, as a class of characters."""

@@ -6,12 +6,11 @@ from collections.abc import Collection
 
 import sympy as sp
 
-from henon_ref.casefile.grammar import may_have_kinks, name_problem
+from henon_ref.casefile.grammar import TAKEN, may_have_kinks, name_problem
 from henon_ref.casefile.kinks import Kinks
 from henon_ref.casefile.source import Names, Path, Source, resolved
 from henon_ref.filippov.overrides import Release, Reset, SlidingOverride
 from henon_ref.filippov.system import FilippovSystem
-from henon_ref.rows import JUDGED_COLUMNS, TRANSITION_COLUMNS
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed
 
@@ -19,8 +18,6 @@ KINK_IN_MAP = (
     "a map has no kinks and no signs: write the branch that is in force where the surface falls (of a speed v that is "
     "negative there abs(v) is -v)"
 )
-TAKEN = frozenset((*TRANSITION_COLUMNS, *JUDGED_COLUMNS))
-"""Columns of ``transitions.csv``, where a state's column has the name of the state."""
 
 
 def build_system(source: Source) -> tuple[FilippovSystem, Names]:

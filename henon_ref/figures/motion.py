@@ -16,10 +16,9 @@ from henon_ref.figures.description import describe
 from henon_ref.filippov.latex import latex
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.system import FilippovSystem
-from henon_ref.score.reference import ReferenceEvent
 from henon_ref.taylor.size import size
 from henon_ref.taylor.tape import TIME
-from henon_ref.trajectory import Samples
+from henon_ref.trajectory import Event, Samples
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -46,7 +45,7 @@ class Motion:
     """Mode from each time to the next."""
 
 
-def motion_of(samples: Samples, transitions: Sequence[ReferenceEvent]) -> Motion | None:
+def motion_of(samples: Samples, transitions: Sequence[Event]) -> Motion | None:
     """Merge samples and transitions; None where the samples hold no motion.
 
     Samples past an early end are NaN and are left out.
@@ -68,7 +67,7 @@ def motion_of(samples: Samples, transitions: Sequence[ReferenceEvent]) -> Motion
 
 
 def _modes(
-    times: NDArray[np.float64], transitions: Sequence[ReferenceEvent], samples: Samples, good: NDArray[np.bool_]
+    times: NDArray[np.float64], transitions: Sequence[Event], samples: Samples, good: NDArray[np.bool_]
 ) -> list[Mode]:
     """The mode at each sample: by the truth's transitions, or as the solver says where there are none."""
     if not transitions:

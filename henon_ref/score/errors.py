@@ -15,9 +15,9 @@ from itertools import takewhile
 import numpy as np
 
 from henon_ref.score.matching import Matching, match
-from henon_ref.score.reference import HALF_ULP, Event, Expected
+from henon_ref.score.reference import HALF_ULP, Expected
 from henon_ref.score.verdict import FIXED_STEP_TOLERANCE, RIGHT, Verdict, undecided_verdict, verdict
-from henon_ref.trajectory import Status, Trajectory
+from henon_ref.trajectory import Event, Status, Trajectory
 
 EARLY = ("diverged", "nonunique", "invalid")
 """Statuses with which a run may rightly end before the horizon."""

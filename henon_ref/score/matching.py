@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.score.alignment import align
-from henon_ref.score.reference import Event
+from henon_ref.trajectory import Event
 
 IN_STEP_FRACTION = 1e-3
 """After an edit, a pair agrees to this fraction of the distance to the neighbouring transitions of its kind."""

@@ -11,27 +11,9 @@ from typing import Protocol
 
 import numpy as np
 
-from henon_ref.filippov.modes import Mode
-from henon_ref.trajectory import Status
+from henon_ref.trajectory import Event, Status
 
 HALF_ULP = 2.0**-53
-
-
-class Event(Protocol):
-    """A transition, a run's or the truth's: what matching, time errors and sticks need to know of it."""
-
-    @property
-    def kind(self) -> str: ...
-    @property
-    def surface(self) -> int: ...
-    @property
-    def from_mode(self) -> Mode: ...
-    @property
-    def to_mode(self) -> Mode: ...
-    @property
-    def time(self) -> float: ...
-    @property
-    def time_low(self) -> float: ...
 
 
 class ReferenceEvent(Event, Protocol):
@@ -43,8 +25,6 @@ class ReferenceEvent(Event, Protocol):
     def conditioning(self) -> float: ...
     @property
     def transversality(self) -> float: ...
-    @property
-    def state(self) -> Sequence[object]: ...
 
 
 class NearGraze(Protocol):

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from henon_ref.filippov.modes import mode_text
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.transition_array import KINDS, TransitionArray
-from henon_ref.score.sticks import sticks
-from henon_ref.trajectory import Transition
+from henon_ref.trajectory import Transition, sticks
 
 if TYPE_CHECKING:
     import pandas as pd

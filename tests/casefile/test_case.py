@@ -12,8 +12,10 @@ import sympy as sp
 from random_scenes import deadline
 
 from henon_ref.casefile.case import Case, load_case, parse_case
+from henon_ref.casefile.grammar import TAKEN
 from henon_ref.errors import CaseError
 from henon_ref.filippov.overrides import Release
+from henon_ref.rows import TransitionRow
 
 SLIDE = """\
 schema: 1
@@ -391,3 +393,7 @@ def test_a_case_remembers_its_file(tmp_path: Path) -> None:
 def test_what_is_no_path_is_refused(path: object) -> None:
     with pytest.raises(CaseError, match="wanted a str or a Path"):
         load_case(path)  # type: ignore[arg-type]
+
+
+def test_names_that_states_may_not_have_are_the_columns_of_the_transitions() -> None:
+    assert TransitionRow.columns() == tuple(sorted(TAKEN, key=TransitionRow.columns().index))

@@ -22,8 +22,8 @@ from henon_ref.campaign.settings import Setting
 from henon_ref.campaign.worker import Failure
 from henon_ref.casefile.case import Case, parse_case
 from henon_ref.cli.compare import command
-from henon_ref.figures.cost import draw_cost
-from henon_ref.figures.errors import draw_errors
+from henon_ref.harness.figures.cost import draw_cost
+from henon_ref.harness.figures.errors import draw_errors
 from henon_ref.report.case_report import write_report
 from henon_ref.report.files.figure_jobs import svg
 from henon_ref.report.files.manifest import provenance

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 from fakes import reference
 
-from henon_ref.score.sticks import published_partners, sticks
+from henon_ref.score.sticks import published_partners
+from henon_ref.trajectory import sticks
 
 
 def test_a_stick_lasts_from_its_start_to_its_release():

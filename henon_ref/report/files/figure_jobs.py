@@ -46,10 +46,10 @@ class FigureJob(Job):
         return {file_name(self.reading, kind): svg(drawn) for kind, drawn in self._figures().items()}
 
     def _figures(self) -> dict[str, Figure]:
-        from henon_ref.figures.cost import draw_cost
-        from henon_ref.figures.errors import draw_errors
         from henon_ref.figures.motion import draw_modes, draw_portrait, motion_of
         from henon_ref.figures.scene import draw_scene
+        from henon_ref.harness.figures.cost import draw_cost
+        from henon_ref.harness.figures.errors import draw_errors
 
         drawn: dict[str, Figure | None] = {}
         if self.content.scene is not None:
@@ -79,10 +79,5 @@ def preload() -> None:
     """Import what drawing needs, so that workers forked from here on have it, and nobody waits for it."""
     import scipy.optimize  # noqa: F401
     from matplotlib.mathtext import MathTextParser
-
-    import henon_ref.figures.cost
-    import henon_ref.figures.errors
-    import henon_ref.figures.motion
-    import henon_ref.figures.scene  # noqa: F401
 
     MathTextParser("path").parse("$x$")  # makes the grammar, and finds the fonts

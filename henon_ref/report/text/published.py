@@ -13,9 +13,10 @@ from henon_ref.casefile.expected import Orbit
 from henon_ref.report.text.formats import error, printed_alike, setting, significant
 from henon_ref.rows import StickRow, number
 from henon_ref.score.reference import Expected
-from henon_ref.score.sticks import published_partners, sticks
+from henon_ref.score.sticks import published_partners
 from henon_ref.table import Table
 from henon_ref.text import code
+from henon_ref.trajectory import sticks
 
 MOST_RUNS = 3
 """Runs that a table names of those with the printed digits."""

@@ -12,9 +12,9 @@ from henon_ref.campaign.timing import UNSTABLE
 from henon_ref.report.text.formats import count, digits, duration, error, setting, significant
 from henon_ref.report.text.ranking import floor, prices, right
 from henon_ref.rows import NOT_RUN, Key, RunRow, StickRow, number
-from henon_ref.score.sticks import sticks
 from henon_ref.table import Table
 from henon_ref.text import code, markdown
+from henon_ref.trajectory import sticks
 
 MOST_STICKS = 12
 """Sticks shown for a reading; all are in sticks.csv."""

@@ -1,0 +1,1 @@
+"""Figures of a comparison: digits against cost, errors of transitions."""
