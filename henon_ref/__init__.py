@@ -23,7 +23,6 @@ if TYPE_CHECKING:  # modules, too, under the names by which they go here
     from henon_ref.analysis.lyapunov import lyapunov_exponents
     from henon_ref.analysis.periodic_orbit import periodic_orbit
     from henon_ref.analysis.tangent import tangent_points
-    from henon_ref.campaign.comparison import Comparison, compare
     from henon_ref.casefile.case import Case, Reading, load_case, parse_case
     from henon_ref.errors import (
         ArgumentError,
@@ -35,7 +34,8 @@ if TYPE_CHECKING:  # modules, too, under the names by which they go here
     )
     from henon_ref.filippov.problem import Problem
     from henon_ref.filippov.system import FilippovSystem
-    from henon_ref.report.sweep import sweep
+    from henon_ref.harness.campaign.comparison import Comparison, compare
+    from henon_ref.harness.report.sweep import sweep
     from henon_ref.simulation.scene import Scene
     from henon_ref.simulation.simulate import simulate, stream
     from henon_ref.simulation.solution import Solution
@@ -46,8 +46,8 @@ if TYPE_CHECKING:  # modules, too, under the names by which they go here
 __version__ = "0.1.0"
 
 _HOME = {
-    "Comparison": "campaign.comparison",
-    "compare": "campaign.comparison",
+    "Comparison": "harness.campaign.comparison",
+    "compare": "harness.campaign.comparison",
     "ArgumentError": "errors",
     "ModeSolver": "baselines.base",
     "SmoothMode": "baselines.base",
@@ -67,7 +67,7 @@ _HOME = {
     "System": "simulation.system",
     "simulate": "simulation.simulate",
     "stream": "simulation.simulate",
-    "sweep": "report.sweep",
+    "sweep": "harness.report.sweep",
     "lyapunov_exponents": "analysis.lyapunov",
     "periodic_orbit": "analysis.periodic_orbit",
     "tangent_points": "analysis.tangent",

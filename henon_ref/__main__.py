@@ -1,8 +1,8 @@
-"""``python -m henon_ref``: a door to :mod:`henon_ref.cli.main`, which nobody imports."""
+"""``python -m henon_ref``: a door to :mod:`henon_ref.harness.cli.main`, which nobody imports."""
 
 import sys
 
-from henon_ref.cli.main import program
+from henon_ref.harness.cli.main import program
 
 if __name__ == "__main__":
     sys.exit(program())

@@ -1,9 +1,9 @@
-"""``python -m henon_ref.check``: a door to :mod:`henon_ref.cli.check`, which nobody imports."""
+"""``python -m henon_ref.check``: a door to :mod:`henon_ref.harness.cli.check`, which nobody imports."""
 
 if __name__ == "__main__":
     import sys
 
-    from henon_ref.cli.check import command
+    from henon_ref.harness.cli.check import command
 
     sys.exit(command())
 elif __name__ != "__mp_main__":  # by which workers that are spawned import it

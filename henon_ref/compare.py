@@ -1,9 +1,9 @@
-"""``python -m henon_ref.compare``: a door to :mod:`henon_ref.cli.compare`, which nobody imports."""
+"""``python -m henon_ref.compare``: a door to :mod:`henon_ref.harness.cli.compare`, which nobody imports."""
 
 if __name__ == "__main__":
     import sys
 
-    from henon_ref.cli.compare import program
+    from henon_ref.harness.cli.compare import program
 
     sys.exit(program())
 elif __name__ != "__mp_main__":  # by which workers that are spawned import it

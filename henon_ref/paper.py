@@ -1,9 +1,9 @@
-"""``python -m henon_ref.paper``: a door to :mod:`henon_ref.cli.paper`, which nobody imports."""
+"""``python -m henon_ref.paper``: a door to :mod:`henon_ref.harness.cli.paper`, which nobody imports."""
 
 if __name__ == "__main__":
     import sys
 
-    from henon_ref.cli.paper import command
+    from henon_ref.harness.cli.paper import command
 
     sys.exit(command())
 elif __name__ != "__mp_main__":  # by which workers that are spawned import it

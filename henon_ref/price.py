@@ -1,9 +1,9 @@
-"""``python -m henon_ref.price``: a door to :mod:`henon_ref.cli.price`, which nobody imports."""
+"""``python -m henon_ref.price``: a door to :mod:`henon_ref.harness.cli.price`, which nobody imports."""
 
 if __name__ == "__main__":
     import sys
 
-    from henon_ref.cli.price import command
+    from henon_ref.harness.cli.price import command
 
     sys.exit(command())
 elif __name__ != "__mp_main__":  # by which workers that are spawned import it

@@ -17,13 +17,13 @@ from commands import SOLVERS, Drawing
 from fakes import CASE, statement
 from problems import make_problem
 
-from henon_ref import registry
-from henon_ref.campaign import truth_job
-from henon_ref.campaign.fork_server import collect_seldom
-from henon_ref.cli import compare_cases
 from henon_ref.errors import UnavailableError
+from henon_ref.harness import registry
+from henon_ref.harness.campaign import truth_job
+from henon_ref.harness.campaign.fork_server import collect_seldom
+from henon_ref.harness.cli import compare_cases
+from henon_ref.harness.truth import store
 from henon_ref.jit.cache_folder import VARIABLE, cache_root
-from henon_ref.truth import store
 
 LIBRARIES = {"heyoka": "heyoka", "scikit-sundae": "sksundae"}
 """Packages that a machine may be without, and their modules."""

@@ -12,10 +12,10 @@ from commands import run
 from fakes import Fake
 from ruamel.yaml import YAML
 
-from henon_ref import registry
 from henon_ref.casefile.files import case_files
-from henon_ref.cli import arguments, gate
-from henon_ref.score.row_result import KnownFailure
+from henon_ref.harness import registry
+from henon_ref.harness.cli import arguments, gate
+from henon_ref.harness.score.row_result import KnownFailure
 
 ROOT = Path(__file__).parents[1]
 PAGE = (ROOT / "docs" / "ci.md").read_text()

@@ -10,7 +10,7 @@ from doc_pages import PICTURES, ROOT, blocks, pictures, run_page
 from matplotlib import pyplot as plt
 from matplotlib.testing.compare import compare_images
 
-from henon_ref.truth import store
+from henon_ref.harness.truth import store
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 SAME = 10

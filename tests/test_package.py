@@ -48,7 +48,9 @@ def test_the_library_runs_without_numba() -> None:
 
 
 def test_reading_a_truth_does_not_load_what_proves_it() -> None:
-    code = "import sys, henon_ref.truth; print([m for m in sys.modules if m.startswith('henon_ref.enclosure.')])"
+    code = (
+        "import sys, henon_ref.harness.truth; print([m for m in sys.modules if m.startswith('henon_ref.enclosure.')])"
+    )
     assert fresh(code) == "['henon_ref.enclosure.balls']"
 
 
@@ -67,7 +69,9 @@ def test_compare_is_a_function_although_the_command_has_the_same_name() -> None:
     """``python -m henon_ref.compare`` is a file that nobody imports: it would take the function's place."""
     assert inspect.isfunction(henon_ref.compare)
     assert "case" in inspect.signature(henon_ref.compare).parameters
-    code = "import henon_ref.cli.compare, henon_ref.cli.sweep, henon_ref.sweeps.sweep, henon_ref as hr\n"
+    code = (
+        "import henon_ref.harness.cli.compare, henon_ref.harness.cli.sweep, henon_ref.sweeps.sweep, henon_ref as hr\n"
+    )
     assert fresh(code + "print(type(hr.compare).__name__, type(hr.sweep).__name__, hr.observe.__name__)") == (
         "function function henon_ref.sweeps.observe"
     )

@@ -17,8 +17,8 @@ import typer
 pytest.importorskip("sphinx", reason="the site is built where the extra docs is installed")
 
 from henon_ref.casefile.json_schema import schema_text
-from henon_ref.cli import arguments
-from henon_ref.cli.main import SUBCOMMANDS
+from henon_ref.harness.cli import arguments
+from henon_ref.harness.cli.main import SUBCOMMANDS
 
 ROOT = Path(__file__).parents[1]
 LOADS = {"script": "src", "img": "src", "iframe": "src", "source": "src", "link": "href"}

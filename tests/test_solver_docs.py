@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from henon_ref import registry
+from henon_ref.harness import registry
 
 PAGE = Path(__file__).parents[1] / "docs" / "solvers.md"
 

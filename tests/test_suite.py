@@ -16,16 +16,16 @@ import sympy as sp
 from shipped import CASES, paths, read, readings, shipped
 
 from baselines.henon import HENON_SOLVER
-from henon_ref.campaign.truth_job import stored_statement
 from henon_ref.casefile.case import Case, Reading, load_case
 from henon_ref.casefile.catalogue import catalogue
 from henon_ref.filippov.modes import transition_kind
 from henon_ref.filippov.problem import Problem
-from henon_ref.score.errors import score
+from henon_ref.harness.campaign.truth_job import stored_statement
+from henon_ref.harness.score.errors import score
+from henon_ref.harness.truth.compute import stored_truth
+from henon_ref.harness.truth.store import folder_of
 from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Trajectory, Transition
-from henon_ref.truth.compute import stored_truth
-from henon_ref.truth.store import folder_of
 
 BOUND = 1e-11
 """Largest error of a well-conditioned transition time [s]."""

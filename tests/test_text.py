@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from markdown_it import MarkdownIt
 from markdown_it.token import Token
 
-from henon_ref.rows import RunRow, StickRow, TableError, TransitionRow, read_rows, rows_text
-from henon_ref.table import Table
+from henon_ref.harness.rows import RunRow, StickRow, TableError, TransitionRow, read_rows, rows_text
+from henon_ref.harness.table import Table
 from henon_ref.text import LONGEST_LINE, cell, code, from_cell, link, markdown, message, one_line, paragraphs, printable
 
 HARMLESS = {"text", "text_special", "code_inline", "softbreak", "paragraph_open", "paragraph_close", "inline"}

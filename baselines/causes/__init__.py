@@ -2,7 +2,8 @@
 
 A cause is a short function that uses nothing of this project: it sets up the smallest problem that shows the
 behaviour, runs the library, and raises :class:`ClaimError` if it does not behave as claimed. The tests run them all,
-reports run them and print what they say, and :mod:`henon_ref.campaign.causes` decides which failing run each explains.
+reports run them and print what they say, and :mod:`henon_ref.harness.campaign.causes` decides which failing run each
+explains.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The paper's program with each of its mistakes as a switch: ``variants.c``, called from Python.
 
-It is for the audit of :mod:`henon_ref.studies.paper.audit`. All switches off it is the method of Sec. 3 done right on
-Eq. (18): order 4, Filippov's sliding. All on it is the appendix as printed, number for number
+It is for the audit of :mod:`henon_ref.harness.studies.paper.audit`. All switches off it is the method of Sec. 3
+done right on Eq. (18): order 4, Filippov's sliding. All on it is the appendix as printed, number for number
 (:mod:`baselines.paper.listing_program`).
 """
 

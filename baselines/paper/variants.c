@@ -1,4 +1,4 @@
-/* The paper's program with each of its mistakes as a switch, for the audit of henon_ref.studies.paper.audit.
+/* The paper's program with each of its mistakes as a switch, for the audit of henon_ref.harness.studies.paper.audit.
 
    All switches off it is the method of Sec. 3 done right on Eq. (18): order 4, Filippov's sliding. All on it is the
    appendix as printed, number for number (listing.c). */

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from henon_ref.casefile.json_schema import case_schema
-from henon_ref.table import Table
+from henon_ref.harness.table import Table
 from henon_ref.text import code
 
 _FORM = re.compile(r'"\$ref": "#/\$defs/(\w+)"')

@@ -9,8 +9,8 @@ from typing import Any
 
 import typer
 
-from henon_ref.cli.main import SUBCOMMANDS, application
-from henon_ref.table import Table
+from henon_ref.harness.cli.main import SUBCOMMANDS, application
+from henon_ref.harness.table import Table
 from henon_ref.text import code
 
 _OPTION = re.compile(r"(?<!\S)--[a-z-]+( [a-z]+@[a-z]+)?")
@@ -30,7 +30,7 @@ def page() -> str:
 def _app(target: str) -> Any:
     """The typer application of a subcommand; ``compare`` has its in a module of its own."""
     module = target.partition(":")[0]
-    return import_module(f"henon_ref.cli.{'arguments' if module == 'compare' else module}").app
+    return import_module(f"henon_ref.harness.cli.{'arguments' if module == 'compare' else module}").app
 
 
 def _section(name: str, command: Any, *, examples: bool) -> str:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from henon_ref import registry
-from henon_ref.table import Table
+from henon_ref.harness import registry
+from henon_ref.harness.table import Table
 from henon_ref.text import code
 
 

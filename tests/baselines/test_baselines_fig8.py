@@ -13,7 +13,7 @@ from baselines.heyoka_taylor import HEYOKA
 from baselines.scipy_ivp import DOP853, LSODA, RK45
 from baselines.sundials_cvode import ADAMS
 from baselines.sundials_ida import IDA
-from henon_ref.truth.store import load
+from henon_ref.harness.truth.store import load
 
 TRUTH = Path(__file__).parents[2] / "cases" / "truth"
 # LSODA and RK45 lose half of them where the guard that swings in a stick is not integrated along.

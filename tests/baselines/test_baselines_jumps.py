@@ -7,7 +7,7 @@ import sympy as sp
 
 from henon_ref.casefile.case import load_case
 from henon_ref.errors import UnsupportedError
-from henon_ref.registry import solver
+from henon_ref.harness.registry import solver
 from tests.support.resets import ball, ball_impacts, impact_oscillator, oscillator_impacts
 
 LIBRARIES = ("heyoka", "cvode-adams", "cvode-bdf", "ida", "scipy-rk45", "scipy-dop853", "scipy-radau", "scipy-lsoda")

@@ -11,10 +11,10 @@ import pytest
 
 from baselines.causes import CAUSES, Cause, ClaimError
 from baselines.cvode_c.build import compiler
-from henon_ref.campaign.causes import PATTERNS, cause_of
-from henon_ref.registry import program_versions
-from henon_ref.rows import RunRow, TransitionRow
-from henon_ref.studies import causes as page
+from henon_ref.harness.campaign.causes import PATTERNS, cause_of
+from henon_ref.harness.registry import program_versions
+from henon_ref.harness.rows import RunRow, TransitionRow
+from henon_ref.harness.studies import causes as page
 
 MODULES = {"heyoka": "heyoka"} | dict.fromkeys(("cvode", "ida", "sundials", "sundae"), "sksundae")
 MODULES |= {"diffrax": "diffrax", "diffsol": "pydiffsol", "nosnoc": "nosnoc"}

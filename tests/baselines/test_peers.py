@@ -22,10 +22,10 @@ from baselines.jax_functions import mode_source
 from baselines.mode_functions import ModeFunctions
 from baselines.nosnoc_fesd import FEWEST, GRID, NOSNOC, Nosnoc, _control_steps
 from baselines.scipy_ivp import RK45
-from henon_ref import registry
 from henon_ref.errors import UnavailableError, UnsupportedError
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem
+from henon_ref.harness import registry
 from henon_ref.taylor.tape import TIME
 
 MODULES = {"diffrax": "diffrax", "diffsol": "pydiffsol", "nosnoc": "nosnoc"}

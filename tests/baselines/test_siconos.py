@@ -8,8 +8,8 @@ import pytest
 
 import henon_ref
 from baselines.siconos.solver import DEFAULT, RELAY, VARIABLE, siconos_version
-from henon_ref import registry
 from henon_ref.errors import UnavailableError, UnsupportedError
+from henon_ref.harness import registry
 
 installed = pytest.mark.skipif(not siconos_version(), reason="Siconos is not installed")
 BLOCK = """

@@ -23,10 +23,10 @@ from henon_ref.filippov import work as work_module
 from henon_ref.filippov.affine import coefficients
 from henon_ref.filippov.algebra import expanded, factored, known_positive, measured, simplified
 from henon_ref.filippov.bounds import put
-from henon_ref.report.text.model import as_written, general_form, mode_equations
+from henon_ref.harness.report.text.model import as_written, general_form, mode_equations
+from henon_ref.harness.truth.proofs import prove
 from henon_ref.taylor.size import size
 from henon_ref.taylor.tape import build_tape
-from henon_ref.truth.proofs import prove
 
 X, Y, S, U = (sp.Symbol(name, real=True) for name in "xysu")
 
@@ -100,7 +100,7 @@ def test_reading_a_case_and_printing_its_modes_ends(text: str) -> None:
         "import sys\n"
         "from henon_ref.errors import CaseError\n"
         "from henon_ref.casefile.case import parse_case\n"
-        "from henon_ref.report.text.model import general_form, mode_equations\n"
+        "from henon_ref.harness.report.text.model import general_form, mode_equations\n"
         "try:\n"
         "    system = parse_case(sys.argv[1]).readings[0].problem.system\n"
         "except CaseError:\n"

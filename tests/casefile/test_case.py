@@ -15,7 +15,7 @@ from henon_ref.casefile.case import Case, load_case, parse_case
 from henon_ref.casefile.grammar import TAKEN
 from henon_ref.errors import CaseError
 from henon_ref.filippov.overrides import Release
-from henon_ref.rows import TransitionRow
+from henon_ref.harness.rows import TransitionRow
 
 SLIDE = """\
 schema: 1

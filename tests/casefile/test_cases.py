@@ -9,7 +9,7 @@ import sympy as sp
 
 from henon_ref.casefile.case import load_case
 from henon_ref.filippov.switching import Switching
-from henon_ref.registry import fixed_step, names
+from henon_ref.harness.registry import fixed_step, names
 
 CASES = Path(__file__).parents[2] / "cases"
 TOP = sorted(CASES.glob("*.yaml"))

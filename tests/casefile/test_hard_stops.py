@@ -11,7 +11,7 @@ from henon_ref.errors import CaseError
 from henon_ref.filippov.overrides import Release, Reset
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem
-from henon_ref.registry import solver
+from henon_ref.harness.registry import solver
 from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Trajectory
 

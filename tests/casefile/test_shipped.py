@@ -11,7 +11,7 @@ from henon_ref.casefile import shipped
 from henon_ref.casefile.files import case_files, read_cases
 from henon_ref.casefile.shipped import located, shipped_folder, shipped_names
 from henon_ref.errors import CaseError
-from henon_ref.truth import store
+from henon_ref.harness.truth import store
 
 CASES = Path(__file__).parents[2] / "cases"
 FIG8 = CASES / "fig8.yaml"

@@ -12,17 +12,17 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from henon_ref import registry
-from henon_ref.campaign.run_jobs import sample_times
-from henon_ref.campaign.truth_job import statement_of
 from henon_ref.casefile.case import Reading, load_case
 from henon_ref.figures.description import description_of
 from henon_ref.figures.motion import Motion, axes_of_portrait, draw_modes, draw_portrait, motion_of
+from henon_ref.harness import registry
+from henon_ref.harness.campaign.run_jobs import sample_times
+from henon_ref.harness.campaign.truth_job import statement_of
 from henon_ref.harness.figures.cost import draw_cost
 from henon_ref.harness.figures.errors import draw_errors, running_maximum
-from henon_ref.report.files.figure_jobs import svg
-from henon_ref.rows import RunRow, TransitionRow
-from henon_ref.score.reference import Expected
+from henon_ref.harness.report.files.figure_jobs import svg
+from henon_ref.harness.rows import RunRow, TransitionRow
+from henon_ref.harness.score.reference import Expected
 from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Samples
 

@@ -12,8 +12,8 @@ from runs import run
 
 from henon_ref.filippov.attraction import attraction_guards
 from henon_ref.filippov.problem import Problem
+from henon_ref.harness.truth.proofs import prove
 from henon_ref.taylor.tape import TIME
-from henon_ref.truth.proofs import prove
 
 
 def resting(*field: str, until: str = "2") -> Problem:

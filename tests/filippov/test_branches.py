@@ -14,9 +14,9 @@ import sympy as sp
 import henon_ref as hr
 from henon_ref.casefile.case import parse_case
 from henon_ref.filippov.branches import leaves_out
-from henon_ref.registry import solver
+from henon_ref.harness.registry import solver
+from henon_ref.harness.truth.compute import compute
 from henon_ref.trajectory import Trajectory
-from henon_ref.truth.compute import compute
 
 X, V, S = sp.symbols("x v s", real=True)
 FALL = math.sqrt(2 / 9.81)

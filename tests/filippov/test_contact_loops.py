@@ -25,11 +25,11 @@ from henon_ref.filippov.contact_loops import closed, cuts, independent, loops, r
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.switched_field import SwitchedField
 from henon_ref.filippov.switching import Switching
-from henon_ref.registry import solver
+from henon_ref.harness.registry import solver
+from henon_ref.harness.truth.multiprecision.mode_selection import ModeSelection
 from henon_ref.simulation.simulate import simulate as simulate_run
 from henon_ref.simulation.system import System
 from henon_ref.taylor.tape import TIME
-from henon_ref.truth.multiprecision.mode_selection import ModeSelection
 
 HEAD = "schema: 1\nname: loop\ntitle: t\nsource: s\nequations: e\n"
 LIBRARIES = [

@@ -11,13 +11,13 @@ import sympy as sp
 from problems import make_problem
 
 from baselines.henon import HENON_SOLVER
-from henon_ref import registry
 from henon_ref.casefile.case import load_case, parse_case
 from henon_ref.errors import ModelError
 from henon_ref.filippov import system as systems
 from henon_ref.filippov.decoupled_contacts import switched_equations
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem
+from henon_ref.harness import registry
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.records import HENON
 from henon_ref.henon.run import Run

@@ -18,8 +18,8 @@ from henon_ref.enclosure.balls import enclose
 from henon_ref.enclosure.run import certify
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.switching import Switching
-from henon_ref.registry import solver
-from henon_ref.truth.multiprecision.mode_selection import ModeSelection
+from henon_ref.harness.registry import solver
+from henon_ref.harness.truth.multiprecision.mode_selection import ModeSelection
 
 HEAD = "schema: 1\nname: chain\ntitle: t\nsource: s\nequations: e\n"
 LIBRARIES = [("scipy-dop853", {"rtol": 1e-12}, 1e-9), ("heyoka", {"rtol": 1e-16}, 1e-12)]

@@ -21,8 +21,8 @@ from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.overrides import Release, SlidingOverride
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem
-from henon_ref.registry import solver
-from henon_ref.truth.multiprecision.mode_selection import ModeSelection
+from henon_ref.harness.registry import solver
+from henon_ref.harness.truth.multiprecision.mode_selection import ModeSelection
 
 HEAD = "schema: 1\nname: stack\ntitle: t\nsource: s\nequations: e\n"
 LIBRARIES = [

@@ -12,8 +12,8 @@ from scipy.integrate import solve_ivp
 import henon_ref as hr
 from henon_ref.casefile.case import parse_case
 from henon_ref.filippov.branches import has_no_value
-from henon_ref.registry import solver
-from henon_ref.truth.compute import compute
+from henon_ref.harness.registry import solver
+from henon_ref.harness.truth.compute import compute
 
 X, V = sp.symbols("x v", real=True)
 CASE = """\

@@ -25,8 +25,8 @@ from henon_ref.enclosure.mode_selection import initial_entry
 from henon_ref.enclosure.model import SystemModel
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.switching import Switching
+from henon_ref.harness.truth.multiprecision.mode_selection import ModeSelection
 from henon_ref.taylor.tape import TIME
-from henon_ref.truth.multiprecision.mode_selection import ModeSelection
 
 NAMES = ("a", "b", "c", "d")
 HEAVY = 1e10

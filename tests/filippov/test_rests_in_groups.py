@@ -14,7 +14,7 @@ from henon_ref.casefile.case import parse_case
 from henon_ref.enclosure.balls import enclose
 from henon_ref.enclosure.run import certify
 from henon_ref.filippov.problem import Problem
-from henon_ref.registry import solver
+from henon_ref.harness.registry import solver
 
 SOLVERS = [("henon", 1e-13, 1e-12), ("heyoka", 1e-16, 1e-11), ("scipy-dop853", 1e-12, 1e-9)]
 ALL_SOLVERS = pytest.mark.parametrize(("name", "rtol", "bound"), SOLVERS, ids=[name for name, *_ in SOLVERS])

@@ -18,12 +18,12 @@ from henon_ref.filippov import system as systems
 from henon_ref.filippov.decoupled_contacts import switched_equations
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem
+from henon_ref.harness.registry import solver
+from henon_ref.harness.truth.conditioning import conditioning
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.records import HENON
 from henon_ref.henon.run import Run
-from henon_ref.registry import solver
 from henon_ref.taylor.tape import TIME
-from henon_ref.truth.conditioning import conditioning
 
 HEAD = "schema: 1\nname: chain\ntitle: t\nsource: s\nequations: e\n"
 LIBRARIES = [

@@ -25,9 +25,9 @@ from henon_ref.filippov.overrides import Release, SlidingOverride
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.switching import Switching
 from henon_ref.filippov.system import FilippovSystem
-from henon_ref.registry import solver
-from henon_ref.truth.multiprecision.mode_selection import ModeSelection
-from henon_ref.truth.multiprecision.numbers import exact_ball
+from henon_ref.harness.registry import solver
+from henon_ref.harness.truth.multiprecision.mode_selection import ModeSelection
+from henon_ref.harness.truth.multiprecision.numbers import exact_ball
 
 FS, FK, VB = sp.Rational(3, 2), sp.Integer(1), sp.Rational(1, 2)
 SOLVERS = [

@@ -10,7 +10,7 @@ from henon_ref.casefile.case import parse_case
 from henon_ref.enclosure.run import certify
 from henon_ref.errors import CaseError
 from henon_ref.filippov.problem import Problem
-from henon_ref.registry import solver
+from henon_ref.harness.registry import solver
 
 HEAD = "schema: 1\nname: limit\ntitle: t\nsource: s\nequations: e\n"
 

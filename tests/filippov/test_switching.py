@@ -11,11 +11,11 @@ from problems import make_problem
 from runs import kinds, run
 
 from baselines.henon import HENON_SOLVER
-from henon_ref import registry
 from henon_ref.filippov import mode_evaluation
 from henon_ref.filippov.derivatives import leading, rate_of
 from henon_ref.filippov.exact_numbers import exact_sign
 from henon_ref.filippov.switching import Switching
+from henon_ref.harness import registry
 from henon_ref.taylor.series import expand
 
 

@@ -15,12 +15,12 @@ from henon_ref.analysis.variational import fundamental_matrix
 from henon_ref.casefile.case import parse_case
 from henon_ref.errors import UnsupportedError
 from henon_ref.filippov.problem import Problem
-from henon_ref.registry import solver
+from henon_ref.harness.registry import solver
+from henon_ref.harness.truth.conditioning import conditioning
+from henon_ref.harness.truth.multiprecision.route import multiprecision
+from henon_ref.harness.truth.proofs import prove
+from henon_ref.harness.truth.reference import Route
 from henon_ref.trajectory import Trajectory
-from henon_ref.truth.conditioning import conditioning
-from henon_ref.truth.multiprecision.route import multiprecision
-from henon_ref.truth.proofs import prove
-from henon_ref.truth.reference import Route
 
 SOLVERS = ("henon", "scipy-dop853", "heyoka", "cvode-bdf")
 Told = list[tuple[str, int]]

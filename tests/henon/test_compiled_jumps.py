@@ -16,6 +16,7 @@ from henon_ref.filippov.overrides import Reset
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.resting import with_resting
 from henon_ref.filippov.system import FilippovSystem
+from henon_ref.harness.registry import solver
 from henon_ref.henon import mode_table
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.jump_code import jump_code
@@ -24,7 +25,6 @@ from henon_ref.henon.points import Keep, PointRuns
 from henon_ref.henon.records import HENON
 from henon_ref.henon.run import Run
 from henon_ref.henon.transition_array import KINDS
-from henon_ref.registry import solver
 from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Trajectory, Transition
 from tests.support.resets import ball, ball_impacts, impact_oscillator, oscillator_impacts

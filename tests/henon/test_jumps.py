@@ -11,7 +11,7 @@ from henon_ref.filippov.overrides import Reset
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.resting import with_resting
 from henon_ref.filippov.system import FilippovSystem
-from henon_ref.registry import solver
+from henon_ref.harness.registry import solver
 from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Trajectory
 from tests.support.resets import ball, ball_impacts, impact_oscillator, oscillator_impacts

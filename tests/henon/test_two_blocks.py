@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from henon_ref.casefile.case import load_case
-from henon_ref.registry import solver
+from henon_ref.harness.registry import solver
+from henon_ref.harness.truth.compute import stored_truth
+from henon_ref.harness.truth.store import folder_of
 from henon_ref.trajectory import Trajectory
-from henon_ref.truth.compute import stored_truth
-from henon_ref.truth.store import folder_of
 
 FILE = Path(__file__).parents[2] / "cases" / "two_blocks.yaml"
 TOLERANCES = {"henon": 1e-13, "heyoka": 1e-15, "scipy-dop853": 1e-13, "cvode-adams": 1e-15, "ida": 3e-15}

@@ -7,9 +7,9 @@ from fakes import case, found, trajectory
 
 from baselines.henon import HENON_SOLVER
 from baselines.work import DeadlinePassed, Work
-from henon_ref.campaign.run_jobs import KEPT, RunJob
-from henon_ref.campaign.worker import COMPILING, WorkerState
 from henon_ref.casefile.case import parse_case
+from henon_ref.harness.campaign.run_jobs import KEPT, RunJob
+from henon_ref.harness.campaign.worker import COMPILING, WorkerState
 from henon_ref.henon.mode_table import ModeTable
 from henon_ref.henon.run import Run
 from henon_ref.jit import processor_time

@@ -24,8 +24,8 @@ from typing import Any, NamedTuple
 from henon_ref.casefile.case import Reading, load_case
 from henon_ref.casefile.catalogue import case_files
 from henon_ref.errors import UnsupportedError
+from henon_ref.harness.registry import fixed_step, solver
 from henon_ref.jit.target import target
-from henon_ref.registry import fixed_step, solver
 from henon_ref.trajectory import Trajectory, Transition
 
 CASES = Path(__file__).parents[2] / "cases"

@@ -10,7 +10,7 @@ from typing import Any
 
 import systems
 
-from henon_ref import registry
+from henon_ref.harness import registry
 
 
 @contextmanager

@@ -15,12 +15,12 @@ import pytest
 from fakes import CASE, case, statement
 from made_reports import ORIGIN, changed, made
 
-from henon_ref.campaign.comparison import Comparison
-from henon_ref.campaign.options import Options
-from henon_ref.campaign.results import ReadingResult
 from henon_ref.casefile.case import Case
-from henon_ref.report.case_report import write_report
-from henon_ref.report.folder_report import write_folder_report
+from henon_ref.harness.campaign.comparison import Comparison
+from henon_ref.harness.campaign.options import Options
+from henon_ref.harness.campaign.results import ReadingResult
+from henon_ref.harness.report.case_report import write_report
+from henon_ref.harness.report.folder_report import write_folder_report
 from henon_ref.trajectory import Samples
 
 SIZES = ((400, 800), (1400, 900))

@@ -16,10 +16,10 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from henon_ref.campaign.channel import LARGEST, MAGIC
-from henon_ref.campaign.pool import Jobs, WorkerPool
-from henon_ref.campaign.worker import REPLY, Failure, Job, WorkerState
 from henon_ref.errors import UnavailableError, UnsupportedError
+from henon_ref.harness.campaign.channel import LARGEST, MAGIC
+from henon_ref.harness.campaign.pool import Jobs, WorkerPool
+from henon_ref.harness.campaign.worker import REPLY, Failure, Job, WorkerState
 from henon_ref.jit.processor_time import compiling
 from henon_ref.workers.procfs import resident_bytes
 

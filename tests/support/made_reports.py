@@ -6,14 +6,14 @@ from dataclasses import replace
 
 from fakes import case, expected, found, statement, trajectory
 
-from henon_ref.campaign.comparison import Comparison
-from henon_ref.campaign.options import Options
-from henon_ref.campaign.results import ReadingResult
-from henon_ref.campaign.rows import Outcome, Record, record, scored
-from henon_ref.campaign.settings import Setting
-from henon_ref.campaign.worker import Failure
-from henon_ref.report.files.manifest import Provenance
-from henon_ref.table import Table
+from henon_ref.harness.campaign.comparison import Comparison
+from henon_ref.harness.campaign.options import Options
+from henon_ref.harness.campaign.results import ReadingResult
+from henon_ref.harness.campaign.rows import Outcome, Record, record, scored
+from henon_ref.harness.campaign.settings import Setting
+from henon_ref.harness.campaign.worker import Failure
+from henon_ref.harness.report.files.manifest import Provenance
+from henon_ref.harness.table import Table
 
 ORIGIN = Provenance(
     "python -m henon_ref.compare made_up.yaml",

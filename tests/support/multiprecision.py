@@ -10,17 +10,17 @@ from henon_ref.filippov.problem import Problem
 
 
 def simulate(problem: Problem, bits: int) -> Any:
-    """A :class:`henon_ref.truth.multiprecision.run.Run`."""
+    """A :class:`henon_ref.harness.truth.multiprecision.run.Run`."""
     pytest.importorskip("heyoka")
-    from henon_ref.truth.multiprecision import run
+    from henon_ref.harness.truth.multiprecision import run
 
     return run.simulate(problem, bits)
 
 
 def multiprecision(problem: Problem) -> Any:
-    """A :class:`henon_ref.truth.reference.Route`."""
+    """A :class:`henon_ref.harness.truth.reference.Route`."""
     pytest.importorskip("heyoka")
-    from henon_ref.truth.multiprecision import route
+    from henon_ref.harness.truth.multiprecision import route
 
     return route.multiprecision(problem)
 
@@ -28,6 +28,6 @@ def multiprecision(problem: Problem) -> Any:
 def transitions(problem: Problem, bits: int) -> list[Any]:
     """The reference transitions of one run, with radii that claim nothing."""
     events = simulate(problem, bits).events
-    from henon_ref.truth.multiprecision.route import _transitions
+    from henon_ref.harness.truth.multiprecision.route import _transitions
 
     return [t for e in events for t in _transitions(e, e, 1e-30, 1e-30)]

@@ -8,9 +8,9 @@ runs scenes of a seed (:mod:`scene_draws`), a line each (how they end, transitio
 disagreement with its case file, and counts of everything at the end.
 
 The multiprecision route says what is right. A run is right where it has the same transitions, each with an error within
-a bound times its conditioning (see :mod:`henon_ref.truth.conditioning`). Where it has not, the question may be to blame
-(:mod:`henon_ref.score.verdict`): an error that its tolerance grants makes a transition appear or vanish. The library is
-heyoka; where it is not right another one is asked, at one tolerance after the other.
+a bound times its conditioning (see :mod:`henon_ref.harness.truth.conditioning`). Where it has not, the question may
+be to blame (:mod:`henon_ref.harness.score.verdict`): an error that its tolerance grants makes a transition appear or
+vanish. The library is heyoka; where it is not right another one is asked, at one tolerance after the other.
 
 Where a run is not right, or the exact one cannot go on, the states of all transitions and of its end are asked for a
 loop: contacts at rest whose relative velocities depend on each other, for which no mode has equations.
@@ -38,12 +38,12 @@ from henon_ref.errors import ModelError, UnsupportedError
 from henon_ref.filippov.equations import along
 from henon_ref.filippov.kinks import visible
 from henon_ref.filippov.problem import Problem
-from henon_ref.registry import solver
-from henon_ref.score.errors import score
-from henon_ref.score.reference import Expected
+from henon_ref.harness.registry import solver
+from henon_ref.harness.score.errors import score
+from henon_ref.harness.score.reference import Expected
+from henon_ref.harness.truth.conditioning import conditioning
 from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Trajectory
-from henon_ref.truth.conditioning import conditioning
 
 LIBRARIES = (("heyoka", 1e-13), ("scipy-dop853", 1e-12), ("scipy-dop853", 1e-10), ("scipy-dop853", 1e-8))
 """Asked in turn until one is right; DOP853, which looks at the ends of its steps alone, steps over pairs of roots."""

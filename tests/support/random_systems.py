@@ -24,9 +24,9 @@ from multiprecision import multiprecision
 from henon_ref.casefile.case import parse_case
 from henon_ref.errors import UnsupportedError
 from henon_ref.filippov.problem import Problem
-from henon_ref.registry import solver
+from henon_ref.harness.registry import solver
+from henon_ref.harness.truth.conditioning import conditioning
 from henon_ref.trajectory import Trajectory, Transition
-from henon_ref.truth.conditioning import conditioning
 
 TOLERANCE = 1e-15
 CLOSE = 1e-9
@@ -136,7 +136,7 @@ def error_beyond_conditioning(problem: Problem, ours: Trajectory, theirs: Trajec
     """What the reference has wrong up to where two runs differ, by 256 bits; empty where it is right.
 
     Right is: the exact transitions with the exact modes, each with an error of at most ``BOUND`` times its
-    conditioning (see :mod:`henon_ref.truth.conditioning`) times the size of the state.
+    conditioning (see :mod:`henon_ref.harness.truth.conditioning`) times the size of the state.
     """
     a, b = ([t for t in run.transitions if t.kind != "graze"] for run in (ours, theirs))
     differ = next((i for i, (t, u) in enumerate(zip(a, b, strict=False)) if disagreeing(t, u)), min(len(a), len(b)))

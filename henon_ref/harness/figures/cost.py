@@ -11,8 +11,8 @@ import numpy as np
 from henon_ref.figures import style
 from henon_ref.figures.description import describe
 from henon_ref.figures.labels import label_column
-from henon_ref.rows import RunRow, number
-from henon_ref.score.reference import HALF_ULP, Expected
+from henon_ref.harness.rows import RunRow, number
+from henon_ref.harness.score.reference import HALF_ULP, Expected
 from henon_ref.text import one_line
 
 if TYPE_CHECKING:

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from henon_ref.figures import style
 from henon_ref.figures.description import describe
 from henon_ref.figures.labels import label_ends
-from henon_ref.rows import RunRow, TransitionRow
-from henon_ref.score.reference import Expected
+from henon_ref.harness.rows import RunRow, TransitionRow
+from henon_ref.harness.score.reference import Expected
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

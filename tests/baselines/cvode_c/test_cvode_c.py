@@ -13,14 +13,14 @@ from baselines.cvode_c.equations import c_equations
 from baselines.cvode_c.solver import ADAMS, BDF
 from baselines.protocol.problem_text import problem_text
 from baselines.protocol.program import ProgramRun
-from henon_ref import registry
-from henon_ref.campaign.code_version import _modules
-from henon_ref.campaign.truth_job import stored_statement
 from henon_ref.casefile.case import Case, Reading
-from henon_ref.cli.solvers import listed_solvers
 from henon_ref.errors import UnavailableError
-from henon_ref.registry import all_versions
-from henon_ref.score.errors import score
+from henon_ref.harness import registry
+from henon_ref.harness.campaign.code_version import _modules
+from henon_ref.harness.campaign.truth_job import stored_statement
+from henon_ref.harness.cli.solvers import listed_solvers
+from henon_ref.harness.registry import all_versions
+from henon_ref.harness.score.errors import score
 
 installed = pytest.mark.skipif(
     not (build.compiler() and build.library_version().startswith("6.")), reason="no C compiler, or no SUNDIALS 6"

@@ -9,10 +9,10 @@ import pytest
 import henon_ref
 from baselines.octave import solver as module
 from baselines.octave.solver import ODE45, octave_version
-from henon_ref import registry
-from henon_ref.campaign.truth_job import stored_statement
 from henon_ref.errors import UnavailableError
-from henon_ref.score.errors import score
+from henon_ref.harness import registry
+from henon_ref.harness.campaign.truth_job import stored_statement
+from henon_ref.harness.score.errors import score
 
 pytestmark = pytest.mark.skipif(not octave_version(), reason="Octave is not installed")
 BLOCK = """

@@ -16,8 +16,8 @@ import henon_ref
 from baselines.protocol import messages
 from baselines.protocol.program import ProgramRun, ProgramSolver
 from baselines.protocol.reader import read_response
-from henon_ref.campaign.truth_job import stored_statement
-from henon_ref.score.errors import score
+from henon_ref.harness.campaign.truth_job import stored_statement
+from henon_ref.harness.score.errors import score
 
 DOCS = Path(__file__).parents[3] / "docs"
 PAGE = (DOCS / "protocol.md").read_text(encoding="utf-8")

@@ -1,0 +1,160 @@
+"""The plan of a campaign: which solver runs which reading at which setting, and what a journal has already."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from henon_ref.casefile.case import Case, Reading
+from henon_ref.errors import CaseError
+from henon_ref.harness import registry
+from henon_ref.harness.campaign.journal import Journal, reading_key, row_key
+from henon_ref.harness.campaign.options import MOST_DRAWN, Options
+from henon_ref.harness.campaign.plugin_probe import fixed_step
+from henon_ref.harness.campaign.results import CaseState, ReadingResult
+from henon_ref.harness.campaign.run_jobs import SampleJob, sample_times
+from henon_ref.harness.campaign.settings import Setting, settings, state_scale
+from henon_ref.harness.campaign.truth_job import Statement
+from henon_ref.solver import Solver
+
+SAMPLERS = ("henon", "scipy-dop853")
+"""Solvers that draw the motion for the figures: the first that can."""
+
+
+@dataclass(frozen=True)
+class PendingRuns:
+    """What one solver is still to run on one reading."""
+
+    result: ReadingResult
+    name: str
+    """Name of the solver."""
+    solver: str | Solver
+    """The solver, or the name under which a worker finds it."""
+    settings: tuple[Setting, ...]
+    """From the loosest to the tightest."""
+
+
+def check_solvers(cases: Sequence[Case], options: Options) -> None:
+    """Refuse unknown solvers, and a case for which none of those asked for is meant.
+
+    Raises
+    ------
+    CaseError
+    """
+    for entry in options.solvers or ():
+        if isinstance(entry, str) and entry != registry.ALL:
+            registry.check(entry)
+    for case in cases:
+        if not any(chosen_solvers(reading, options) for reading in case.readings):
+            listed = sorted({name for reading in case.readings for name in reading.solvers or ()})
+            raise CaseError(
+                f"none of the solvers asked for is among those of the case '{case.name}': {', '.join(listed)}",
+                file=str(case.path) if case.path else None,
+            )
+
+
+def check_required(names: Sequence[str], cases: Sequence[Case], options: Options) -> None:
+    """Refuse a required solver that does not run.
+
+    Raises
+    ------
+    CaseError
+    """
+    run = {name for case in cases for reading in case.readings for name in chosen_solvers(reading, options)}
+    for name in names:
+        if registry.check(name) not in run:
+            raise CaseError(
+                f"--require names '{name}', which is not among the solvers that run: {', '.join(sorted(run))}"
+            )
+
+
+def chosen_solvers(reading: Reading, options: Options) -> dict[str, str | Solver]:
+    """Name -> solver of everything that runs on a reading, in the registry's order.
+
+    ``all`` stands for the solvers that the reading lists; where it lists none, for those that run by default and the
+    peers that are installed.
+    """
+    if options.solvers is None:
+        listed = reading.solvers or registry.default_names()
+        return {name: name for name in registry.names() if name in listed}
+    chosen: dict[str, str | Solver] = {}
+    for entry in options.solvers:
+        if not isinstance(entry, str):
+            chosen[entry.name] = entry
+        elif entry == registry.ALL:
+            every = reading.solvers or registry.expanded((registry.ALL,))
+            chosen.update((name, name) for name in every)
+        elif reading.solvers is None or registry.base_name(entry) in reading.solvers:
+            chosen[entry] = entry
+    return chosen
+
+
+def case_state(case: Case, statements: dict[tuple[str, str], Statement], options: Options) -> CaseState:
+    """What is known of a case before it runs."""
+    journal = Journal(options.folder / case.name, resume=options.resume) if options.folder else None
+    results = {
+        reading.name: ReadingResult(reading, statements[case.name, reading.name])
+        for reading in case.readings
+        if chosen_solvers(reading, options)
+    }
+    return CaseState(case, results, journal)
+
+
+def pending_runs(state: CaseState, result: ReadingResult, options: Options) -> list[PendingRuns]:
+    """What is to be run on a reading; rows that the journal has are taken from there."""
+    key = reading_key(state.case.name, result.reading, result.expected)
+    found: list[PendingRuns] = []
+    for name, solver in chosen_solvers(result.reading, options).items():
+        waiting = _settings_to_run(state, result, key, name, solver, options)
+        if waiting:
+            found.append(PendingRuns(result, name, solver, waiting))
+    return found
+
+
+def reading_is_drawn(state: CaseState, result: ReadingResult) -> bool:
+    """Whether a reading is among the first few, which get figures."""
+    return list(state.results.values()).index(result) < MOST_DRAWN
+
+
+def _settings_to_run(
+    state: CaseState, result: ReadingResult, key: str, name: str, solver: str | Solver, options: Options
+) -> tuple[Setting, ...]:
+    """The settings of one solver on one reading (of this :func:`reading_key`) without a row, loosest first."""
+    reading = result.reading
+    waiting: list[Setting] = []
+    for setting in settings(
+        fixed_step=fixed_step(solver) if isinstance(solver, str) else solver.fixed_step,
+        tolerances=options.tolerances or reading.tolerances,
+        steps=reading.steps,
+        scale=state_scale(reading.problem, result.expected),
+    ):
+        slot = (reading.name, name, setting)
+        state.keys[slot] = row_key(
+            key,
+            solver=name,
+            version=registry.library_version(solver) if isinstance(solver, str) else "",
+            setting=setting,
+            timeout=options.timeout,
+            repeats=options.repeats,
+            timed=options.timed,
+        )
+        kept = state.journal.get(state.keys[slot]) if state.journal else None
+        if kept is None:
+            waiting.append(setting)
+        else:
+            state.rows[slot] = kept
+    return tuple(waiting)
+
+
+def sample_job(result: ReadingResult, name: str, options: Options) -> SampleJob:
+    """The job that samples a reading's motion for its figures, at the tightest tolerance of its runs."""
+    problem, expected = result.reading.problem, result.expected
+    times = sample_times(
+        float(problem.start),
+        result.reading.measure_after,
+        float(problem.until) if expected is None else expected.end_time,
+        [] if expected is None else [event.time for event in expected.transitions],
+    )
+    rtol = min(options.tolerances or result.reading.tolerances)
+    setting = Setting(rtol=rtol, atol=rtol * state_scale(problem, expected))
+    return SampleJob(name, problem, setting, times, options.timeout)

@@ -1,0 +1,123 @@
+"""Progress of a comparison: one line that is written over, on a terminal or in a notebook."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+import time
+from contextlib import AbstractContextManager
+from typing import TextIO
+
+from henon_ref.harness.campaign.options import TRUTH, Silent
+from henon_ref.harness.campaign.rows import Record
+from henon_ref.harness.campaign.settings import Setting
+from henon_ref.text import message
+
+PERIOD = 0.2
+"""Seconds between two pictures of the line: drawing it takes time from what is being timed."""
+SELDOM = 5.0
+"""Seconds between two lines where none can be written over: in a file."""
+PATIENCE = 10.0
+"""Seconds after which a command says that a truth is being computed, where it shows no line."""
+
+
+class ProgressLine(Silent, AbstractContextManager["ProgressLine"]):
+    """How many rows are done, and which runs are at work. It never starts a thread, so that workers can be forked.
+
+    Parameters
+    ----------
+    stream : TextIO, optional
+        None: standard error.
+    name : str, optional
+        Of the case, where a comparison is called from Python: the last line stays, and where none can be written over,
+        there is one now and then. A command shows a line or nothing, and takes it back.
+    """
+
+    def __init__(self, stream: TextIO | None = None, name: str | None = None) -> None:
+        self._stream = stream or sys.stderr
+        self._name = name
+        self.seen = is_seen(self._stream)
+        """Whether the line is written over."""
+        self._what, self._done, self._total = "truths", 0, 0
+        self._at_work: dict[str, float] = {}
+        """What was begun, and when."""
+        self._began = time.monotonic()
+        self._shown = -SELDOM
+        self._written = 0
+        self._wait_is_said = self.seen or name is not None
+
+    def __exit__(self, *exception: object) -> None:
+        if self._name is not None:
+            self._show(f"{self._counted()}, {time.monotonic() - self._began:.1f} s", "\n")
+        elif self._written:
+            self._show("", "\r")
+
+    def truths(self, readings: int) -> None:
+        """The truths of so many readings are being computed."""
+        self._begin("truths", readings, 0)
+
+    def truth(self, name: str) -> None:
+        """The truth of a reading is known."""
+        self._at_work.pop(f"{name} {TRUTH}", None)
+        self._done += 1
+
+    def runs(self, rows: int, kept: int) -> None:
+        """So many rows are to be made."""
+        self._begin("rows", rows, kept)
+
+    def begun(self, case: str, what: str) -> None:
+        """A run is begun, or the computation of a truth."""
+        self._at_work[f"{case} {what}"] = time.monotonic()
+        self.tick()
+
+    def row(self, finished: Record) -> None:
+        """A row is finished."""
+        run = finished.run
+        self._at_work.pop(f"{run.case} {run.reading} {run.solver} {Setting(run.rtol, step=run.step_s).label}", None)
+        self._done += 1
+
+    def tick(self) -> None:
+        """Some time has passed: show the line, now and then."""
+        now = time.monotonic()
+        if not self._wait_is_said:
+            self._tell_of_truths(now)
+        if (self.seen or self._name is not None) and now - self._shown >= (PERIOD if self.seen else SELDOM):
+            self._shown = now
+            work = ", ".join(f"{what} ({now - since:.0f} s)" for what, since in self._at_work.items())
+            words = f"{self._counted()}, {now - self._began:.0f} s{'; at work: ' if work else ''}{work}"
+            self._show(words, "" if self.seen else "\n")
+
+    def _begin(self, what: str, total: int, done: int) -> None:
+        self._at_work.clear()
+        self._what, self._done, self._total = what, done, total
+
+    def _tell_of_truths(self, now: float) -> None:
+        """Say, once, which truth takes its time where no line can be shown."""
+        late = [what for what, since in self._at_work.items() if what.endswith(f" {TRUTH}") and now - since > PATIENCE]
+        if late:
+            self._wait_is_said = True
+            words = (
+                f"computing what is not stored: {late[0]} (at most some minutes; `truth` computes it without a limit)"
+            )
+            print(message(words), file=self._stream, flush=True)
+
+    def _counted(self) -> str:
+        name = "" if self._name is None else f"{self._name}: "
+        return f"{name}{self._done} of {self._total} {self._what}"
+
+    def _show(self, line: str, end: str) -> None:
+        line = message(line)[: shutil.get_terminal_size().columns - 1]
+        padded = line.ljust(self._written)  # what was longer is written over
+        self._stream.write(f"\r{padded}{end}" if self.seen else f"{line}{end}")
+        self._stream.flush()
+        self._written = len(line)
+
+
+def is_seen(stream: TextIO | None) -> bool:
+    """Whether somebody watches a stream and a line of it can be written over: a terminal, or a notebook."""
+    if stream is None:
+        return False
+    shell = sys.modules.get("IPython")
+    in_notebook = shell is not None and getattr(shell.get_ipython(), "kernel", None) is not None
+    return in_notebook or (stream.isatty() and os.environ.get("TERM") not in ("dumb", "unknown"))

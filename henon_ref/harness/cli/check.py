@@ -1,0 +1,179 @@
+"""Whether reports that lie there still say what a fresh comparison says, wall times apart.
+
+``python -m henon_ref.check CASE... [--reports DIR] [--fresh DIR]``: exit status 1 with a line for everything
+that differs; for the others see :mod:`henon_ref.harness.cli.exit_status`. ``--fresh`` takes the fresh results from a
+folder that ``henon_ref.compare`` has just filled; without it they are made here, each run once.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import tempfile
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from henon_ref.errors import CaseError
+from henon_ref.harness.campaign.case_files import load_cases
+from henon_ref.harness.campaign.comparison import Comparison, compare_all
+from henon_ref.harness.campaign.options import Options
+from henon_ref.harness.cli.exit_status import DONE, NOT_MET, exit_status, parsed, say
+from henon_ref.harness.cli.typer_app import Cases, application, examples
+from henon_ref.harness.registry import is_peer
+from henon_ref.harness.report.case_report import write_report
+from henon_ref.harness.report.files.manifest import provenance
+from henon_ref.harness.report.files.write import MANIFEST, MATRIX, PAGE, REPORT, ROWS, RUNS
+from henon_ref.harness.report.html.content import content
+from henon_ref.harness.report.html.embedded import embedded, read_embedded
+from henon_ref.harness.report.text.formats import setting
+from henon_ref.harness.report.text.matrix_rows import read_matrix
+from henon_ref.harness.report.text.ranking import floor
+from henon_ref.harness.rows import Key, RunRow, number, read_rows
+
+FACTOR = 10.0
+"""Errors may differ by this factor: rounding is not the same on every processor."""
+ROUNDING = 1e4
+"""Errors below this many times what can be claimed are rounding, and not compared."""
+EQUAL = ("status", "reference_transitions", "matched", "missed", "spurious", "stick_count")
+"""Columns of a right run that may not differ."""
+MACHINE = ("timeout",)
+"""Statuses that depend on the machine's speed."""
+
+
+def differences(stored: Path, fresh: Path) -> list[str]:
+    """What a case's stored report folder and a fresh one differ in.
+
+    The rows of a peer (:func:`henon_ref.harness.registry.is_peer`) are compared where it was run afresh, since its
+    library may not be installed.
+
+    Parameters
+    ----------
+    stored, fresh : Path
+        Folders of one case.
+    """
+    if not (stored / RUNS).exists():
+        return [f"there is no report in {stored}"]
+    old, new = _by_run(stored / RUNS), _by_run(fresh / RUNS)
+    if len({(folder / RUNS).read_text(encoding="utf-8").partition("\n")[0] for folder in (stored, fresh)}) > 1:
+        return [f"the columns of {stored / RUNS} are those of another version"]
+    ran = {row.solver for row in new.values()}
+    old = {key: row for key, row in old.items() if row.solver in ran or not is_peer(row.solver)}
+    found = [f"{_label(key)} is stored, and is not run any more" for key in old if key not in new]
+    found += [f"{_label(key)} is not stored" for key in new if key not in old]
+    for key in old.keys() & new.keys():
+        found += [f"{_label(key)}: {words}" for words in row_differences(old[key], new[key])]
+    found += text_differences(stored / REPORT, fresh / REPORT)
+    listed = json.loads((stored / MANIFEST).read_text(encoding="utf-8"))["files"]
+    found += [f"the file {name} is gone" for name in listed if name not in ROWS and not (stored / name).exists()]
+    return found
+
+
+def row_differences(old: RunRow, new: RunRow) -> Iterator[str]:
+    """What two rows of the same run differ in, as far as that is not the machine's doing."""
+    if old.status in MACHINE or new.status in MACHINE:
+        return
+    if old.verdict != "right" or new.verdict != "right":
+        # Once a run has gone wrong, the last bit decides where it goes.
+        if old.verdict != new.verdict or old.status != new.status:
+            yield f"was {old.status} ({old.verdict}), is {new.status} ({new.verdict})"
+        return
+    for column, was, is_now in zip(EQUAL, old.values(EQUAL), new.values(EQUAL), strict=True):
+        if was != is_now:
+            yield f"{column} was {was}, is {is_now}"
+    for column, was, is_now in (
+        ("max_time_error_s", old.max_time_error_s, new.max_time_error_s),
+        ("max_stick_error_s", old.max_stick_error_s, new.max_stick_error_s),
+    ):
+        before, after = number(was), number(is_now)
+        if math.isnan(before) != math.isnan(after):
+            yield f"{column} was {was}, is {is_now}"
+        elif max(before, after) > max(ROUNDING * floor(old), FACTOR * min(before, after)):
+            yield f"{column} was {before:.2e}, is {after:.2e}"
+
+
+def text_differences(stored: Path, fresh: Path) -> list[str]:
+    """Sections on model and truth that are not the same."""
+    old, new = (_sections(path.read_text(encoding="utf-8")) for path in (stored, fresh))
+    return [f"{name}: the text differs" for name in old | new if old.get(name) != new.get(name)]
+
+
+def page_differences(reports: Path) -> list[str]:
+    """Whether the page of a folder shows what matrix and reports beside it say; a folder may have no page."""
+    page = reports / PAGE
+    if not page.exists():
+        return []
+    shown = read_embedded(page.read_text(encoding="utf-8"))
+    made = json.loads(embedded(content(reports, read_matrix(reports))))
+    return [] if shown == made else [f"{page} does not show what {MATRIX} and the reports beside it say"]
+
+
+def _sections(text: str) -> dict[str, str]:
+    """The title, and the text under every heading Truth and Model, by reading and heading."""
+    found = {"title": text.split("\n", 1)[0]}
+    reading = ""
+    for block in re.split(r"^(?=#{2,3} )", text, flags=re.MULTILINE)[1:]:
+        heading, _, body = block.partition("\n")
+        name = heading.lstrip("# ")
+        if name in ("Truth", "Model"):
+            found[f"{reading} {name}".strip()] = body.strip()
+        elif heading.startswith("## ") and re.fullmatch(r"[a-z0-9_]+", name):
+            reading = name
+    return found
+
+
+def _by_run(path: Path) -> dict[Key, RunRow]:
+    return {row.key: row for row in read_rows(RunRow, path)}
+
+
+def _label(key: Key) -> str:
+    _, reading, solver, rtol, step = key
+    return f"{reading}, {solver} at {setting(rtol, step)}"
+
+
+def check(cases: Sequence[Path], reports: Path, fresh: Path | None) -> list[str]:
+    """What the reports of these cases differ in from a fresh comparison."""
+    loaded = load_cases(cases)
+    if fresh is not None:
+        missing = [case.name for case in loaded if not (fresh / case.name / RUNS).exists()]
+        if missing:
+            raise CaseError(f"{fresh} has no report of {', '.join(missing)}")
+        found = [f"{c.name}: {w}" for c in loaded for w in differences(reports / c.name, fresh / c.name)]
+        return found + page_differences(reports)
+    with tempfile.TemporaryDirectory() as made:
+        origin = provenance("")
+
+        def keep(comparison: Comparison) -> None:
+            write_report(comparison, origin, Path(made))
+
+        compare_all(loaded, Options(repeats=1), keep)
+        return check(cases, reports, Path(made))
+
+
+app = application()
+
+
+@app.command(epilog=examples("check fig8", "check cases --fresh out"))
+def main(
+    cases: Cases,
+    reports: Annotated[Path, typer.Option(help="Folder of the reports.", metavar="FOLDER")] = Path("reports"),
+    fresh: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder that a comparison has just filled; the cases are run anew if left out.", metavar="FOLDER"
+        ),
+    ] = None,
+) -> int:
+    """Tell whether stored reports still say what a fresh comparison says, wall times apart."""
+    found = check(cases, reports, fresh)
+    for words in found:
+        say(words)
+    return NOT_MET if found else DONE
+
+
+def command(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; the exit status."""
+    return exit_status(lambda: int(parsed(app, arguments, name="check")), name="report.check", arguments=arguments)

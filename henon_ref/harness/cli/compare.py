@@ -1,0 +1,87 @@
+"""The command: case files in, reports out.
+
+``python -m henon_ref.compare CASE.yaml [...]``. Exit status 1: the gate is not met or a required solver is wrong; for
+the others see :mod:`henon_ref.harness.cli.exit_status`.
+"""
+
+from __future__ import annotations
+
+import gc
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from typing import TYPE_CHECKING
+
+from henon_ref.harness.cli import status_line
+from henon_ref.harness.cli.exit_status import DONE, NOT_MET, exit_status, parsed, say, writing_into
+from henon_ref.text import listed
+
+if TYPE_CHECKING:
+    from henon_ref.harness.cli.request import Request
+
+ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+"""A run is one thread: those of BLAS would only disturb the timings."""
+KEPT = "finished rows are kept, --resume goes on from them"
+
+
+def command(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; the exit status. Whatever goes wrong is one message on standard error."""
+    return exit_status(lambda: _act(arguments, nullcontext()), name="compare", arguments=arguments, kept=KEPT)
+
+
+def program(arguments: Sequence[str] | None = None) -> int:
+    """The command as a process of its own: the exit status."""
+    for name in ONE_THREAD:  # read when numpy is imported, which it has not been yet
+        os.environ.setdefault(name, "1")
+    status = exit_status(lambda: _act(arguments, _processes()), name="compare", arguments=arguments, kept=KEPT)
+    gc.freeze()  # nor is it looked through once more on the way out: a tenth of a short comparison
+    return status
+
+
+@contextmanager
+def _processes() -> Iterator[None]:
+    """Workers' processes that are begun now: while they are, this process imports what the command needs."""
+    from henon_ref.harness.campaign.fork_server import begin_server
+    from henon_ref.jit.cache_folder import watched_cache
+
+    with watched_cache():  # they use the folder that is found usable here
+        begin_server()
+        yield
+
+
+def _act(arguments: Sequence[str] | None, processes: AbstractContextManager[None]) -> int:
+    from henon_ref.harness.cli.arguments import app
+
+    # Run outside of typer, which has its own way with an interrupt.
+    request = parsed(app, arguments, name="compare")
+    if isinstance(request, int):
+        return request
+    try:
+        # Before anything that takes long is imported.
+        status_line.show(f"reading {listed([str(path) for path in request.cases], 4)}")
+        from henon_ref.harness.campaign.fork_server import collect_seldom
+
+        collect_seldom()
+        if request.check:
+            return _explain(request)
+        with processes, writing_into(request.out, kept=KEPT):
+            return _run(request)
+    finally:
+        status_line.clear()
+
+
+def _explain(request: Request) -> int:
+    from henon_ref.harness.cli.explain_cases import explain
+
+    explain(request.cases)
+    return DONE
+
+
+def _run(request: Request) -> int:
+    from henon_ref.harness.cli.compare_cases import run
+
+    unmet = run(request)
+    for what, failures in unmet._asdict().items():
+        for words in failures:
+            say(f"{what}: {words}")
+    return NOT_MET if unmet.required or (request.gate and unmet.gate) else DONE

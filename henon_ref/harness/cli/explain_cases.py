@@ -1,0 +1,135 @@
+"""What case files say, explained without running anything: states, surfaces, effects, the equations of each mode."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import product
+from pathlib import Path
+
+import sympy as sp
+
+from henon_ref.casefile.case import Case, Reading
+from henon_ref.errors import ModelError
+from henon_ref.filippov.modes import Mode, mode_text
+from henon_ref.filippov.system import FilippovSystem
+from henon_ref.harness.campaign.case_files import load_cases
+from henon_ref.harness.report.text.formats import count
+from henon_ref.taylor.size import size, total_size
+from henon_ref.text import listed, message
+
+MOST_MODES = 9
+"""Modes whose equations are printed."""
+MOST_OPERATIONS, MOST_IN_ALL = 200, 2_500
+"""Operations up to which an expression is printed, and up to which modes are derived at all."""
+SEVERAL = 8
+"""States, parameters and the like that one line names."""
+
+
+def explain(paths: Sequence[Path]) -> None:
+    """Print what the case files say.
+
+    Raises
+    ------
+    CaseError
+        For a file that cannot be used, before anything is printed.
+    """
+    for case in load_cases(paths):
+        for line in explanation(case):
+            print(_indented(line))
+
+
+def explanation(case: Case) -> Iterator[str]:
+    """The lines that explain a case, each indented by its rank; equations that readings share come once."""
+    file = f" ({case.path})" if case.path else ""
+    yield f"{case.name}: {case.title}{file}, {count(len(case.readings), 'reading')}"
+    explained: list[Reading] = []
+    for reading in case.readings:
+        yield f"  reading {reading.name}: {reading.title}"
+        yield from (f"    {line}" for line in _run(reading))
+        alike = next((other for other in explained if _same(other.problem.system, reading.problem.system)), None)
+        if alike is not None:
+            yield f"    equations as in {alike.name}"
+            continue
+        explained.append(reading)
+        yield from (f"    {line}" for line in _model(reading.problem.system))
+
+
+def _run(reading: Reading) -> Iterator[str]:
+    """What differs from reading to reading: numbers, solvers, bounds."""
+    problem = reading.problem
+    system = problem.system
+    values = [f"{x.name} = {_text(v)}" for x, v in zip(system.states, problem.initial, strict=True)]
+    yield f"from t = {_text(problem.start)} to t = {_text(problem.until)} s, start {listed(values, SEVERAL)}"
+    if system.parameters:
+        given = [f"{name.name} = {_text(value)}" for name, value in system.parameters.items()]
+        yield f"parameters: {listed(given, 2 * SEVERAL)}"
+    yield f"solvers: {listed(reading.solvers) if reading.solvers else 'all'}"
+    yield f"relative tolerances: {listed([f'{value:g}' for value in reading.tolerances])}"
+    if reading.gate:
+        yield f"gate on {listed(list(reading.gate))}"
+
+
+def _model(system: FilippovSystem) -> Iterator[str]:
+    yield f"{count(len(system.states), 'state')}: {listed(system.state_names, SEVERAL)}"
+    yield f"effects: {listed(system.effects) if system.effects else 'none named, the system is written out'}"
+    yield f"{count(len(system.surfaces), 'surface')}:"
+    for name, surface in list(zip(system.sign_names, system.surfaces, strict=True))[:SEVERAL]:
+        yield f"  {name} = sign of {_text(surface)}"
+    for valid in system.valid:
+        yield f"the model holds while {_text(valid)} > 0"
+    total = 3 ** len(system.surfaces)
+    if total_size((*system.field, *system.surfaces), MOST_IN_ALL) > MOST_IN_ALL:
+        yield f"{total} modes, whose equations are too long to be printed"
+        return
+    modes = _modes(system)
+    shown = "" if len(modes) == total else f", {len(modes)} of them below"
+    yield f"{total} modes (-1 and +1: slip, 0: sliding){shown}"
+    for mode in modes:
+        yield from (f"  {line}" for line in _mode(system, mode))
+
+
+def _modes(system: FilippovSystem) -> list[Mode]:
+    """All modes where they are few; else slip on one side of everything, and sliding on each surface from there."""
+    surfaces = len(system.surfaces)
+    if 3**surfaces <= MOST_MODES:
+        return list(product((-1, 0, 1), repeat=surfaces))
+    slip: Mode = (1,) * surfaces
+    return [slip, *((*slip[:i], 0, *slip[i + 1 :]) for i in range(min(surfaces, MOST_MODES - 1)))]
+
+
+def _mode(system: FilippovSystem, mode: Mode) -> Iterator[str]:
+    """One mode's equations, and where it is left."""
+    yield f"{'sliding' if 0 in mode else 'slip'}, {mode_text(mode, system.sign_names)}"
+    try:
+        equations = system.equations(mode)
+    except ModelError as error:
+        yield f"  {error}"
+        return
+    for state, rate in list(zip(system.state_names, equations.field, strict=True))[:SEVERAL]:
+        yield f"  {state}' = {_text(rate)}"
+    if len(system.states) > SEVERAL:
+        yield f"  and {len(system.states) - SEVERAL} more"
+    for index, sign in equations.equivalent_signs.items():
+        yield f"  equivalent sign {system.sign_names[index]} = {_text(sign)}"
+    for guard in equations.guards:
+        if guard.kind == "release":
+            side = f"{system.sign_names[guard.index]} = {guard.to_sign:+d}"
+            yield f"  released to {side} where {_text(guard.expression)} falls through 0"
+
+
+def _same(one: FilippovSystem, other: FilippovSystem) -> bool:
+    return all(
+        getattr(one, name) == getattr(other, name)
+        for name in ("states", "surfaces", "field", "valid", "overrides", "effects")
+    )
+
+
+def _text(expression: sp.Expr) -> str:
+    if size(expression, MOST_OPERATIONS) > MOST_OPERATIONS:
+        return "(too long to be printed)"
+    return str(expression)
+
+
+def _indented(line: str) -> str:
+    """A line fit for a terminal; its indent stays."""
+    return line[: len(line) - len(line.lstrip(" "))] + message(line)

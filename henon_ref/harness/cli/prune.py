@@ -1,0 +1,96 @@
+"""What of a folder of reports is worth keeping in a repository.
+
+``python -m henon_ref.prune CASE... [--reports DIR]``: the folders of these cases stay, without their rows of
+transitions and raw samples; those of all other cases go, and live on in the matrix, from which the index is made.
+The rows of every run behind the atlas, the restarts and the price list go, too. Links to what has gone become
+text. Files that this package has not written stay as they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from henon_ref.harness.atomic_write import replace_file
+from henon_ref.harness.campaign.case_files import load_cases
+from henon_ref.harness.cli.exit_status import DONE, exit_status, parsed, say
+from henon_ref.harness.report.files.folder_lock import locked_for_a_moment
+from henon_ref.harness.report.files.links import without_dead_links
+from henon_ref.harness.report.files.write import (
+    INDEX,
+    MANIFEST,
+    ROWS,
+    RUNS,
+    check_index,
+    is_page,
+    own_files,
+    remove_if_empty,
+)
+from henon_ref.harness.report.folder_report import write_folder_report
+from henon_ref.harness.report.text.restarts import FOLDER as RESTARTS
+from henon_ref.harness.studies.atlas.page import FOLDER as ATLAS
+
+PAGE_ROWS = (f"{ATLAS}/{RUNS}", f"{RESTARTS}/{RUNS}", "price/price.csv", "price/samples.csv")
+"""Files that hold every run behind a page."""
+
+
+def prune(folder: Path, kept: Sequence[str]) -> int:
+    """Remove what the index and the pages can do without, and make the index anew.
+
+    Parameters
+    ----------
+    folder : Path
+        Of reports.
+    kept : sequence of str
+        Cases whose folders stay.
+
+    Returns
+    -------
+    int
+        Bytes that are left.
+
+    Raises
+    ------
+    CaseError
+        Where README.md or the matrix are somebody else's; nothing is removed then.
+    """
+    check_index(folder)
+    with locked_for_a_moment(folder):
+        write_folder_report(folder)  # the matrix has every row, the page every run, before a folder goes
+        for manifest in folder.glob(f"*/{MANIFEST}"):
+            report, own = manifest.parent, own_files(manifest.parent)
+            for name in own & set(ROWS) if report.name in kept else own:
+                (report / name).unlink()
+            remove_if_empty(report)
+        for rows in (folder / name for name in PAGE_ROWS):
+            if is_page(rows.with_name(INDEX)):
+                rows.unlink(missing_ok=True)
+        for page in filter(is_page, folder.glob("*/*.md")):
+            text = page.read_text(encoding="utf-8")
+            live = without_dead_links(text, page.parent)
+            if live != text:
+                replace_file(page, live.encode())
+        write_folder_report(folder)
+    return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command()
+def main(
+    cases: Annotated[list[Path], typer.Argument(help="Case files whose reports stay.", show_default=False)],
+    reports: Annotated[Path, typer.Option(help="Folder of the reports.")] = Path("reports"),
+) -> int:
+    """Leave of a folder of reports what people read: the index, the pages, and the reports of some cases."""
+    size = prune(reports, [case.name for case in load_cases(cases)])
+    say(f"{reports}: {size / 1e6:.1f} MB are left")
+    return DONE
+
+
+def command(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; the exit status."""
+    return exit_status(lambda: int(parsed(app, arguments, name="prune")), name="prune", arguments=arguments)

@@ -1,0 +1,83 @@
+"""A case's report: all of it is made before any of it is put in place."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from pathlib import Path
+
+from henon_ref.harness.atomic_write import write_through
+from henon_ref.harness.campaign.comparison import Comparison
+from henon_ref.harness.report.files.figure_jobs import READINGS
+from henon_ref.harness.report.files.folder_lock import locked_for_a_moment
+from henon_ref.harness.report.files.manifest import Provenance, manifest_text, samples_text
+from henon_ref.harness.report.files.svg import svg
+from henon_ref.harness.report.files.write import (
+    MANIFEST,
+    REPORT,
+    RUNS,
+    SAMPLES,
+    STICKS,
+    TRANSITIONS,
+    own_files,
+)
+from henon_ref.harness.report.html.case_file import CASE_FILE, case_text
+from henon_ref.harness.report.text.markdown import report_text
+from henon_ref.harness.report.text.overview import is_drawn, judged
+from henon_ref.harness.rows import RunRow, StickRow, TransitionRow, rows_text
+
+
+def report_files(comparison: Comparison, origin: Provenance) -> dict[str, bytes]:
+    """Every file of one case's report, by name."""
+    files: dict[str, bytes] = {
+        REPORT: report_text(comparison, origin).encode(),
+        RUNS: rows_text(RunRow, comparison.run_rows).encode(),
+        TRANSITIONS: rows_text(TransitionRow, comparison.transition_rows, comparison.states).encode(),
+        STICKS: rows_text(StickRow, comparison.stick_rows).encode(),
+        SAMPLES: samples_text(comparison).encode(),
+        CASE_FILE: case_text(comparison).encode(),
+    }
+    for result in comparison.readings:
+        files.update(result.figures)
+    if is_drawn(comparison):
+        from henon_ref.harness.report.text.readings_figure import draw_readings
+
+        files[READINGS] = svg(draw_readings(judged(comparison)))
+    files[MANIFEST] = manifest_text(comparison, origin, [*files, MANIFEST]).encode()
+    return files
+
+
+def write_report(comparison: Comparison, origin: Provenance, folder: Path) -> Path:
+    """Write one case's report into ``folder/<name>``.
+
+    Everything is written into a folder beside it first; only then is each file moved to its place, and are the
+    files of an earlier report that this one does not have removed.
+
+    Returns
+    -------
+    Path
+        The report's own file.
+
+    Raises
+    ------
+    OSError
+        Where it cannot be written; what was there is then as it was.
+    """
+    place = folder / comparison.case.name
+    files = report_files(comparison, origin)
+    folder.mkdir(parents=True, exist_ok=True)
+    waiting = Path(tempfile.mkdtemp(prefix=f".{comparison.case.name}.", dir=folder))
+    try:
+        for name, content in files.items():
+            write_through(waiting / name, content)
+        with locked_for_a_moment(folder):  # who writes the index sees the old report or the new one
+            place.mkdir(exist_ok=True)
+            stale = own_files(place) - set(files)
+            for name in files:
+                os.replace(waiting / name, place / name)
+            for name in stale:
+                (place / name).unlink(missing_ok=True)
+    finally:
+        shutil.rmtree(waiting, ignore_errors=True)
+    return place / REPORT

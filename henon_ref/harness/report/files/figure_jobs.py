@@ -1,0 +1,83 @@
+"""The job that draws a reading's figures, done by a worker like any other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from henon_ref.casefile.case import Reading
+from henon_ref.harness.campaign.results import ReadingResult
+from henon_ref.harness.campaign.rows import Record
+from henon_ref.harness.campaign.worker import Job, WorkerState
+from henon_ref.harness.report.files.svg import svg
+from henon_ref.harness.score.reference import Expected
+from henon_ref.trajectory import Samples
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+DRAW_SECONDS = 120.0
+"""Processor time that a reading's figures may take [s]."""
+PORTRAIT, MODES, ERRORS, COST, SCENE = "portrait", "modes", "errors", "cost", "scene"
+"""The figures of a reading, as their file names name them."""
+READINGS = "readings.svg"
+"""The figure of all readings."""
+
+
+@dataclass(frozen=True)
+class FigureJob(Job):
+    """Draw the figures of one reading; the result is the files, by name."""
+
+    content: Reading
+    expected: Expected | None
+    samples: Samples | None
+    records: tuple[Record, ...]
+
+    @property
+    def reading(self) -> str:
+        """Name of the reading."""
+        return self.content.name
+
+    @property
+    def seconds(self) -> float:
+        return DRAW_SECONDS
+
+    def run(self, state: WorkerState) -> dict[str, bytes]:
+        return {file_name(self.reading, kind): svg(drawn) for kind, drawn in self._figures().items()}
+
+    def _figures(self) -> dict[str, Figure]:
+        from henon_ref.figures.motion import draw_modes, draw_portrait, motion_of
+        from henon_ref.figures.scene import draw_scene
+        from henon_ref.harness.figures.cost import draw_cost
+        from henon_ref.harness.figures.errors import draw_errors
+
+        drawn: dict[str, Figure | None] = {}
+        if self.content.scene is not None:
+            drawn[SCENE] = draw_scene(self.content.scene)
+        if self.expected is None:
+            return {kind: figure for kind, figure in drawn.items() if figure is not None}
+        motion = motion_of(self.samples, self.expected.transitions) if self.samples is not None else None
+        if motion is not None:
+            drawn[PORTRAIT] = draw_portrait(self.content, motion)
+            drawn[MODES] = draw_modes(self.content, motion)
+        drawn[ERRORS] = draw_errors(self.records, self.expected)
+        drawn[COST] = draw_cost([record.run for record in self.records], self.expected)
+        return {kind: figure for kind, figure in drawn.items() if figure is not None}
+
+
+def figure_job(result: ReadingResult, records: list[Record]) -> FigureJob:
+    """The job that draws a reading's figures."""
+    return FigureJob(result.reading, result.expected, result.samples, tuple(records))
+
+
+def file_name(reading: str, kind: str) -> str:
+    """Name of a figure's file."""
+    return f"{reading}_{kind}.svg"
+
+
+def preload() -> None:
+    """Import what drawing needs, so that workers forked from here on have it, and nobody waits for it."""
+    import scipy.optimize  # noqa: F401
+    from matplotlib.mathtext import MathTextParser
+
+    MathTextParser("path").parse("$x$")  # makes the grammar, and finds the fonts

@@ -1,0 +1,166 @@
+"""The manifest, which holds what is needed to make a report again, and the raw timing samples, a file of their own."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from henon_ref.errors import CaseError
+from henon_ref.harness import registry
+from henon_ref.harness.campaign.comparison import Comparison
+from henon_ref.harness.campaign.results import ReadingResult
+from henon_ref.harness.rows import csv_text
+from henon_ref.harness.score.gate import Bounds, bounds_of
+from henon_ref.harness.score.kinds import kind_of
+from henon_ref.text import one_line
+from henon_ref.workers.machine import commit, machine
+
+SCHEMA = 1
+WIDTH = 120
+"""Characters up to which a value of a manifest stands on one line."""
+SAMPLE_COLUMNS = ("reading", "solver", "rtol", "step_s", "samples_ns")
+"""A row a timed run; its samples in nanoseconds, in their order, with blanks between them."""
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Where results come from: command, commit, machine, versions."""
+
+    rerun: str
+    """The command that makes them again."""
+    commit: str
+    machine: Mapping[str, object]
+    versions: Mapping[str, str]
+
+    @property
+    def machine_text(self) -> str:
+        """The machine in one phrase."""
+        memory = self.machine["memory_bytes"]
+        size = f", {memory / 2**30:.0f} GiB" if isinstance(memory, int) else ""
+        return (
+            f"{self.machine['processor']} ({self.machine['cores']} cores{size}), {self.machine['system']}, "
+            f"{self.machine['python']}, {self.machine['linear_algebra']}"
+        )
+
+    def packages(self, solvers: Mapping[str, str]) -> dict[str, str]:
+        """Package -> version behind the solvers that ran (name -> the version each gave)."""
+        found: dict[str, str] = {}
+        for solver, version in solvers.items():
+            package = registry.distribution(solver) or solver
+            found.setdefault(package, self.versions.get(package, version))
+        return found
+
+
+def provenance(rerun: str) -> Provenance:
+    """The provenance of results made here and now."""
+    return Provenance(one_line(rerun), commit(), machine(), registry.all_versions())
+
+
+def manifest_text(comparison: Comparison, origin: Provenance, files: Iterable[str]) -> str:
+    """The manifest of one case as JSON."""
+    options = comparison.options
+    content = {
+        "schema": SCHEMA,
+        "case": comparison.case.name,
+        "title": comparison.case.title,
+        "rerun": origin.rerun,
+        "commit": origin.commit,
+        "machine": dict(origin.machine),
+        "versions": dict(origin.versions),
+        "timeout_s": options.timeout,
+        "processes": options.processes,
+        "readings": {result.reading.name: _reading(result) for result in comparison.readings},
+        "gate": [vars(bounds) for bounds in bounds_of(comparison.case)],
+        "case_readings": [reading.name for reading in comparison.case.readings],
+        "files": sorted(files),
+    }
+    return json_text(content) + "\n"
+
+
+def read_bounds(manifest: Path) -> list[Bounds]:
+    """The bounds of a report's gate; none where it is of an earlier version, or has no manifest.
+
+    Raises
+    ------
+    CaseError
+        Where the file is no manifest.
+    """
+    try:
+        content = json.loads(manifest.read_text(encoding="utf-8"))
+        return [Bounds(**own) for own in content.get("gate", ())]
+    except FileNotFoundError:
+        return []
+    except (AttributeError, OSError, RecursionError, TypeError, ValueError) as error:
+        raise CaseError(f"cannot be read: {error}", file=str(manifest)) from error
+
+
+def json_text(value: object, indent: str = "") -> str:
+    """JSON of which whatever fits into one line stands on one.
+
+    Examples
+    --------
+    >>> print(json_text({"a": {"exact": "1/10", "value": 0.1}, "b": ["x" * 70, "y" * 70]}))
+    {
+     "a": {"exact": "1/10", "value": 0.1},
+     "b": [
+      "xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx",
+      "yyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyy"
+     ]
+    }
+    """
+    line = json.dumps(value)
+    if len(indent) + len(line) <= WIDTH or not isinstance(value, dict | list):
+        return line
+    deeper = indent + " "
+    if isinstance(value, dict):
+        parts = [f"{deeper}{json.dumps(key)}: {json_text(own, deeper)}" for key, own in value.items()]
+        return "{\n" + ",\n".join(parts) + f"\n{indent}}}"
+    return "[\n" + ",\n".join(deeper + json_text(own, deeper) for own in value) + f"\n{indent}]"
+
+
+def samples_text(comparison: Comparison) -> str:
+    """Raw timing samples of one case as CSV."""
+    rows = [
+        (*record.run.key[1:], " ".join(f"{round(sample * 1e9)}" for sample in record.samples))
+        for record in comparison.records
+        if record.samples
+    ]
+    return csv_text(SAMPLE_COLUMNS, rows)
+
+
+def _reading(result: ReadingResult) -> dict[str, Any]:
+    """The exact problem, and what it was scored against."""
+    problem, statement, expected = result.reading.problem, result.statement, result.expected
+    system = problem.system
+    exact = {
+        "parameters": {symbol.name: value for symbol, value in system.parameters.items()},
+        "initial": dict(zip(system.state_names, problem.initial, strict=True)),
+    }
+    return {
+        "title": result.reading.title,
+        "kind": kind_of(expected, len(system.surfaces)),
+        "mathematics_hash": result.reading.mathematics_hash,
+        **{
+            part: {name: {"exact": str(value), "value": float(value)} for name, value in values.items()}
+            for part, values in exact.items()
+        },
+        "start": {"exact": str(problem.start), "value": float(problem.start)},
+        "until": {"exact": str(problem.until), "value": float(problem.until)},
+        "measure_after_s": result.reading.measure_after,
+        "truth": {
+            "methods": [
+                {"method": method, "bits": list(bits), "seconds": seconds}
+                for method, bits, seconds in statement.methods
+            ],
+            "certified": statement.certified,
+            "uncertified_because": statement.uncertified_because,
+            "radius_s": expected.radius if expected is not None else None,
+            "status": expected.status if expected is not None else None,
+            "transitions": len(expected.transitions) if expected is not None else None,
+            "reason": statement.reason,
+        },
+        "sampled_by": result.sampled_by,
+    }

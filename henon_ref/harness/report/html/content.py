@@ -1,0 +1,257 @@
+"""Everything that the page of a folder of reports shows, as JSON: the matrix, and what is known of each case.
+
+The details of a case (its runs, its portrait) come from its folder; of a case whose folder is gone, and of solvers that
+the comparison there did not run, from the page that stands there already: it forgets no more than the matrix does.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from baselines.causes import CAUSES
+from henon_ref.figures.style import Line, lines_of
+from henon_ref.harness import registry
+from henon_ref.harness.report.files.write import MANIFEST, PAGE, RUNS
+from henon_ref.harness.report.html.case_file import read_case_file
+from henon_ref.harness.report.html.embedded import read_embedded
+from henon_ref.harness.report.html.packed_runs import FIELDS, Words, field_values, packed, trimmed, unpacked
+from henon_ref.harness.report.html.rounding import rounded
+from henon_ref.harness.report.text.choice import UNKNOWN, by_kind
+from henon_ref.harness.report.text.matrix import solvers_of
+from henon_ref.harness.report.text.matrix_rows import MatrixRow, commits_of
+from henon_ref.harness.report.text.ranking import LEVELS, by_solver, floor, readings_of
+from henon_ref.harness.rows import RunRow, read_rows
+from henon_ref.text import one_line
+
+FORMAT = 1
+CELL = ("settings", "judged", "right", "status", "verdict", "digits", "wall_s", *(f"wall_{d}_s" for d in LEVELS))
+"""Columns of the matrix that a cell has, behind its solver."""
+SHOWN_FILES = (".md", ".csv", ".svg")
+Details = dict[str, Any]
+"""What is known of a case: words of its file, ``files`` beside its report, and ``readings`` by name, each with its
+portrait and runs."""
+
+
+def content(folder: Path, rows: Sequence[MatrixRow]) -> dict[str, Any]:
+    """The page's data.
+
+    Parameters
+    ----------
+    folder : Path
+        Of reports.
+    rows : sequence of MatrixRow
+        Of its matrix.
+    """
+    words, earlier = Words(), earlier_details(folder)
+    solvers, kinds = solvers_of(rows), list(by_kind(rows))
+    lines = solver_lines(solvers)
+    cases: dict[str, list[tuple[str, list[MatrixRow]]]] = {}
+    for (case, reading), own in readings_of(rows).items():
+        cases.setdefault(case, []).append((reading, own))
+    made = []
+    for case, readings in cases.items():
+        details = updated(details_of(folder / case), earlier.get(case, {}))
+        own_readings = [_reading(*one, details, solvers, kinds, words) for one in readings]
+        known = {key: value for key, value in details.items() if key != "readings"}
+        made.append({"name": case, "title": one_line(readings[0][1][0].title), **known,
+                     "readings": own_readings})  # fmt: skip
+    return {
+        "format": FORMAT,
+        "levels": list(LEVELS),
+        "fields": list(FIELDS),
+        "cell": list(CELL),
+        "solvers": [{"name": s, "package": registry.distribution(s) or s, **lines[s]} for s in solvers],
+        "kinds": kinds,
+        "causes": {cause: CAUSES[cause].title for cause in CAUSES if cause in words.listed},
+        "cases": made,
+        "words": words.listed,
+    }
+
+
+def _reading(
+    reading: str,
+    rows: Sequence[MatrixRow],
+    details: Details,
+    solvers: Sequence[str],
+    kinds: Sequence[str],
+    words: Words,
+) -> dict[str, Any]:
+    own = details.get("readings", {}).get(reading, {})
+    runs, ran = own.get("runs", {}), {row.solver for row in rows}
+    return {
+        "name": reading,
+        "kind": kinds.index(rows[0].kind or UNKNOWN),
+        "commit": ", ".join(commits_of(rows)),
+        **{key: value for key, value in own.items() if key != "runs"},
+        "cells": [[solvers.index(row.solver), *_cell(row, words)] for row in rows],
+        "runs": {str(solvers.index(s)): [packed(r, words) for r in runs[s]] for s in runs if s in ran},
+    }
+
+
+def _cell(row: MatrixRow, words: Words) -> list[Any]:
+    cells = zip(CELL, row.values(CELL), strict=True)
+    return trimmed([words.number(v) if c in ("status", "verdict") else rounded(v, 6) for c, v in cells])
+
+
+def details_of(folder: Path) -> Details | None:
+    """What a case's folder says of it; None where there is no report in it."""
+    if not (folder / RUNS).exists() or not (folder / MANIFEST).exists():
+        return None
+    try:
+        manifest = _mapping(json.loads((folder / MANIFEST).read_text(encoding="utf-8")))
+        rows = read_rows(RunRow, folder / RUNS)
+    except (OSError, RecursionError, ValueError):
+        return None  # the index names it, and leaves it out
+    told, known = read_case_file(folder), _mapping(manifest.get("readings"))
+    return {
+        **{key: told[key] for key in ("tags", "source") if told.get(key)},
+        "files": sorted(one_line(path.name) for path in folder.iterdir() if path.suffix in SHOWN_FILES),
+        "readings": {
+            reading: _told_of(reading, _mapping(known.get(reading)), told, own)
+            for (_, reading), own in readings_of(rows).items()
+        },
+    }
+
+
+def _mapping(value: object) -> Mapping[str, Any]:
+    """What should be one, in a file that somebody may have changed."""
+    return value if isinstance(value, dict) else {}
+
+
+def _told_of(reading: str, manifest: Mapping[str, Any], words: Mapping[str, Any], rows: Sequence[RunRow]) -> Details:
+    """What its manifest, the words of the case's file and its rows say of a reading."""
+    truth = _mapping(manifest.get("truth"))
+    told = {
+        "title": one_line(str(manifest.get("title") or "")),
+        "story": _mapping(words.get("stories")).get(reading),
+        "portrait": _mapping(_mapping(words.get("portraits")).get(reading)) or None,
+        "unit": rounded(next((row.time_unit_s for row in rows if row.time_unit_s is not None), None), 6),
+        "floor": rounded(max((floor(row) for row in rows), default=0.0), 2),
+        "transitions": truth.get("transitions"),
+        "ends": truth.get("status"),
+        "proven": truth.get("certified"),
+    }
+    return {
+        **{key: value for key, value in told.items() if value not in (None, "")},
+        "runs": {solver: [field_values(row) for row in own] for solver, own in by_solver(rows).items()},
+    }
+
+
+def updated(fresh: Details | None, earlier: Details) -> Details:
+    """What a case's folder says, and what an earlier page knows beside it: portraits, runs of other solvers.
+
+    Parameters
+    ----------
+    fresh : Details or None
+        Of a folder; None where it is gone.
+    earlier : Details
+        Of the page; empty where it does not know the case.
+    """
+    if fresh is None:
+        return earlier
+    known = earlier.get("readings", {})
+    readings = {reading: _both(own, known.get(reading, {})) for reading, own in fresh["readings"].items()}
+    return {**fresh, "readings": {**known, **readings}}
+
+
+def _both(fresh: Details, earlier: Details) -> Details:
+    floors = [own["floor"] for own in (fresh, earlier) if own.get("floor")]
+    return {**earlier, **fresh, "floor": max(floors, default=0.0), "runs": {**earlier.get("runs", {}), **fresh["runs"]}}
+
+
+def earlier_details(folder: Path) -> dict[str, Details]:
+    """What the page that stands in a folder knows of each case; nothing where it is of another version."""
+    try:
+        data = read_embedded((folder / PAGE).read_text(encoding="utf-8"))
+    except (FileNotFoundError, UnicodeDecodeError):
+        return {}
+    if not isinstance(data, dict) or data.get("format") != FORMAT or data.get("fields") != list(FIELDS):
+        return {}
+    try:
+        names, words = [solver["name"] for solver in data["solvers"]], data["words"]
+        return {case["name"]: _known(case, names, words) for case in data["cases"]}
+    except (IndexError, KeyError, TypeError):
+        return {}  # somebody has changed it
+
+
+def _known(case: Mapping[str, Any], solvers: Sequence[str], words: Sequence[str]) -> Details:
+    """What a page knows of a case whose folder may be gone."""
+    known = {key: case[key] for key in ("tags", "source") if key in case}
+    readings = {own["name"]: _unpacked(own, solvers, words) for own in case["readings"]}
+    if (portrait := case.get("portrait")) and portrait["reading"] in readings:  # of a page that has one a case
+        readings[portrait["reading"]]["portrait"] = {key: portrait[key] for key in portrait if key != "reading"}
+    return {**known, "readings": readings}
+
+
+def _unpacked(reading: Mapping[str, Any], solvers: Sequence[str], words: Sequence[str]) -> Details:
+    told = {key: value for key, value in reading.items() if key not in ("name", "kind", "commit", "cells", "runs")}
+    runs = {solvers[int(s)]: [unpacked(run, words) for run in own] for s, own in reading["runs"].items()}
+    return {**told, "runs": runs}
+
+
+PAPER, NIGHT = "#ffffff", "#15181c"
+"""Backgrounds of a light and of a dark page."""
+SEEN = 3.0
+"""Contrast with the background that a line has at least (WCAG 2.2, 1.4.11)."""
+_DASHES = {"-": (), "--": (5, 3), ":": (1.5, 2.5), "-.": (5, 2, 1.5, 2)}
+
+
+def solver_lines(solvers: Iterable[str]) -> dict[str, dict[str, object]]:
+    """Colours (light, dark), dashes [line widths], marker and width of each solver's line."""
+    return {name: _drawn(line) for name, line in lines_of(solvers).items()}
+
+
+def _drawn(line: Line) -> dict[str, object]:
+    dashes = _DASHES[line.dashes] if isinstance(line.dashes, str) else line.dashes[1]
+    return {
+        "light": towards(line.colour, "#000000", PAPER),
+        "dark": towards(line.colour, "#ffffff", NIGHT),
+        "dashes": " ".join(f"{length:g}" for length in dashes),
+        "marker": line.marker,
+        "width": line.width,
+    }
+
+
+def towards(colour: str, end: str, background: str) -> str:
+    """A colour, mixed with black or white until it is seen on a background.
+
+    Examples
+    --------
+    >>> towards("#000000", "#ffffff", "#15181c"), towards("#0072b2", "#000000", "#ffffff")
+    ('#6b6b6b', '#0072b2')
+    """
+    for share in range(0, 101, 2):
+        mixed = _mixed(colour, end, share / 100)
+        if contrast(mixed, background) >= SEEN:
+            return mixed
+    return end
+
+
+def contrast(one: str, other: str) -> float:
+    """Contrast ratio of two colours (WCAG 2.2).
+
+    Examples
+    --------
+    >>> round(contrast("#000000", "#ffffff"), 6)
+    21.0
+    """
+    low, high = sorted((_luminance(one), _luminance(other)))
+    return (high + 0.05) / (low + 0.05)
+
+
+def _luminance(colour: str) -> float:
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in _channels(colour)]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+def _mixed(colour: str, end: str, share: float) -> str:
+    parts = zip(_channels(colour), _channels(end), strict=True)
+    return "#" + "".join(f"{round(255 * ((1 - share) * a + share * b)):02x}" for a, b in parts)
+
+
+def _channels(colour: str) -> tuple[float, float, float]:
+    red, green, blue = (int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5))
+    return red, green, blue

@@ -1,0 +1,161 @@
+"""Which solver to take: by kind of case and digits, and by case."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from statistics import median
+from urllib.parse import quote
+
+from henon_ref.harness import registry
+from henon_ref.harness.report.files.write import REPORT
+from henon_ref.harness.report.text.formats import digits, duration, significant
+from henon_ref.harness.report.text.matrix_rows import MatrixRow
+from henon_ref.harness.report.text.ranking import LEVELS
+from henon_ref.harness.rows import number
+from henon_ref.harness.score.kinds import KINDS
+from henon_ref.harness.table import Table
+from henon_ref.text import code, markdown
+
+ANY = None
+"""In place of a number of digits: right, however few its digits."""
+UNKNOWN = "kind not known"
+"""Kind of readings whose report does not say theirs."""
+AS_MANY = 0.9
+"""Part of the most readings from which on a solver counts as getting there in as many."""
+Key = tuple[str, str]
+"""Case and reading."""
+
+
+def by_kind(rows: Iterable[MatrixRow]) -> dict[str, list[MatrixRow]]:
+    """Rows of a matrix by the kind of their reading, in the order of KINDS."""
+    found: dict[str, list[MatrixRow]] = {kind: [] for kind in KINDS}
+    for row in rows:
+        found.setdefault(str(row.kind or UNKNOWN), []).append(row)
+    return {kind: own for kind, own in found.items() if own}
+
+
+def readings_for(rows: Iterable[MatrixRow], level: int | None) -> set[Key]:
+    """The readings that count for so many digits: all for :data:`ANY`, else those with a transition to time."""
+    return {row.problem for row in rows if level is None or row.digits is not None}
+
+
+@dataclass(frozen=True)
+class Reach:
+    """The readings in which one solver reaches so many digits, and its times there [s]."""
+
+    solver: str
+    walls: Mapping[Key, float]
+
+    def against(self, others: Mapping[Key, float]) -> float | None:
+        """How many times as long as others it takes: the median over the readings that both reach."""
+        ratios = [wall / others[key] for key, wall in self.walls.items() if others.get(key)]
+        return median(ratios) if ratios else None
+
+
+def reaches(rows: Sequence[MatrixRow], level: int | None) -> list[Reach]:
+    """The solvers that reach so many digits in about as many readings as any other, the fastest first.
+
+    Parameters
+    ----------
+    rows : sequence of MatrixRow
+        Of a matrix.
+    level : int, optional
+        Digits, one of LEVELS; None: right.
+    """
+    walls: dict[str, dict[Key, float]] = {}
+    fastest: dict[Key, float] = {}
+    for row in rows:
+        key, wall = row.problem, row.wall(level)
+        if wall is not None:
+            walls.setdefault(row.solver, {})[key] = wall
+            fastest[key] = min(wall, fastest.get(key, wall))
+    most = max(map(len, walls.values()), default=0)
+    found = [Reach(solver, own) for solver, own in walls.items() if len(own) >= AS_MANY * most]
+    return sorted(found, key=lambda reach: (reach.against(fastest) or 1.0, -len(reach.walls)))
+
+
+def choice_table(rows: Sequence[MatrixRow]) -> Table:
+    """A row a kind of case, a column a number of digits: the solver to take, and the one of another package.
+
+    Each with the number of readings in which it gets there, the other with how many times as long it takes.
+    """
+    columns = {"right": ANY, **{f"{level} digits": level for level in LEVELS}}
+    lines = [
+        (kind, reading_counts(own), *(_choice(own, level) for level in columns.values()))
+        for kind, own in by_kind(rows).items()
+    ]
+    return Table(("kind of case", "readings", *columns), "lr" + "l" * len(columns), lines)
+
+
+def reading_counts(rows: Sequence[MatrixRow]) -> str:
+    """How many readings there are, and in how many of them digits are counted, where that is in some only.
+
+    Examples
+    --------
+    >>> rows = [MatrixRow("a", "", "r", None, "henon", digits=3.0), MatrixRow("a", "", "s", None, "henon")]
+    >>> reading_counts(rows), reading_counts(rows[:1])
+    ('2, 1 timed', '1')
+    """
+    every, timed = (len(readings_for(rows, level)) for level in (ANY, LEVELS[0]))
+    return f"{every}, {timed} timed" if 0 < timed < every else f"{every}"
+
+
+def _choice(rows: Sequence[MatrixRow], level: int | None) -> str:
+    found = reaches(rows, level)
+    if not found:
+        return ""
+    first = found[0]
+    words = f"{code(first.solver)} {len(first.walls)}"
+    others = reaches([row for row in rows if package_of(row.solver) != package_of(first.solver)], level)
+    if not others:
+        return words
+    other = others[0]
+    times = other.against(first.walls)
+    longer = "" if times is None else f" (×{significant(times, 2)})"
+    return f"{words}; {code(other.solver)} {len(other.walls)}{longer}"
+
+
+def package_of(solver: str) -> str:
+    """The package that a solver belongs to: solvers of one are not set against each other."""
+    return registry.distribution(solver) or solver
+
+
+def case_table(rows: Sequence[MatrixRow]) -> Table:
+    """A row a case, its readings folded.
+
+    ``right of judged``: solvers that are right in every reading that they were judged in, at one setting at least,
+    and solvers judged. Best digits: the most that one of them gets in all its readings. Cheapest: the one that takes
+    the least time for all readings, of those judged in the most.
+    """
+    cases: dict[str, dict[str, list[MatrixRow]]] = {}
+    for row in rows:
+        own = cases.setdefault(row.case, {})
+        if row.judged:
+            own.setdefault(row.solver, []).append(row)
+    lines = []
+    for case, judged in cases.items():
+        right = {solver: own for solver, own in judged.items() if all(row.right for row in own)}
+        most = max(map(len, judged.values()), default=0)
+        whole = {solver: own for solver, own in right.items() if len(own) == most}
+        best = max((_fewest_digits(own) for own in whole.values()), default=None, key=lambda least: least or 0.0)
+        walls = {
+            solver: sum(number(row.wall_s) for row in own)
+            for solver, own in whole.items()
+            if all(row.wall_s is not None for row in own)
+        }
+        first = min(walls, key=walls.__getitem__, default=None)
+        lines.append(
+            (
+                f"[{markdown(case)}]({quote(case)}/{REPORT})",
+                f"{len(right)}/{len(judged)}",
+                "" if best is None else digits(best),
+                "none" if first is None else f"{code(first)}, {duration(walls[first])}",
+            )
+        )
+    return Table(("case", "right of judged", "best digits", "cheapest right solver"), "lrrl", lines)
+
+
+def _fewest_digits(rows: Sequence[MatrixRow]) -> float | None:
+    """The fewest digits in any reading; None where none has a transition to time."""
+    return min((row.digits for row in rows if row.digits is not None), default=None)

@@ -1,0 +1,185 @@
+"""The model as formulas: equations of every mode, parameters, start and horizon."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import log2
+
+import sympy as sp
+
+from henon_ref.casefile.assembly import Scene
+from henon_ref.errors import ModelError
+from henon_ref.filippov.formulas import MOST_OPERATIONS, aligned, derivative, few, printable
+from henon_ref.filippov.formulas import general_form as general_form
+from henon_ref.filippov.kinks import continuous
+from henon_ref.filippov.latex import latex, symbol
+from henon_ref.filippov.modes import Mode, mode_text
+from henon_ref.filippov.resting import REMAINING, impact_of
+from henon_ref.filippov.system import FilippovSystem
+from henon_ref.harness.campaign.results import ReadingResult
+from henon_ref.harness.table import Table
+from henon_ref.henon.prepared_run import order_for
+from henon_ref.taylor.llvm.count import count
+from henon_ref.taylor.llvm.expansion import expansion_ir
+from henon_ref.taylor.size import size
+from henon_ref.taylor.tape import TIME, build_tape
+from henon_ref.text import markdown
+
+MOST_MODES = 9
+"""Modes whose equations are printed."""
+
+
+@dataclass(frozen=True)
+class ModeText:
+    """One mode's equations."""
+
+    title: str
+    equations: str
+    """LaTeX of the field."""
+    notes: list[str]
+    """LaTeX of equivalent signs and of what ends a sliding mode."""
+
+
+def as_written(system: FilippovSystem) -> list[str]:
+    """What :func:`general_form` leaves out, as the case file has it, in markdown."""
+    pairs = [(f"{x.name}' = ", x, f) for x, f in zip(system.states, system.field, strict=True)]
+    pairs += [(f"{s.name} = sign of ", s, h) for s, h in zip(system.signs, system.surfaces, strict=True)]
+    every = not few([*system.field, *system.surfaces])
+    left_out = [
+        (start, system.written.get(x, "(too long to be printed)")) for start, x, e in pairs if every or not printable(e)
+    ]
+    return [f"`{start}{' '.join(text.split())}`" for start, text in left_out]
+
+
+def kink_notes(system: FilippovSystem) -> list[str]:
+    """What is said of surfaces that stand for kinks, and of those across which the field is continuous."""
+    smooth = continuous(system)
+    notes = []
+    for index, name in enumerate(system.sign_names):
+        if index in smooth:
+            notes.append(f"`{name}`: a kink, the field is continuous there; it is crossed, and nothing slides on it")
+        elif index in system.kinks and any(rate.has(system.signs[index]) for rate in system.field):
+            notes.append(f"`{name}`: a jump of the field")
+    return notes
+
+
+def reset_notes(system: FilippovSystem) -> list[str]:
+    """What is said of surfaces at which the state jumps."""
+    notes = []
+    for index, reset in sorted(system.resets.items()):
+        values = [(x, value) for x, value in reset.map.items() if printable(value)]
+        lines = ", ".join(f"${symbol(x.name)}^+ = {latex(value)}$" for x, value in values)
+        lines += "" if len(values) == len(reset.map) else " (a value is too long to be printed)"
+        note = f"`{system.sign_names[index]}`: where it falls through zero, the state jumps: {lines}"
+        impact, part = impact_of(system, index), f"2^{log2(REMAINING):.0f}"
+        note += f" (priority {reset.priority:g})" if reset.priority else ""
+        if impact is not None and not impact.idle:
+            note += f"; impacts are told of until all later ones last less than {part} of the run, then "
+            note += f"the run ends: {impact.refusal}" if impact.refusal else "the body rests"
+        notes.append(note)
+    return notes
+
+
+def modes_of(result: ReadingResult) -> list[Mode]:
+    """The modes that the exact run visits, or all of a single surface."""
+    system = result.reading.problem.system
+    visited: dict[Mode, None] = {}
+    for event in result.expected.transitions if result.expected else ():
+        visited.setdefault(tuple(event.from_mode))
+        visited.setdefault(tuple(event.to_mode))
+    if len(system.surfaces) == 1:
+        return [(-1,), (0,), (1,)]
+    return list(visited)[:MOST_MODES]
+
+
+def mode_equations(system: FilippovSystem, mode: Mode) -> ModeText:
+    """The equations of one mode as LaTeX."""
+    title = f"{'Stick' if 0 in mode else 'Slip'}, `{mode_text(mode, system.sign_names)}`"
+    try:
+        equations = system.equations(mode)
+    except ModelError as error:
+        return ModeText(title, "", [markdown(str(error))])
+    shown = [*equations.field, *equations.equivalent_signs.values()]
+    shown += [guard.expression for guard in equations.guards if guard.kind == "release"]
+    if not (few(shown) and all(map(printable, shown))):
+        return ModeText(title, "", ["its equations are too long to be printed"])
+    lines = [derivative(x, f) for x, f in zip(system.states, equations.field, strict=True)]
+    notes = []
+    for index, value in equations.equivalent_signs.items():
+        notes.append(f"equivalent sign ${symbol(system.signs[index].name)} = {latex(value)}$")
+    for guard in equations.guards:
+        if guard.kind == "release":
+            sides = guard.cut or ((guard.index, guard.to_sign),)
+            left = ", ".join(f"{symbol(system.signs[i].name)} = {side:+d}" for i, side in sides)
+            notes.append(f"left to ${left}$ where ${latex(guard.expression)}$ falls through 0")
+    for index, entry in enumerate(mode):
+        if entry == 0 and system.held_inside(index):
+            notes.append("entered wherever the surface is reached with these positive, whatever the slip fields do")
+    return ModeText(title, aligned(lines), notes)
+
+
+def parameters(result: ReadingResult) -> list[str]:
+    """``name = exact value (decimal)`` of every parameter, the start and the horizon, as LaTeX."""
+    problem = result.reading.problem
+    pairs = [(symbol(s.name), value) for s, value in problem.system.parameters.items()]
+    start = f"({latex(problem.start)})" if problem.start != 0 else "(0)"
+    pairs += [
+        (f"{symbol(x.name)}{start}", value) for x, value in zip(problem.system.states, problem.initial, strict=True)
+    ]
+    pairs.append((f"{symbol(TIME.name)}_{{\\mathrm{{end}}}}", problem.until))
+    return [f"${name} = {_value(value)}$" for name, value in pairs]
+
+
+def _value(value: sp.Expr) -> str:
+    """An exact number, with its decimals where they are not plain to see."""
+    if size(value, MOST_OPERATIONS) > MOST_OPERATIONS:
+        return f"{float(value):.10g}"
+    if value.is_Rational:
+        decimal = float(value)
+        return f"{decimal:g}" if sp.Rational(f"{decimal:g}") == value else f"{latex(value)} \\approx {decimal:.10g}"
+    return f"{latex(value)} \\approx {float(value):.10g}"
+
+
+MOST_ROWS = 24
+"""Connections that have a row each; where there are more, a row is all of a kind."""
+HEADINGS = ("effect", "operations", "floating-point operations a step", "of all")
+EXPLAINED = (
+    "Operations that are gone where the effect is left out: on the tape of slip, and in the machine code of one Taylor "
+    "expansion of order {order}. What two effects share goes with neither."
+)
+
+
+def effect_table(result: ReadingResult) -> tuple[Table, str] | None:
+    """A table of the effects of a reading's scene, and what its columns mean; None where there is no scene."""
+    scene = result.reading.scene
+    if scene is None or not scene.connections:
+        return None
+    order = order_for(0.1 * min(result.reading.tolerances))
+    whole = _work(scene.system(), order)
+    rows = []
+    for label, numbers in _effects(scene):
+        rest = _work(scene.without(numbers).system(), order)
+        operations, floating = whole[0] - rest[0], whole[1] - rest[1]
+        rows.append((f"`{label}`", str(operations), str(floating), f"{100 * floating / whole[1]:.0f} %"))
+    rows.append(("*all*", str(whole[0]), str(whole[1]), "100 %"))
+    return Table(HEADINGS, "lrrr", rows), EXPLAINED.format(order=order)
+
+
+def _effects(scene: Scene) -> list[tuple[str, list[int]]]:
+    """Label and connections of every row."""
+    if len(scene.connections) <= MOST_ROWS:
+        return [(connection.label, [number]) for number, connection in enumerate(scene.connections)]
+    kinds: dict[str, list[int]] = {}
+    for number, connection in enumerate(scene.connections):
+        kinds.setdefault(connection.kind, []).append(number)
+    return [(f"{kind} ({len(numbers)} of them)", numbers) for kind, numbers in kinds.items()]
+
+
+def _work(system: FilippovSystem, order: int) -> tuple[int, int]:
+    """Operations on the tape of slip, and floating-point operations of its expansion."""
+    equations = system.shared_equations(frozenset())
+    guards: Sequence[object] = [guard.expression for guard in equations.guards]
+    tape = build_tape(system.states, equations.field, guards)
+    operations = sum(number for name, number in tape.counts.items() if name not in ("state", "constant"))
+    return operations, count(expansion_ir(tape, len(system.states), order, "expansion"))

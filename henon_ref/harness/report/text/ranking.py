@@ -1,0 +1,134 @@
+"""Who is right to how many digits at what cost: the rows of one reading, ranked."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Protocol, TypeVar
+
+from henon_ref.harness.rows import NOT_RUN, RunRow, number
+from henon_ref.harness.score.reference import HALF_ULP
+
+LEVELS = (3, 6, 9, 12)
+"""Digits that prices are given for."""
+AS_GOOD = 0.3
+"""Digits that two solvers may differ by and still count as equally accurate (a factor of two)."""
+
+
+class _Named(Protocol):
+    """A row of one solver on one reading."""
+
+    @property
+    def problem(self) -> tuple[str, str]: ...
+    @property
+    def solver(self) -> str: ...
+
+
+R = TypeVar("R", bound=_Named)
+
+
+def readings_of(rows: Iterable[R]) -> dict[tuple[str, str], list[R]]:
+    """Rows by case and reading, in their order."""
+    found: dict[tuple[str, str], list[R]] = {}
+    for row in rows:
+        found.setdefault(row.problem, []).append(row)
+    return found
+
+
+def by_solver(rows: Iterable[R]) -> dict[str, list[R]]:
+    """Rows of each solver, in order."""
+    found: dict[str, list[R]] = {}
+    for row in rows:
+        found.setdefault(row.solver, []).append(row)
+    return found
+
+
+def right(rows: Sequence[RunRow]) -> list[RunRow]:
+    """Rows whose sequence and end are right and whose accuracy is known."""
+    return [row for row in rows if row.verdict == "right" and row.digits is not None]
+
+
+def reaching(rows: Sequence[RunRow], digits: int) -> list[RunRow]:
+    """Right rows that reach so many digits, and were timed."""
+    return [row for row in right(rows) if number(row.digits) >= digits and row.wall_s is not None]
+
+
+def most_accurate(rows: Sequence[RunRow]) -> RunRow | None:
+    """The right row with the most digits; among those as good, the cheapest."""
+    candidates = right(rows)
+    best = max((number(row.digits) for row in candidates), default=0.0)
+    return min((row for row in candidates if number(row.digits) >= best - AS_GOOD), key=_price, default=None)
+
+
+def best_of(rows: Sequence[RunRow]) -> RunRow:
+    """The row that a summary shows of one solver: the right one with the most digits, else the last one."""
+    candidates = right(rows)
+    return max(candidates, key=lambda row: number(row.digits)) if candidates else rows[-1]
+
+
+@dataclass(frozen=True)
+class WholeRow(RunRow):
+    """A solver at one setting over all readings of a case.
+
+    ``status`` is one of a reading in which it ran, ``wall_s`` the time of all readings, ``wall_s_iqr`` the sum of their
+    ranges, ``digits`` the fewest in any. The verdict is right where it is so in every reading.
+    """
+
+    right_in: int = 0
+    """Readings in which it is right."""
+
+
+def over_all(readings: Sequence[Sequence[RunRow]]) -> list[WholeRow]:
+    """A row for every solver and setting, over all readings of a case."""
+    own: dict[tuple[str, float | None, float | None], list[RunRow]] = {}
+    for row in (row for rows in readings for row in rows):
+        own.setdefault((row.solver, row.rtol, row.step_s), []).append(row)
+    found = []
+    for (solver, rtol, step), rows in own.items():
+        good = [row for row in rows if row.verdict == "right"]
+        found.append(
+            WholeRow(
+                rows[0].case,
+                "",
+                solver,
+                rtol=rtol,
+                step_s=step,
+                status=next((row.status for row in rows if row.status not in NOT_RUN), rows[0].status),
+                verdict="right" if len(good) == len(readings) else "wrong",
+                right_in=len(good),
+                digits=min((row.digits for row in good if row.digits is not None), default=None),
+                wall_s=sum(number(row.wall_s) for row in good),
+                wall_s_iqr=sum(row.wall_s_iqr for row in good if row.wall_s_iqr is not None),
+            )
+        )
+    return found
+
+
+@dataclass(frozen=True)
+class Price:
+    """The cheapest way to so many digits, and the next solver's."""
+
+    digits: int
+    row: RunRow | None
+    next_row: RunRow | None
+    """The cheapest row of another solver."""
+
+
+def prices(rows: Sequence[RunRow], levels: Sequence[int] = LEVELS) -> list[Price]:
+    """For each level, the cheapest right row that reaches it, and the cheapest of any other solver."""
+    found = []
+    for level in levels:
+        able = sorted(reaching(rows, level), key=_price)
+        first = able[0] if able else None
+        others = [row for row in able if first is not None and row.solver != first.solver]
+        found.append(Price(level, first, others[0] if others else None))
+    return found
+
+
+def floor(row: RunRow) -> float:
+    """The least error that can be claimed [s]: the truth's radius, or what double precision holds."""
+    return max(row.reference_radius_s or 0.0, HALF_ULP * (row.time_unit_s or 0.0))
+
+
+def _price(row: RunRow) -> float:
+    return float("inf") if row.wall_s is None else row.wall_s

@@ -1,0 +1,359 @@
+"""Rows of the result files as dataclasses: columns, types and units, and their CSV, each written down once.
+
+The fields of a row are the columns of its file in their order: a contract, so that new ones go to the end. A missing
+value is None, an empty field of the file, never 0.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import MISSING, dataclass, field, fields
+from pathlib import Path
+from typing import Any, TypeVar, get_type_hints
+
+from henon_ref.text import cell, from_cell, shortened
+
+NOT_RUN = ("unsupported", "unavailable")
+"""Statuses of runs that were not made."""
+REPEATED = "a repeated run ended otherwise than the first one, "
+"""How the reason of a run's row begins to tell of that."""
+STATE = "state"
+"""The field of a transition's row that is several columns: a column a state."""
+
+Key = tuple[str, str, str, float | None, float | None]
+"""Case, reading, solver, tolerance and step: what tells a run apart from all others."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row of a result file: its fields are the file's columns; a file need not have those that have a default."""
+
+    @classmethod
+    def columns(cls, states: Sequence[str] = ()) -> tuple[str, ...]:
+        """The columns of a file; ``states``: names of the states, where a row has them."""
+        return tuple(name for own in fields(cls) for name in (states if own.name == STATE else (own.name,)))
+
+    def values(self, columns: Iterable[str]) -> list[object]:
+        """The values in some columns, None in those that the row does not have."""
+        known = vars(self)
+        return list(map((known | known[STATE] if STATE in known else known).get, columns))
+
+
+@dataclass(frozen=True)
+class RunRow(Row):
+    """One run: a reading, solver and setting (``runs.csv``)."""
+
+    case: str
+    reading: str
+    solver: str
+    library_version: str | None = None
+    rtol: float | None = None
+    """Relative tolerance; None for a solver that is driven by a step."""
+    atol: float | None = None
+    """Absolute tolerance, in units of the state."""
+    step_s: float | None = None
+    """Step [s]; None for a solver that is driven by tolerances."""
+    status: str = ""
+    """As scored: ok, wrong, diverged, nonunique, invalid, timeout, failed, unsupported, unavailable."""
+    landing: str | None = None
+    """How the last step of an event's location is made."""
+    reference_transitions: int | None = None
+    """Transitions of the truth, like all counts without touches."""
+    found_transitions: int | None = None
+    matched: int | None = None
+    missed: int | None = None
+    spurious: int | None = None
+    max_time_error_s: float | None = None
+    """Largest error of a matched transition's time [s]."""
+    rms_time_error_s: float | None = None
+    max_state_error: float | None = None
+    """Largest error of a state at a matched transition [unit of the state]."""
+    max_surface_drift: float | None = None
+    """Farthest that a stick leaves its surface [unit of the surface]."""
+    stick_count: int | None = None
+    max_stick_error_s: float | None = None
+    """Largest error of a stick's duration [s]."""
+    wall_s: float | None = None
+    """Median wall time [s]."""
+    wall_s_iqr: float | None = None
+    """Interquartile range of the wall times [s]; None for fewer than three."""
+    compile_s: float | None = None
+    """One-time work before the first run [s]."""
+    steps: int | None = None
+    rhs_evaluations: int | None = None
+    event_evaluations: int | None = None
+    status_reason: str | None = None
+    expected_status: str | None = None
+    """How the truth ends; None where nothing is known of it after the start."""
+    verdict: str | None = None
+    """Whose fault a wrong run is (:mod:`henon_ref.harness.score.verdict`); None where it was not scored."""
+    digits: float | None = None
+    """Decimal digits of the worst transition time, counted from ``time_unit_s``."""
+    time_unit_s: float | None = None
+    end_time_s: float | None = None
+    reference_radius_s: float | None = None
+    """Radius of the truth's transition times [s]."""
+    missed_touches: int | None = None
+    """Touches, which change no mode, are not counted as missed or spurious."""
+    spurious_touches: int | None = None
+    cut_off: int | None = None
+    """Transitions that the horizon cuts off."""
+    wall_s_low: float | None = None
+    """Lower end of the 95 % bootstrap interval of the median [s]."""
+    wall_s_high: float | None = None
+    timed_runs: int | None = None
+    """Samples behind the median."""
+    verdict_basis: str | None = None
+    """What the verdict on a run that is not right rests on."""
+    cause: str | None = None
+    """Cause of a solver's defect, where one is known for certain (:mod:`henon_ref.harness.campaign.causes`)."""
+    undecided_after_s: float | None = None
+    """From when on the solver decides nothing of some surface, which is below its own rounding [s]."""
+
+    @property
+    def key(self) -> Key:
+        """What tells the run apart from all others."""
+        return self.case, self.reading, self.solver, self.rtol, self.step_s
+
+    @property
+    def problem(self) -> tuple[str, str]:
+        """Case and reading."""
+        return self.case, self.reading
+
+    @property
+    def size(self) -> float:
+        """Tolerance or step: the smaller, the tighter; infinite where there is neither."""
+        size = self.step_s if self.rtol is None else self.rtol
+        return math.inf if size is None else size
+
+    @property
+    def repeated(self) -> bool:
+        """Whether it ended otherwise when it was repeated."""
+        return REPEATED in (self.status_reason or "")
+
+    @property
+    def status_text(self) -> str:
+        """Status, and the reason where there is one."""
+        return f"{self.status} ({self.status_reason})" if self.status_reason else self.status
+
+    @property
+    def label(self) -> str:
+        """Solver and setting, as messages name them.
+
+        Examples
+        --------
+        >>> RunRow("fig8", "default", "henon", rtol=1e-9).label, RunRow("fig8", "default", "rk4", step_s=0.01).label
+        ('henon (rtol 1e-09)', 'rk4 (step 0.01 s)')
+        """
+        if self.rtol is not None:
+            return f"{self.solver} (rtol {self.rtol:g})"
+        return self.solver if self.step_s is None else f"{self.solver} (step {self.step_s:g} s)"
+
+    @property
+    def name(self) -> str:
+        """The run in a message, with case and reading."""
+        return f"{self.case}: {self.reading}: {self.label}"
+
+
+@dataclass(frozen=True)
+class TransitionRow(Row):
+    """A transition, of the truth or of the run or (matched) of both (``transitions.csv``)."""
+
+    case: str
+    reading: str
+    solver: str
+    rtol: float | None
+    step_s: float | None
+    index: int
+    kind: str
+    surface: str
+    """Name of the surface's sign."""
+    from_mode: str
+    to_mode: str
+    reference_time_s: float | None = None
+    reference_radius_s: float | None = None
+    time_s: float | None = None
+    time_error_s: float | None = None
+    """Signed [s]."""
+    conditioning: float | None = None
+    """By how much the time moves with an error of the state [s / unit of the state]."""
+    state: Mapping[str, float | None] = field(default_factory=dict)
+    """The run's state by name: a column each."""
+    transversality: float | None = None
+    """The guard's speed through zero [unit of the guard / s]."""
+    graze_distance: float | None = None
+    """Depth to which the surface function goes between the transition and its neighbour, on the parabola through both
+    [unit of the surface]."""
+    outcome: str | None = None
+    """matched, missed, spurious, cut off (beyond the horizon within the run's error), touch (no mode changes)."""
+    verdict: str | None = None
+    """On one that is missed or spurious (:mod:`henon_ref.harness.score.verdict`)."""
+
+
+@dataclass(frozen=True)
+class StickRow(Row):
+    """A stick that ends within the measured window, of the truth or of the run or of both (``sticks.csv``)."""
+
+    case: str
+    reading: str
+    solver: str
+    rtol: float | None
+    step_s: float | None
+    index: int
+    start_s: float | None = None
+    duration_s: float | None = None
+    reference_s: float | None = None
+    """Duration by the truth [s]."""
+    error_s: float | None = None
+    published_s: float | None = None
+    published_error_s: float | None = None
+    length: float | None = None
+    """How far the first state moves [its unit]."""
+
+
+AnyRow = TypeVar("AnyRow", bound=Row)
+
+RUN_COLUMNS = RunRow.columns()
+STICK_COLUMNS = StickRow.columns()
+TRANSITION_COLUMNS = TransitionRow.columns()[: TransitionRow.columns().index("transversality")]
+"""Those before the states."""
+JUDGED_COLUMNS = TransitionRow.columns()[len(TRANSITION_COLUMNS) :]
+"""Those behind the states: what a verdict on one transition rests on, and the verdict."""
+
+
+def number(value: float | None) -> float:
+    """A number, NaN where it is missing."""
+    return math.nan if value is None else value
+
+
+def csv_text(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """Rows of values as CSV (RFC 4180, with plain line feeds)."""
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow(map(csv_field, columns))
+    writer.writerows(map(csv_field, row) for row in rows)
+    return buffer.getvalue()
+
+
+def rows_text(kind: type[AnyRow], rows: Iterable[AnyRow], states: Sequence[str] = ()) -> str:
+    """Rows of one kind as CSV; ``states``: names of the states, where a row has them."""
+    columns = kind.columns(states)
+    return csv_text(columns, (row.values(columns) for row in rows))
+
+
+def csv_field(value: object) -> str:
+    """One value: floats with the fewest digits that read back the same, missing ones empty, never 0.
+
+    Examples
+    --------
+    >>> csv_field(1e-12), csv_field(3), csv_field(None), csv_field(float("nan")), csv_field("ok")
+    ('1e-12', '3', '', '', 'ok')
+    >>> csv_field(-1), csv_field("-1"), csv_field("=A1")
+    ('-1', '-1', "'=A1")
+    """
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return ""
+    if isinstance(value, float):
+        return repr(float(value))
+    return cell(str(value))
+
+
+class TableError(ValueError):
+    """What is wrong with a result file, and where.
+
+    Parameters
+    ----------
+    message : str
+    line, column : int
+        Counted from 1; the column is that of a character.
+    """
+
+    def __init__(self, message: str, line: int = 1, column: int = 1) -> None:
+        super().__init__(message)
+        self.line, self.column = line, column
+
+
+def read_rows(kind: type[AnyRow], path: Path) -> list[AnyRow]:
+    """Rows of a result file; columns that it has beside those of its kind are states, or left out.
+
+    Raises
+    ------
+    OSError, UnicodeDecodeError
+        Where it cannot be read.
+    TableError
+        Where it is no such file.
+    """
+    with path.open(encoding="utf-8-sig", newline="") as file:
+        lines = list(file)
+    reader, rows = csv.reader(lines, strict=True), []
+    try:
+        present = [name.strip() for name in next(reader, [])]
+        readers = _readers(kind)
+        needed = [own.name for own in fields(kind) if own.default is MISSING and own.default_factory is MISSING]
+        for column in needed:
+            if column not in present:
+                raise TableError(f"there is no column '{column}'; needed are {', '.join(needed)}")
+        if len(set(present)) < len(present):
+            raise TableError("a column is there twice")
+        states = [name for name in present if name not in readers] if kind is TransitionRow else []
+        for cells in filter(None, reader):
+            if len(cells) != len(present):
+                raise TableError(f"{len(cells)} fields; there are {len(present)} columns", reader.line_num)
+            line = dict(zip(present, map(str.strip, cells), strict=True))
+            where = reader.line_num, lines[reader.line_num - 1]
+            values = {c: _read(read, line[c], *where) for c, read in readers.items() if c in line}
+            if states:
+                values[STATE] = {name: _read(_optional(_number), line[name], *where) for name in states}
+            try:
+                rows.append(kind(**values))
+            except ValueError as error:
+                raise TableError(str(error), reader.line_num) from None
+    except csv.Error as error:
+        raise TableError(str(error), reader.line_num) from error
+    return rows
+
+
+def _number(text: str) -> float:
+    value = float(text)
+    if math.isnan(value):
+        raise ValueError(text)
+    return value
+
+
+def _count(text: str) -> int:
+    value = float(text)
+    if not value.is_integer():
+        raise ValueError(text)
+    return int(value)
+
+
+def _optional(read: Callable[[str], Any]) -> Callable[[str], Any]:
+    return lambda text: read(text) if text else None
+
+
+_READERS: Mapping[object, Callable[[str], Any]] = {
+    str: from_cell,
+    int: _count,
+    float: _number,
+    str | None: _optional(from_cell),
+    int | None: _optional(_count),
+    float | None: _optional(_number),
+}
+"""How a field is read, by its type."""
+
+
+def _readers(kind: type[Row]) -> dict[str, Callable[[str], Any]]:
+    """How each column is read."""
+    types = get_type_hints(kind)
+    return {column: _READERS[types[column]] for column in kind.columns()}
+
+
+def _read(reader: Callable[[str], Any], text: str, line: int, written: str) -> Any:
+    try:
+        return reader(text)
+    except (OverflowError, ValueError):
+        words = f"{shortened(text)} is no number; a number, or nothing, stands here"
+        raise TableError(words, line, written.find(text) + 1) from None

@@ -1,0 +1,302 @@
+"""Matching a run's transitions with the reference's, by order and mode, before any error is taken.
+
+The alignment has the fewest edits (transitions missed or spurious) among those that keep the order and pair
+only transitions of the same kind, surface, mode before and mode after. Times do two things only: they break
+ties, and they bound what may be paired. Until the first edit the bound is half the longest distance between
+reference transitions of that kind, so that an error of any honest size stays an error and a chain of
+transitions that crowd together is matched by order alone. From the first edit on a pair must agree to a
+thousandth of the distance to its neighbours or to ten times the median error before the edit: a run that went
+wrong half way gets no credit for what it meets by chance, or because the same drive moves both.
+
+Touches (``graze``: touch and go, no mode changes) do not change a trajectory and few solvers report them.
+They are matched apart, and a touch missed or reported in vain counts neither as missed nor as spurious.
+
+Transitions of several surfaces at one instant may come in any order, but where a reset is applied there several times:
+these follow from each other.
+
+What a run has just before the horizon may lie beyond it in the exact run, and the other way round: neither is held
+against the run. It may not have more there than the exact run has anywhere in so short a time, or a pair a surface.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_left
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from henon_ref.harness.score.alignment import align
+from henon_ref.trajectory import Event
+
+IN_STEP_FRACTION = 1e-3
+"""After an edit, a pair agrees to this fraction of the distance to the neighbouring transitions of its kind."""
+IN_STEP_FACTOR = 10.0
+"""... or to this multiple of the median error before the edit."""
+IN_STEP_PAIRS = 3
+"""Pairs before the edit that it takes to know that median; with fewer, a pair agrees to ``ROUGH_FRACTION``."""
+ROUGH_FRACTION = 0.05
+"""Fraction of the distance to the neighbours that counts as agreement where the error is not known yet."""
+HORIZON_FACTOR = 3.0
+"""A transition this many worst errors before the horizon may fall on its other side."""
+MOST_PAST_HORIZON = 2
+"""Transitions of a surface that may lie just beyond the horizon (a pair), or as many as the exact run has together."""
+
+
+@dataclass(frozen=True)
+class Matching:
+    """Which transition of a run is which of the reference; indices into the two sequences."""
+
+    pairs: tuple[tuple[int, int], ...]
+    """(reference, found), increasing in both but for transitions at one instant; touches left out."""
+    missed: tuple[int, ...]
+    """Reference transitions that the run does not have."""
+    spurious: tuple[int, ...]
+    """Transitions of the run that the reference does not have."""
+    touch_pairs: tuple[tuple[int, int], ...] = ()
+    """Touches (``graze``) matched."""
+    missed_touches: tuple[int, ...] = ()
+    """Touches of the reference that the run does not report; not an error of the sequence."""
+    spurious_touches: tuple[int, ...] = ()
+    """Touches reported that the reference does not have; not an error of the sequence."""
+    cut_reference: tuple[int, ...] = ()
+    """Reference transitions so near the horizon that the run's own time error may put them beyond it."""
+    cut_found: tuple[int, ...] = ()
+    """Transitions of the run so near the horizon that the reference has them beyond it."""
+
+    @property
+    def exact(self) -> bool:
+        """No transition missed, none spurious."""
+        return not self.missed and not self.spurious
+
+
+def match(
+    reference: Sequence[Event],
+    found: Sequence[Event],
+    *,
+    start: float,
+    until: float,
+    radius: float = 0.0,
+    reached_horizon: bool = True,
+    end_slack: float = 0.0,
+    accumulating: bool = False,
+) -> Matching:
+    """Match a run's transitions with the reference's.
+
+    Parameters
+    ----------
+    reference, found : sequence of Event
+        Both in order of time.
+    start, until : float
+        The reading's initial time and horizon [s].
+    radius : float
+        Radius of the reference's times [s]; transitions of different surfaces closer than this are one instant.
+    reached_horizon : bool
+        False for a run that ended early: what it did not reach is missed, not cut off by the horizon.
+    end_slack : float
+        Time before the horizon [s] in which a transition may be left out, or be there, whatever the run's error is.
+    accumulating : bool
+        Whether transitions accumulate at the horizon, so that a run may have any number of them there.
+
+    Returns
+    -------
+    Matching
+    """
+    span = max(until - start, np.finfo(float).tiny)
+    ref_slots = [i for i, e in enumerate(reference) if e.kind != "graze"]
+    run_slots = [j for j, e in enumerate(found) if e.kind != "graze"]
+    ref_slots = _simultaneous_in_run_order(reference, ref_slots, found, run_slots, radius)
+    pairs = _align(reference, ref_slots, found, run_slots, span, radius)
+    missed = sorted(set(ref_slots) - {i for i, _ in pairs})
+    spurious = sorted(set(run_slots) - {j for _, j in pairs})
+    cut_reference: list[int] = []
+    cut_found: list[int] = []
+    if reached_horizon:
+        margin = _horizon_margin(reference, found, pairs, span, until)
+        bounds = (until - margin, until - end_slack if end_slack > 0 else math.inf)
+        last_ref, last_run = (max((pair[side] for pair in pairs), default=-1) for side in (0, 1))
+        missed, cut_reference = _cut_off([e.time for e in reference], missed, last_ref, bounds)
+        spurious, cut_found = _cut_off([e.time for e in found], spurious, last_run, bounds)
+        if not accumulating:
+            most = _most_past_horizon(
+                reference, found, max((found[j].time for j in cut_found), default=until) - min(bounds)
+            )
+            spurious, cut_found = sorted(spurious + cut_found[most:]), cut_found[:most]
+    ref_touches = [i for i, e in enumerate(reference) if e.kind == "graze"]
+    run_touches = [j for j, e in enumerate(found) if e.kind == "graze"]
+    touches = _align(reference, ref_touches, found, run_touches, span, radius)
+    return Matching(
+        pairs=tuple(pairs),
+        missed=tuple(missed),
+        spurious=tuple(spurious),
+        touch_pairs=tuple(touches),
+        missed_touches=tuple(sorted(set(ref_touches) - {i for i, _ in touches})),
+        spurious_touches=tuple(sorted(set(run_touches) - {j for _, j in touches})),
+        cut_reference=tuple(cut_reference),
+        cut_found=tuple(cut_found),
+    )
+
+
+def _key(event: Event) -> tuple[object, ...]:
+    return (event.kind, event.surface, tuple(event.from_mode), tuple(event.to_mode))
+
+
+def _own_key(event: Event) -> tuple[object, ...]:
+    """What a transition does to its own surface, whatever the others do at that instant."""
+    s = event.surface
+    return (event.kind, s, event.from_mode[s], event.to_mode[s])
+
+
+def _align(
+    reference: Sequence[Event],
+    ref_slots: list[int],
+    found: Sequence[Event],
+    run_slots: list[int],
+    span: float,
+    radius: float,
+) -> list[tuple[int, int]]:
+    """Pairs (reference, found): loosely bounded up to the first edit, tightly from there on."""
+    if not ref_slots or not run_slots:
+        return []
+    ref_times = np.array([reference[i].time for i in ref_slots])
+    run_times = np.array([found[j].time for j in run_slots])
+    ref_keys, run_keys = _codes(reference, ref_slots, found, run_slots, radius)
+    loose, gaps = _bounds(ref_times, ref_keys[:, 0], span)
+    first = align(ref_keys, ref_times, run_keys, run_times, loose)
+    edit = _first_edit(first, len(ref_slots), len(run_slots))
+    if edit < len(first) or len(first) < max(len(ref_slots), len(run_slots)):
+        head = first[:edit]
+        bound = np.minimum(loose, _in_step_bound(gaps, np.abs(ref_times[head[:, 0]] - run_times[head[:, 1]])))[edit:]
+        tail = align(ref_keys[edit:], ref_times[edit:], run_keys[edit:], run_times[edit:], bound)
+        first = np.concatenate([head, tail + edit])
+    return [(ref_slots[i], run_slots[j]) for i, j in first.tolist()]
+
+
+def _first_edit(pairs: NDArray[np.intp], n_ref: int, n_run: int) -> int:
+    """Number of pairs before the first missed or spurious transition."""
+    if not len(pairs):
+        return 0
+    broken = np.nonzero((pairs != np.arange(len(pairs))[:, None]).any(axis=1))[0]
+    return int(broken[0]) if broken.size else min(len(pairs), n_ref, n_run)
+
+
+def _codes(
+    reference: Sequence[Event], ref_slots: list[int], found: Sequence[Event], run_slots: list[int], radius: float
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Integer keys, two a transition: the full one, and the own-surface one (for reference groups only)."""
+    table: dict[tuple[object, ...], int] = {}
+
+    def code(key: tuple[object, ...]) -> int:
+        return table.setdefault(key, len(table))
+
+    grouped = set().union(*_groups(reference, ref_slots, radius))
+    ref_keys = [(code(_key(reference[i])), code(_own_key(reference[i])) if i in grouped else -1) for i in ref_slots]
+    run_keys = [(code(_key(found[j])), code(_own_key(found[j]))) for j in run_slots]
+    return np.array(ref_keys, dtype=np.int64), np.array(run_keys, dtype=np.int64)
+
+
+def _bounds(times: NDArray[np.float64], keys: NDArray[np.int64], span: float) -> tuple[NDArray[np.float64], ...]:
+    """How far a pair may be apart before the first edit, and how far the nearest of its kind is [s]."""
+    loose = np.full(times.size, span / 2)
+    nearest = np.full(times.size, span)
+    for key in np.unique(keys):
+        where = np.nonzero(keys == key)[0]
+        instants, own = np.unique(times[where], return_inverse=True)  # a reset may be applied several times at one
+        gaps = np.diff(instants)
+        if gaps.size:
+            loose[where] = gaps.max() / 2
+            nearest[where] = np.minimum(np.append(gaps, np.inf), np.insert(gaps, 0, np.inf))[own]
+    return loose, nearest
+
+
+def _in_step_bound(gaps: NDArray[np.float64], slips: NDArray[np.float64]) -> NDArray[np.float64]:
+    """How far a pair may be apart after the first edit [s], given the errors before it."""
+    if slips.size < IN_STEP_PAIRS:
+        return gaps * ROUGH_FRACTION
+    return np.maximum(gaps * IN_STEP_FRACTION, IN_STEP_FACTOR * float(np.median(slips)))
+
+
+def _groups(events: Sequence[Event], slots: list[int], radius: float) -> list[set[int]]:
+    """Sets of slots whose transitions are at one instant, on different surfaces."""
+    groups: list[set[int]] = []
+    instant: list[int] = slots[:1]
+    repeated: set[int] = set()
+    for before, after in pairwise(slots):
+        first, second = events[before], events[after]
+        together = second.time - first.time <= max(2 * radius, 4 * float(np.spacing(abs(first.time))))
+        instant = [*instant, after] if together else [after]
+        if second.kind == "reset" and any(_key(events[i]) == _key(second) for i in instant[:-1]):
+            repeated.update(instant)
+        if not together or first.surface == second.surface:
+            continue
+        if groups and before in groups[-1]:
+            if second.surface not in {events[i].surface for i in groups[-1]}:
+                groups[-1].add(after)
+        else:
+            groups.append({before, after})
+    return [group for group in groups if not group & repeated]
+
+
+def _simultaneous_in_run_order(
+    reference: Sequence[Event], ref_slots: list[int], found: Sequence[Event], run_slots: list[int], radius: float
+) -> list[int]:
+    """The reference's slots, those at one instant put into the order in which the run has them."""
+    groups = _groups(reference, ref_slots, radius)
+    if not groups or not run_slots:
+        return ref_slots
+    places: dict[tuple[object, ...], list[tuple[float, int]]] = {}
+    for j in run_slots:
+        if math.isfinite(found[j].time):
+            places.setdefault(_own_key(found[j]), []).append((found[j].time, j))
+    for candidates in places.values():
+        candidates.sort()
+    order = list(ref_slots)
+    position = {slot: k for k, slot in enumerate(ref_slots)}
+    for group in groups:
+        members = sorted(group, key=position.__getitem__)
+        nearest = {i: _nearest(places.get(_own_key(reference[i]), []), reference[i].time, len(found)) for i in members}
+        first = position[members[0]]
+        order[first : first + len(members)] = sorted(members, key=nearest.__getitem__)
+    return order
+
+
+def _nearest(candidates: list[tuple[float, int]], instant: float, none: int) -> int:
+    """The candidate, of some in order of (time, place), that is nearest to an instant; ``none`` where there is none."""
+    at = bisect_left(candidates, (instant, -1))
+    near = candidates[max(at - 1, 0) : at + 1]
+    return min(near, key=lambda entry: abs(entry[0] - instant), default=(instant, none))[1]
+
+
+def _horizon_margin(
+    reference: Sequence[Event], found: Sequence[Event], pairs: list[tuple[int, int]], span: float, until: float
+) -> float:
+    """How near the horizon the run's own time error may move a transition across it [s]."""
+    worst = max((abs(reference[i].time - found[j].time) for i, j in pairs), default=0.0)
+    return max(min(HORIZON_FACTOR * worst, span * ROUGH_FRACTION), 4 * float(np.spacing(abs(until))))
+
+
+def _cut_off(
+    times: list[float], unmatched: list[int], last: int, bounds: tuple[float, float]
+) -> tuple[list[int], list[int]]:
+    """Split unmatched transitions into those that count and those at the horizon.
+
+    ``bounds``: past the last pair, transitions from the first of the two times on are cut off; anywhere, those
+    from the second on.
+    """
+    counting: list[int] = []
+    cut: list[int] = []
+    for k in unmatched:
+        since = min(bounds) if k > last else bounds[1]
+        (cut if since <= times[k] < math.inf else counting).append(k)
+    return counting, cut
+
+
+def _most_past_horizon(reference: Sequence[Event], found: Sequence[Event], length: float) -> int:
+    """How many transitions may lie just beyond the horizon: as many as the reference has in any such length of time."""
+    times = np.sort([event.time for event in reference if event.kind != "graze"])
+    together = int((np.searchsorted(times, times + length, side="right") - np.arange(times.size)).max(initial=0))
+    surfaces = max((len(events[0].from_mode) for events in (reference, found) if events), default=1)
+    return max(together, MOST_PAST_HORIZON * surfaces)

@@ -1,0 +1,127 @@
+"""What a row is to a test runner (passed, a failure, an error, skipped), and failures that are expected."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, fields
+from typing import Literal, get_args
+
+from henon_ref.harness.rows import NOT_RUN, Row, RunRow
+from henon_ref.text import did_you_mean, listed, shortened
+from henon_ref.trajectory import Status
+
+Kind = Literal["passed", "failure", "error", "skipped", "known"]
+STATUSES: tuple[str, ...] = get_args(Status)
+UNDECIDED = ("ill-conditioned", "not unique", "not judged", None)
+"""Verdicts on rows that are not right by no fault of the solver."""
+
+
+@dataclass(frozen=True)
+class KnownFailure(Row):
+    """Rows that are expected to fail; None stands for any.
+
+    Raises
+    ------
+    ValueError
+        Where it would be any failure, or its status is none with which a row fails.
+    """
+
+    case: str | None = None
+    reading: str | None = None
+    solver: str | None = None
+    rtol: float | None = None
+    """Relative tolerance."""
+    step_s: float | None = None
+    """Step [s]."""
+    status: str | None = None
+    """The status with which they fail."""
+    reason: str | None = None
+    """Why that is expected."""
+
+    def __post_init__(self) -> None:
+        if not (self.case or self.reading or self.solver):
+            raise ValueError("such a line would be any failure; name a case, a reading or a solver")
+        if self.status == "ok":
+            raise ValueError("'ok' is no failure; leave it empty, or give the status with which it fails")
+        if self.status:
+            check_status(self.status)
+
+    @property
+    def name(self) -> str:
+        """As messages name it.
+
+        Examples
+        --------
+        >>> KnownFailure("two_roots", solver="ida", rtol=1e-3).name
+        'case two_roots, solver ida, rtol 0.001'
+        """
+        given = [(own.name, getattr(self, own.name)) for own in fields(self) if own.name != "reason"]
+        return ", ".join(f"{what} {value}" for what, value in given if value is not None)
+
+    def names(self, row: RunRow) -> bool:
+        """Whether it speaks of a row, whatever that row's status."""
+        own = (self.case, self.reading, self.solver, self.rtol, self.step_s)
+        return all(wanted in (None, value) for wanted, value in zip(own, row.key, strict=True))
+
+    def covers(self, row: RunRow) -> bool:
+        """Whether a failure of this row is the one that is expected."""
+        return self.names(row) and self.status in (None, row.status)
+
+
+def check_status(status: str) -> None:
+    """See that a word is a row's status.
+
+    Raises
+    ------
+    ValueError
+        Where it is none: which there are.
+    """
+    if status not in STATUSES:
+        hint = did_you_mean(status, STATUSES)
+        raise ValueError(f"{shortened(status)} is no status; there are {listed(STATUSES)}{hint}")
+
+
+@dataclass(frozen=True)
+class RowResult:
+    """What a row is to a test runner."""
+
+    kind: Kind
+    """``known``: it fails as expected."""
+    reason: str = ""
+    """Why it has not passed."""
+
+
+def row_result(row: RunRow, complaints: Collection[str] = (), *, known: bool = False) -> RowResult:
+    """What a row is to a test runner.
+
+    A failure: it is not right and its solver is to blame, it ran out of time, or there are complaints. An error:
+    there is no result (a crash, an exception, too much memory), or the run did not end so when it was repeated.
+    Skipped: it did not run, or double precision does not decide what is right.
+
+    Parameters
+    ----------
+    row : RunRow
+    complaints : collection of str
+        What else is wrong with it: a bound that is not met, digits lost since earlier.
+    known : bool
+        Whether a failure of it is expected.
+    """
+    kind: Kind
+    verdict = row.verdict
+    judged = f"; verdict: {verdict}" if verdict is not None and row.status not in NOT_RUN else ""
+    reasons = [*([] if verdict == "right" else [row.status_text + judged]), *complaints]
+    if row.repeated:
+        kind, reasons = "error", [row.status_text, *complaints]
+    elif row.status == "failed" and row.found_transitions is None:
+        kind = "error"
+    elif complaints:
+        kind = "failure"
+    elif verdict == "right":
+        kind = "passed"
+    elif row.status in NOT_RUN or (verdict in UNDECIDED and row.status != "timeout"):
+        kind = "skipped"
+    else:
+        kind = "failure"
+    if known and kind != "passed":
+        return RowResult("known", "fails as expected: " + "; ".join(reasons))
+    return RowResult(kind, "; ".join(reasons))

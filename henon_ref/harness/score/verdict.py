@@ -1,0 +1,166 @@
+"""Whose fault a wrong run is: the solver's, or the question's.
+
+A run at tolerance r is granted an error of ``e = r * size of the state`` in the state at any instant. What such an
+error does to a transition is known from the truth: it moves its time by ``conditioning * e``. Where that is a good
+part of the distance to the next transition of the same surface, the run cannot know whether the two are there at all.
+On a parabola whose slope at its roots is h' and whose roots are a gap apart the surface function goes to a depth of
+``h' * gap / 4``, and ``conditioning * h'`` is by how much an error in the state moves it: the pair is gone once
+``conditioning * e >= gap / 4``. Where a surface is nearly touched without a transition, the distance itself is
+compared with e.
+
+Where a field ends, and where events accumulate, an error in the state moves the end itself by about its root (by
+Torricelli's law a level falls with its root). A run that ends so, too, is granted as much.
+
+``not unique`` is for runs that are right up to the instant from which on the exact one has several futures;
+``not judged`` for runs that are right up to where the time limit stopped them: how far they come is the machine's
+doing, too; for runs that are right, and decide nothing of a surface of which the exact one has transitions later; and
+for all runs where nothing is known of the exact one after its start.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from henon_ref.harness.score.matching import Matching
+from henon_ref.harness.score.reference import Expected, NearGraze, ReferenceEvent
+from henon_ref.trajectory import Status, Transition
+
+Word = Literal["right", "solver defect", "ill-conditioned", "not unique", "not judged"]
+
+FIXED_STEP_TOLERANCE = 1e-12
+"""Stands for the tolerance of a run that has none."""
+END_TOLERANCES = 200.0
+"""Tolerances that the error of a run has grown to at its end: BDF's at 1e-12."""
+PARABOLA_PART = 0.25
+"""Part of the distance to its neighbour by which a transition has to move for the pair to be gone (a parabola)."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A verdict, and what it rests on."""
+
+    word: Word
+    basis: str = ""
+    """In one phrase; empty for ``right``."""
+
+
+RIGHT = Verdict("right")
+
+
+def granted_error(expected: Expected, tolerance: float | None) -> float:
+    """Error in the state that a run of this tolerance is granted."""
+    return (FIXED_STEP_TOLERANCE if tolerance is None else tolerance) * expected.scale
+
+
+def verdict(
+    expected: Expected,
+    matching: Matching,
+    found: Sequence[Transition],
+    *,
+    tolerance: float | None,
+    status: Status,
+    ended: float,
+) -> Verdict:
+    """The verdict on a run that is not right, from the first transition that it misses or invents.
+
+    Parameters
+    ----------
+    expected : Expected
+    matching : Matching
+    found : sequence of Transition
+        The run's transitions that were matched.
+    tolerance : float, optional
+        The run's; None: it has none.
+    status : Status
+        How the run ended.
+    ended : float
+        Where it did [s].
+    """
+    if expected.nothing_known:
+        return Verdict("not judged", "nothing is known of the exact run after its start")
+    allowed = granted_error(expected, tolerance)
+    missed = [expected.transitions[i].time for i in matching.missed[:1]]
+    invented = [found[j].time for j in matching.spurious[:1]]
+    where = min(missed + invented, default=None)
+    if expected.status == "nonunique" and (where is None or where >= expected.end_time - allowed):
+        return Verdict("not unique", f"from t = {expected.end_time:.9g} s on there are several futures")
+    if status == "timeout" and (where is None or (where > ended and not invented)):
+        return Verdict("not judged", f"right up to t = {ended:.9g} s, where the time limit stopped it")
+    if where is None:
+        allowed_time = math.sqrt(END_TOLERANCES * allowed / expected.scale) * (expected.until - expected.start)
+        if status == expected.status == "failed" and abs(ended - expected.end_time) <= allowed_time:
+            basis = f"an error of its tolerances moves an end like that by {allowed_time:.1e} s: t = {ended:.9g} s"
+            return Verdict("ill-conditioned", basis)
+        return Verdict("solver defect", f"every transition is right, the end at t = {ended:.9g} s is not")
+    if missed and missed[0] == where:
+        fault = missed_verdict(expected, matching.missed[0], allowed)
+        if fault.word == "solver defect" and where > ended and not invented:
+            return Verdict("solver defect", f"right up to its end at t = {ended:.9g} s; then {fault.basis}")
+        return fault
+    return spurious_verdict(expected, found[matching.spurious[0]], allowed)
+
+
+def undecided_verdict(event: ReferenceEvent) -> Verdict:
+    """The verdict on a right run that decides nothing of a surface any more where this transition of it comes."""
+    return Verdict("not judged", f"nothing is decided of the surface of the {event.kind} at t = {event.time:.9g} s")
+
+
+def missed_verdict(expected: Expected, index: int, allowed: float) -> Verdict:
+    """The verdict on a transition that a run misses."""
+    event = expected.transitions[index]
+    what = f"{event.kind} at t = {event.time:.9g} s"
+    if event.conditioning == float("inf"):
+        return Verdict("ill-conditioned", f"{what} only touches: any error makes it two transitions or none")
+    gap, moved = expected.gaps[index], event.conditioning * allowed
+    basis = f"{what}: an error of {allowed:.1e} moves it by {moved:.1e} s, its neighbour is {gap:.1e} s away"
+    if moved >= PARABOLA_PART * gap:
+        return Verdict("ill-conditioned", basis)
+    graze = _graze_within(expected, event.time, gap, allowed)
+    return Verdict("solver defect", basis) if graze is None else _grazing(graze, allowed)
+
+
+def spurious_verdict(expected: Expected, event: Transition, allowed: float) -> Verdict:
+    """The verdict on a transition that a run invents."""
+    what = f"{event.kind} at t = {event.time:.9g} s"
+    close = expected.nearest(event.surface, event.time)
+    if close is not None:
+        other = expected.transitions[close]
+        gap = min(expected.gaps[close], expected.until - expected.start)
+        reach = other.conditioning * allowed
+        if reach >= PARABOLA_PART * gap:
+            return Verdict(
+                "ill-conditioned",
+                f"{what}: an error of {allowed:.1e} moves the {other.kind} at t = {other.time:.9g} s by {reach:.1e} s",
+            )
+    span = expected.until - expected.start
+    gap = span if close is None else expected.gaps[close]
+    graze = _graze_within(expected, event.time, gap, allowed)
+    if graze is not None:
+        return _grazing(graze, allowed)
+    nearest = expected.grazes_by_time.from_nearest(event.time)
+    no_graze = "the exact run comes close to no surface without reaching it" if nearest is None else (
+        f"the nearest near touch is {nearest:.1e} s away"
+    )  # fmt: skip
+    return Verdict("solver defect", f"{what} is not there: an error of {allowed:.1e} is granted, and {no_graze}")
+
+
+def graze_distance(expected: Expected, index: int) -> float:
+    """How far a transition is from a graze [unit of the surface]: depth of the parabola to its neighbour's root."""
+    event: ReferenceEvent = expected.transitions[index]
+    return PARABOLA_PART * event.transversality * expected.gaps[index]
+
+
+def _graze_within(expected: Expected, where: float, gap: float, allowed: float) -> NearGraze | None:
+    """A near graze within reach of the granted error, around this time."""
+    graze = expected.grazes_by_time.closest(where, gap)
+    return graze if graze is not None and graze.distance <= allowed else None
+
+
+def _grazing(graze: NearGraze, allowed: float) -> Verdict:
+    return Verdict(
+        "ill-conditioned",
+        f"at t = {graze.time:.9g} s the surface is {graze.distance:.1e} away, within an error of {allowed:.1e}",
+    )

@@ -1,0 +1,48 @@
+"""The page of causes: what each library does by itself, shown by a run of it made while the page is written."""
+
+from __future__ import annotations
+
+import importlib.metadata
+from pathlib import Path
+
+from baselines.causes import CAUSES, Cause, ClaimError
+from henon_ref.harness.registry import program_versions
+from henon_ref.harness.studies.page import write
+
+FOLDER = "causes"
+
+
+def write_causes(out: Path) -> Path:
+    """Run every cause's check and write what was seen.
+
+    Parameters
+    ----------
+    out : Path
+        Folder of the reports.
+
+    Raises
+    ------
+    OSError
+        Where the page cannot be written.
+    """
+    shown = [{"cause": cause, "version": _version(cause.package), "seen": _seen(cause)} for cause in CAUSES.values()]
+    return write(out / FOLDER, "causes", {"causes": shown})
+
+
+def _version(package: str) -> str | None:
+    if package in (programs := program_versions()):
+        return programs[package] or None
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return None
+
+
+def _seen(cause: Cause) -> str:
+    """What the check saw; said so where the library does not behave as claimed, or is not there."""
+    if _version(cause.package) is None:
+        return "not installed here: not checked"
+    try:
+        return cause.check()
+    except ClaimError as error:
+        return f"**not as claimed with this version**: {error}"

@@ -1,0 +1,159 @@
+"""Figures of the price list."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from henon_ref.figures import style
+from henon_ref.figures.description import describe
+from henon_ref.figures.labels import label_column
+from henon_ref.harness.registry import COMPILED
+from henon_ref.harness.report.text.ranking import by_solver, right
+from henon_ref.harness.rows import RunRow, number
+from henon_ref.harness.studies.price.growth import Horizon
+from henon_ref.harness.studies.price.growth import exponent as horizon_power
+from henon_ref.harness.studies.price.states import Size, fitted
+
+COUNTS = {
+    "wall_s": "wall time of one run, median",
+    "rhs_evaluations": "right-hand sides (of henon and heyoka: whole Taylor expansions)",
+    "steps": "steps",
+}
+"""What may stand on the axis of cost."""
+
+BOUND = 1e-11
+"""Error of a stick [s] that a run of a million seconds must not exceed."""
+
+
+def draw_ladder(rows: Sequence[RunRow], count: str) -> Figure:
+    """Worst error of a transition's time against a cost, one line a solver, for one reading.
+
+    Times have bars, the 95 % intervals of the medians. Compiled callbacks change times and nothing else: they stand,
+    dash-dotted, where the cost is a time.
+    """
+    is_time = count == "wall_s"
+    with style.figure(4.4) as figure:
+        axes = figure.add_axes((0.1, 0.12, 0.645, 0.8))
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+        ladders = by_solver(right(rows))
+        lines = style.lines_of(solver for solver in ladders if is_time or not solver.endswith(COMPILED))
+        tips = {}
+        for solver, line in lines.items():
+            points = [
+                (cost, max(row.max_time_error_s, 1e-16))
+                for row in ladders[solver]
+                if (cost := _cost(row, count)) and row.max_time_error_s is not None
+            ]
+            if points:
+                _draw_line(axes, line, points)
+                if is_time:
+                    _draw_bars(axes, line, ladders[solver])
+                tips[solver] = min(error for _, error in points)
+        style.decades(axes.xaxis, style.time_text if is_time else None)
+        style.decades(axes.yaxis)
+        ordered = sorted(tips, key=lambda solver: -tips[solver])
+        label_column(axes, [(solver, lines[solver]) for solver in ordered], x=1.045, gap=0.05)
+        if is_time:
+            axes.plot([], [], color=style.GREY, lw=0.8, label="95 % interval of the median")
+            axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
+        axes.set(xlabel=COUNTS[count], ylabel="worst error of a transition time [s]")
+        least = "; ".join(f"{solver} {tips[solver]:.1e} s" for solver in ordered)
+        describe(
+            figure,
+            f"Accuracy against {'time' if is_time else count.replace('_', ' ')}",
+            f"Across, {COUNTS[count]}; upward, the worst error of a transition time; both axes are logarithmic. "
+            f"Least error of each solver: {least}.",
+        )
+    return figure
+
+
+def _cost(row: RunRow, count: str) -> float | None:
+    return {"wall_s": row.wall_s, "rhs_evaluations": row.rhs_evaluations, "steps": row.steps}[count]
+
+
+def _draw_line(axes: Axes, line: style.Line, points: Sequence[tuple[float, float]]) -> None:
+    x, y = np.array(points).T
+    axes.plot(x, y, ls=line.dashes, marker=line.marker, color=line.colour, lw=line.width, ms=3.5)
+
+
+def _draw_bars(axes: Axes, line: style.Line, ladder: Sequence[RunRow]) -> None:
+    known = [row for row in ladder if row.wall_s_low is not None and row.max_time_error_s is not None]
+    if known:
+        errors = [max(number(row.max_time_error_s), 1e-16) for row in known]
+        low, high = [number(row.wall_s_low) for row in known], [number(row.wall_s_high) for row in known]
+        axes.hlines(errors, low, high, color=line.colour, lw=0.8)
+
+
+def draw_growth(found: Sequence[Horizon]) -> Figure:
+    """Time of a transition and error of the last sticks over the horizon, for every solver."""
+    with style.figure(3.0) as figure:
+        left, right_ = figure.subplots(1, 2, sharex=True)
+        for solver in dict.fromkeys(own.solver for own in found):
+            own = [run for run in found if run.solver == solver]
+            label = f"{solver}: run ~ horizon^({horizon_power(found, solver)})"
+            _plot(left, solver, [run.until for run in own], [1e6 * run.per_transition_s for run in own], label)
+            settled = [run for run in own if not math.isnan(run.stick_error_s)]
+            errors = [max(run.stick_error_s, 1e-16) for run in settled]
+            _plot(right_, solver, [run.until for run in settled], errors, solver)
+        left.set(xlabel="horizon [s]", ylabel="wall time a transition [µs]")
+        left.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
+        right_.axhline(BOUND, color=style.GREY, ls="--", lw=0.9)
+        right_.annotate(
+            f"bound: {BOUND:.0e} s", (max(run.until for run in found), BOUND), (0, -11),
+            textcoords="offset points", fontsize=8.0, color=style.GREY, ha="right",
+        )  # fmt: skip
+        right_.set(xlabel="horizon [s]", ylabel="worst error of the last sticks [s]")
+        figure.set_layout_engine("constrained")
+        describe(
+            figure,
+            "Time of a transition, and error of the last sticks, over the horizon",
+            "Two panels with logarithmic axes. Time of a run grows with a power of the horizon: "
+            + "; ".join(f"{s} {horizon_power(found, s)}" for s in dict.fromkeys(own.solver for own in found))
+            + f". In the second panel a dashed line is the bound of {BOUND:.0e} s on the error of the last sticks.",
+        )
+    return figure
+
+
+def draw_sizes(found: Sequence[Size]) -> Figure:
+    """Time of a simulated second and of getting ready over the number of states, for every solver."""
+    with style.figure(3.2) as figure:
+        panels = figure.subplots(1, 2)
+        columns = (
+            ("per_second", 1e3, "wall time of a simulated second [ms]"),
+            ("ready_s", 1.0, "wall time of making ready [s]"),
+        )
+        ticks = sorted({size.states for size in found})
+        for axes, (column, unit, words) in zip(panels, columns, strict=True):
+            for solver in dict.fromkeys(own.solver for own in found):
+                own = [size for size in found if size.solver == solver and size.agrees]
+                label = f"{solver}: ~ states^({fitted(found, solver, column)})"
+                _plot(
+                    axes, solver, [size.states for size in own], [unit * getattr(size, column) for size in own], label
+                )
+            axes.set_xticks(ticks, [str(tick) for tick in ticks], minor=False)
+            axes.set_xticks([], minor=True)
+            axes.set(xlabel="states", ylabel=words)
+            axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
+        figure.set_layout_engine("constrained")
+        describe(
+            figure,
+            "Time of a simulated second, and of making ready, over the number of states",
+            "Two panels with logarithmic axes, a line a solver. Times grow with a power of the number of states: "
+            + "; ".join(
+                f"{solver} {', '.join(f'{fitted(found, solver, column)}' for column, _, _ in columns)}"
+                for solver in dict.fromkeys(own.solver for own in found)
+            )
+            + ".",
+        )
+    return figure
+
+
+def _plot(axes: Axes, solver: str, x: Sequence[float], y: Sequence[float], label: str) -> None:
+    look = style.line_of(solver)
+    axes.loglog(x, y, ls=look.dashes, marker=look.marker, color=look.colour, lw=look.width, label=label)

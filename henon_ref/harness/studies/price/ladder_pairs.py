@@ -1,0 +1,60 @@
+"""Paired timing over the ladder: ``henon`` against every other solver, compiled callbacks included."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from henon_ref.casefile.case import Case
+from henon_ref.harness.campaign.options import Observer, Options
+from henon_ref.harness.report.text.paired_times import FIRST
+from henon_ref.harness.report.text.ranking import LEVELS, by_solver, readings_of
+from henon_ref.harness.rows import RunRow
+from henon_ref.harness.studies.price.ladder import TIMEOUT, SampleRow, microseconds
+from henon_ref.harness.studies.price.paired_times import PairedTiming, TimedPair, time_pairs
+from henon_ref.harness.studies.price.pairs import pairs_of
+
+SECONDS = 4.0
+"""Time that the runs of a pair may take."""
+FEWEST = 3
+"""Rounds at least, so that a median is taken of three even where a round is slow."""
+
+
+def time_ladder_pairs(
+    cases: Sequence[Case], rows: Sequence[RunRow], options: Options, observer: Observer, seconds: float = SECONDS
+) -> tuple[list[TimedPair], list[str]]:
+    """Time the pairs on every reading that both solve; their rows, and what could not be timed.
+
+    Parameters
+    ----------
+    cases : sequence of Case
+    rows : sequence of RunRow
+        The ladder's: they tell which settings get how many digits.
+    options : Options
+        Processes and memory are taken from it.
+    observer : Observer
+    seconds : float
+        Time that the runs of a pair may take.
+    """
+    by_reading = readings_of(rows)
+    rivals = [solver for solver in by_solver(rows) if solver != FIRST]
+    timings = {
+        case.name: [
+            PairedTiming(case.name, reading.name, reading.problem, found, seconds, TIMEOUT, fewest=FEWEST)
+            for reading in case.readings
+            for rival in rivals
+            if (found := tuple(pairs_of(by_reading.get((case.name, reading.name), []), {rival: (rival,)}, LEVELS)))
+        ]
+        for case in cases
+    }
+    return time_pairs(timings, options, observer)
+
+
+def samples_of(found: Sequence[TimedPair]) -> list[SampleRow]:
+    """The raw samples behind the pairs' ratios: two rows a pair."""
+    rows = []
+    for row in found:
+        pair = (*row.problem, row.against, row.digits)
+        rows.append(SampleRow(*pair, FIRST, row.rtol, None, microseconds(row.samples_s)))
+        rival = microseconds(row.rival_samples_s)
+        rows.append(SampleRow(*pair, row.rival, row.rival_rtol, row.rival_step_s, rival))
+    return rows

@@ -1,0 +1,115 @@
+"""Floating-point operations of a run, counted in its LLVM code, and their rate over that of a matrix product."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from baselines.henon import HENON_SOLVER
+from henon_ref.filippov.problem import Problem
+from henon_ref.harness.campaign.interleaved import interleaved
+from henon_ref.henon.integrator import Integrator
+from henon_ref.henon.prepared_run import order_for
+from henon_ref.henon.records import HENON
+from henon_ref.henon.run import Run
+from henon_ref.taylor.llvm.count import count as count
+from henon_ref.taylor.llvm.expansion import expansion_ir
+from henon_ref.taylor.llvm.step_end import step_end_ir
+from henon_ref.taylor.tape import build_tape
+
+RTOL = 1e-12
+ROUNDS = 60
+SIZE = 60
+"""Rows of the square matrices whose product measures the peak rate: three of them stay within the first cache level."""
+
+
+@dataclass(frozen=True)
+class Work:
+    """A run's arithmetic."""
+
+    expansion: int
+    """Operations of one Taylor expansion in slip."""
+    stick: int
+    """The same in stick."""
+    closing: int
+    """Operations of ending a step."""
+    steps: int
+    expansions: int
+    in_stick: int
+    """Expansions made while the motion sticks."""
+    landed: int
+    """Evaluations of a guard's polynomial while a transition is put on its surface."""
+    order: int
+    """Degree of these polynomials."""
+    wall_s: float
+    """Median time of the run [s]."""
+    peak: float
+    """Operations a second of a matrix product on one core [1/s]."""
+
+    @property
+    def total(self) -> int:
+        """Operations of the run: expansions by mode, ends of steps, polynomials (a product and a sum a degree)."""
+        slip = self.expansions - self.in_stick
+        landing = 2 * self.order * self.landed
+        return slip * self.expansion + self.in_stick * self.stick + self.steps * self.closing + landing
+
+    @property
+    def rate(self) -> float:
+        """Operations a second [1/s]."""
+        return self.total / self.wall_s
+
+
+def work(problem: Problem) -> Work:
+    """Count and time a run of a problem with one surface at tolerance 1e-12."""
+    tolerance = 0.1 * RTOL
+    order = order_for(tolerance)
+    system = problem.system
+    n = len(system.states)
+    counts = []
+    for sliding in (frozenset[int](), frozenset({0})):
+        equations = system.shared_equations(sliding)
+        tape = build_tape(system.states, equations.field, [g.expression for g in equations.guards])
+        counts.append(count(expansion_ir(tape, n, order, "expansion")))
+    integrator = Integrator(system, order)
+    start = integrator.start(problem, tolerance=tolerance, landing=HENON)
+
+    def run():  # type: ignore[no-untyped-def]
+        return Run(integrator, start).to_horizon()
+
+    a = np.linspace(0, 1, SIZE * SIZE).reshape(SIZE, SIZE)
+    out = np.empty_like(a)
+
+    def product() -> None:
+        for _ in range(20):
+            np.matmul(a, a, out=out)
+
+    times = interleaved({"run": run, "product": product}, rounds=ROUNDS)
+    made = run().counts
+    in_stick = _while_stuck(
+        problem, lambda until: Run(integrator, replace(start, until=(until, 0.0))).to_horizon().counts.rhs_evaluations
+    )
+    return Work(
+        expansion=counts[0],
+        stick=counts[1],
+        closing=count(step_end_ir(n, 1, order, "closing")),
+        steps=made.steps,
+        expansions=made.rhs_evaluations,
+        in_stick=in_stick,
+        landed=made.event_evaluations,
+        order=order,
+        wall_s=times.median("run"),
+        peak=20 * 2 * SIZE**3 / times.median("product"),
+    )
+
+
+def _while_stuck(problem: Problem, expansions: Callable[[float], int]) -> int:
+    """Expansions made while a motion with one surface sticks; ``expansions(until)`` counts those up to a time."""
+    run = HENON_SOLVER.prepare(problem, rtol=RTOL)()
+    spent, total, stuck = 0, 0, run.transitions[0].from_mode == (0,)
+    for transition in run.transitions:
+        before, spent = spent, expansions(transition.time)
+        total += (spent - before) * stuck
+        stuck = transition.to_mode == (0,)
+    return total + (run.counts.rhs_evaluations - spent) * stuck

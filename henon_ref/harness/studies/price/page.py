@@ -1,0 +1,116 @@
+"""The price list's page, its figures, and the CSV files behind its tables."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import astuple, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from henon_ref.harness.registry import COMPILED
+from henon_ref.harness.report.files.manifest import Provenance
+from henon_ref.harness.report.text.formats import duration
+from henon_ref.harness.report.text.paired_times import PairRow, own_words
+from henon_ref.harness.report.text.ranking import readings_of
+from henon_ref.harness.rows import RunRow, csv_text, rows_text
+from henon_ref.harness.studies.page import write
+from henon_ref.harness.studies.price import tables
+from henon_ref.harness.studies.price.compiling import Ready
+from henon_ref.harness.studies.price.effects import Step
+from henon_ref.harness.studies.price.figures import COUNTS, draw_growth, draw_ladder, draw_sizes
+from henon_ref.harness.studies.price.growth import Horizon
+from henon_ref.harness.studies.price.ladder import TIMEOUT, SampleRow
+from henon_ref.harness.studies.price.ladder_pairs import FEWEST, samples_of
+from henon_ref.harness.studies.price.landings import Landed
+from henon_ref.harness.studies.price.operations import Work
+from henon_ref.harness.studies.price.paired_times import TimedPair
+from henon_ref.harness.studies.price.states import Size
+from henon_ref.text import markdown
+
+GROWTH, SIZES = "growth.svg", "states.svg"
+
+
+@dataclass(frozen=True)
+class Prices:
+    """Everything that was measured."""
+
+    rows: Sequence[RunRow]
+    samples: Sequence[SampleRow]
+    """Raw samples behind the rows' times."""
+    pairs: Sequence[TimedPair]
+    failed: Sequence[str]
+    """Pairs that could not be timed, and why."""
+    ready: Sequence[Ready]
+    landings: Sequence[Landed]
+    work: Work
+    effects: Sequence[Step]
+    growth: Sequence[Horizon]
+    sizes: Sequence[Size]
+
+
+def write_page(found: Prices, origin: Provenance, folder: Path) -> Path:
+    """Write rows, figures and page.
+
+    Raises
+    ------
+    OSError
+        Where the folder cannot be written.
+    """
+    sections, figures = [], {GROWTH: draw_growth(found.growth), SIZES: draw_sizes(found.sizes)}
+    for (case, reading), rows in readings_of(found.rows).items():
+        own = {f"{case}_{reading}_{count}.svg": count for count in COUNTS}
+        figures |= {file: draw_ladder(rows, count) for file, count in own.items()}
+        sections.append(
+            {
+                "title": tables.title(case, reading),
+                "figures": [(COUNTS[count], file) for file, count in own.items()],
+                "table": tables.price_table(found.pairs, (case, reading)).markdown,
+                "scatter": tables.scatter(rows),
+            }
+        )
+    work = found.work
+    context = {
+        "whole": tables.whole_table(found.rows, found.pairs).markdown,
+        "own_times": tables.own_times(found.pairs),
+        "deadline": f"{TIMEOUT:g}",
+        "fewest": FEWEST,
+        "rivals": tables.rival_table(found.pairs).markdown,
+        "own": own_words(found.pairs),
+        "compiled": any(row.solver.endswith(COMPILED) for row in found.rows),
+        "callbacks": tables.callback_costs(found.rows).markdown,
+        "failed": [markdown(words) for words in found.failed],
+        "ready": tables.ready_table(found.ready).markdown,
+        "sections": sections,
+        "landings": tables.landing_table(found.landings).markdown,
+        "effects": tables.effect_table(found.effects).markdown,
+        "growth": tables.growth_table(found.growth).markdown,
+        "growth_figure": GROWTH,
+        "sizes": tables.size_table(found.sizes).markdown,
+        "sizes_figure": SIZES,
+        "work": work,
+        "work_time": duration(work.wall_s),
+        "of_peak": f"{100 * work.rate / work.peak:.0f} %",
+        "gigaflops": f"{work.rate / 1e9:.2g}",
+        "peak": f"{work.peak / 1e9:.2g}",
+        "origin": origin,
+    }
+    return write(folder, "price", context, _files(found), figures)
+
+
+def _files(found: Prices) -> dict[str, str]:
+    """CSV text of what the tables are made of, by file name."""
+    return {
+        "price.csv": rows_text(RunRow, found.rows),
+        "pairs.csv": rows_text(PairRow, found.pairs),
+        "samples.csv": rows_text(SampleRow, [*found.samples, *samples_of(found.pairs)]),
+        "compiling.csv": _records(Ready, found.ready),
+        "landings.csv": _records(Landed, found.landings),
+        "effects.csv": _records(Step, found.effects),
+        "horizons.csv": _records(Horizon, found.growth),
+        "states.csv": _records(Size, found.sizes),
+        "operations.csv": _records(Work, [found.work]),
+    }
+
+
+def _records(kind: Any, found: Sequence[Any]) -> str:
+    return csv_text([field.name for field in fields(kind)], map(astuple, found))

@@ -1,0 +1,154 @@
+"""Paired timing: the runs of a reading's pairs interleaved by one worker, and ratios taken round by round."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from henon_ref.filippov.problem import Problem
+from henon_ref.harness import registry
+from henon_ref.harness.campaign.interleaved import Turns, interleaved
+from henon_ref.harness.campaign.options import Observer, Options
+from henon_ref.harness.campaign.pool import Jobs, WorkerPool
+from henon_ref.harness.campaign.timing import median_interval
+from henon_ref.harness.campaign.worker import Failure, Job, WorkerState
+from henon_ref.harness.report.text.paired_times import PairRow
+from henon_ref.harness.studies.price.own_calls import ClockedHeyoka, clocked, own_part
+from henon_ref.harness.studies.price.pairs import Candidate, Pair
+from henon_ref.solver import Run
+
+FEWEST, MOST = 9, 200
+"""How often each setting is run."""
+TURN = 1e-3
+"""Seconds for which a short run is repeated when it is its turn."""
+PREPARE_SECONDS = 300.0
+"""Processor time that the preparation of all settings may take [s]: compiled callbacks take some seconds each."""
+OWN_ROUNDS = 20
+"""Rounds at most in which a library's own calls are clocked."""
+
+_LOG = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class TimedPair(PairRow):
+    """A pair with the times of every round."""
+
+    samples_s: tuple[float, ...] = ()
+    """The reference's [s]."""
+    rival_samples_s: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class PairedTiming(Job):
+    """Time the settings of pairs on one reading, interleaved; a row a pair with the ratio of its cheapest settings."""
+
+    case: str
+    reading: str
+    problem: Problem
+    pairs: tuple[Pair, ...]
+    spend: float
+    """Seconds that the runs may take in all; each is made :attr:`fewest` times at least."""
+    deadline: float
+    """Seconds that one run may take."""
+    fewest: int = FEWEST
+
+    @property
+    def candidates(self) -> tuple[Candidate, ...]:
+        """All that run."""
+        return tuple(dict.fromkeys(candidate for pair in self.pairs for candidate in (*pair.own, *pair.rival)))
+
+    @property
+    def round_s(self) -> float:
+        """Time of one round, by the rows [s]."""
+        return sum(max(candidate.wall_s, TURN) for candidate in self.candidates)
+
+    @property
+    def rounds(self) -> int:
+        """How often each setting is run."""
+        return min(max(int(self.spend / self.round_s), self.fewest), MOST)
+
+    @property
+    def seconds(self) -> float:
+        return PREPARE_SECONDS + 10.0 * (self.rounds + 1) * self.round_s
+
+    def run(self, state: WorkerState) -> list[TimedPair]:
+        """Rows of all pairs."""
+        runs = {candidate: self._prepared(candidate) for candidate in self.candidates}
+        times = interleaved(runs, rounds=self.rounds, turn=TURN)
+        own_times: dict[Candidate, float | None] = {}
+        for pair in self.pairs:
+            rival = min(pair.rival, key=times.median)
+            if rival not in own_times:
+                own_times[rival] = self._own_time(rival, runs[rival], times)
+        return [self._row(pair, times, own_times) for pair in self.pairs]
+
+    def _prepared(self, candidate: Candidate, solver: ClockedHeyoka | None = None) -> Run:
+        own = candidate.setting
+        return (solver or registry.solver(candidate.solver)).prepare(
+            self.problem, rtol=own.rtol, atol=own.atol, step=own.step, deadline=self.deadline
+        )
+
+    def _own_time(self, rival: Candidate, run: Run, times: Turns[Candidate]) -> float | None:
+        """Time of a run that is the library's own [s]; None where that is not known."""
+        solver = clocked(registry.solver(rival.solver))
+        if solver is None:
+            return None
+        part = own_part(run, self._prepared(rival, solver), solver.clock, rounds=min(self.rounds, OWN_ROUNDS))
+        return part * times.median(rival) or None  # an integrator that all modes share was made without the clock
+
+    def _row(self, pair: Pair, times: Turns[Candidate], own_times: Mapping[Candidate, float | None]) -> TimedPair:
+        own, rival = (min(candidates, key=times.median) for candidates in (pair.own, pair.rival))
+        low, high = median_interval(times.ratios(own, rival))
+        return TimedPair(
+            case=self.case,
+            reading=self.reading,
+            digits=pair.digits,
+            against=pair.against,
+            rtol=own.setting.rtol,
+            rival=rival.solver,
+            rival_rtol=rival.setting.rtol,
+            rival_step_s=rival.setting.step,
+            wall_s=times.median(own),
+            rival_wall_s=times.median(rival),
+            ratio=times.ratio(own, rival),
+            ratio_low=low,
+            ratio_high=high,
+            rounds=self.rounds,
+            rival_own_s=own_times[rival],
+            samples_s=tuple(times.times[own]),
+            rival_samples_s=tuple(times.times[rival]),
+        )
+
+
+def time_pairs(
+    timings: Mapping[str, Sequence[PairedTiming]], options: Options, observer: Observer
+) -> tuple[list[TimedPair], list[str]]:
+    """Time pairs, those of each job by one worker; their rows, and what could not be timed, a sentence each.
+
+    Parameters
+    ----------
+    timings : mapping of sequences of PairedTiming
+        By case.
+    options : Options
+        Processes and memory are taken from it.
+    observer : Observer
+    """
+    rows: list[TimedPair] = []
+    failed: list[str] = []
+
+    def timed(own: Sequence[PairedTiming]) -> Jobs:
+        for timing in own:
+            result = yield timing
+            if isinstance(result, Failure):
+                whom = ", ".join(dict.fromkeys(pair.against for pair in timing.pairs))
+                failed.append(f"{timing.case}, {timing.reading}, against {whom}: {result.reason}")
+                _LOG.info("cannot be timed in turn: %s", failed[-1])
+            else:
+                rows.extend(result)
+
+    pool = WorkerPool(workers=options.processes, memory=options.memory)
+    for own in timings.values():
+        pool.add("timings", timed(own))
+    pool.run(observer.tick)
+    return [row for case in timings for row in rows if row.case == case], failed

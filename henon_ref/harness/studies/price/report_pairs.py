@@ -1,0 +1,137 @@
+"""Paired timing over a folder of reports: ``henon`` against the cheapest other solvers of every reading."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+from henon_ref.casefile.case import Case
+from henon_ref.harness.campaign.options import Observer, Options
+from henon_ref.harness.report.files.manifest import Provenance
+from henon_ref.harness.report.files.write import RUNS
+from henon_ref.harness.report.text.paired_times import (
+    FIRST,
+    FOLDER,
+    FROM_C,
+    OTHERS,
+    RATIOS,
+    SECOND,
+    PairRow,
+    link,
+    own_words,
+    slower_table,
+    spread_table,
+)
+from henon_ref.harness.report.text.ranking import LEVELS, readings_of
+from henon_ref.harness.rows import RunRow, read_rows, rows_text
+from henon_ref.harness.studies.page import write
+from henon_ref.harness.studies.price.paired_times import PairedTiming, time_pairs
+from henon_ref.harness.studies.price.pairs import able_rows, pairs_of
+from henon_ref.text import markdown
+
+SECONDS = 1.0
+"""Time that the runs of a reading may take in all."""
+CVODE_FROM_C = ("cvode-c-adams", "cvode-c-bdf")
+
+
+def run_paired_times(
+    cases: Sequence[Case],
+    options: Options,
+    origin: Provenance,
+    out: Path,
+    observer: Observer,
+    *,
+    reports: Path | None = None,
+) -> Path | None:
+    """Time the reference and its rivals in turn on every reading whose report is there, and write the page.
+
+    Parameters
+    ----------
+    cases : sequence of Case
+    options : Options
+        Limits are taken from it.
+    origin : Provenance
+    out : Path
+        Folder that gets the page's own.
+    observer : Observer
+    reports : Path, optional
+        Folder of the reports whose rows tell who is to be timed at which setting; None: ``out``.
+
+    Returns
+    -------
+    Path or None
+        The page; None where no reading has a rival.
+    """
+    runs = {case.name: read_rows(RunRow, (reports or out) / case.name / RUNS) for case in cases}
+    timings = {case.name: list(timings_of(case, runs[case.name], options.timeout)) for case in cases}
+    if not any(timings.values()):
+        return None
+    rows, failed = time_pairs(timings, options, observer)
+    every = [row for own in runs.values() for row in own]
+    return write_page(rows, failed, left_out(every), every, origin, out / FOLDER)
+
+
+def left_out(rows: Sequence[RunRow]) -> dict[str, list[str]]:
+    """Links to the readings without a pair, by the solver that has no right run to the fewest digits of a level."""
+    found: dict[str, list[str]] = {}
+    for (case, reading), own in readings_of(rows).items():
+        able = {row.solver for _, level in able_rows(own, LEVELS) for row in level if row.wall_s}
+        if FIRST not in able:
+            found.setdefault(f"of `{FIRST}`", []).append(link(case, reading))
+        elif able == {FIRST}:
+            found.setdefault("of any other solver", []).append(link(case, reading))
+    return found
+
+
+def timings_of(case: Case, rows: Sequence[RunRow], deadline: float) -> Iterator[PairedTiming]:
+    """What is to be timed on a case's readings, by the rows of its report; ``deadline``: of one run [s]."""
+    by_reading = readings_of(rows)
+    for reading in case.readings:
+        own = by_reading.get((case.name, reading.name), [])
+        rivals = {SECOND: (SECOND,), FROM_C: CVODE_FROM_C, OTHERS: {row.solver for row in own} - {FIRST}}
+        found = tuple(pairs_of(own, rivals, LEVELS))
+        if found:
+            yield PairedTiming(case.name, reading.name, reading.problem, found, SECONDS, deadline)
+
+
+def write_page(
+    rows: Sequence[PairRow],
+    failed: Sequence[str],
+    left: Mapping[str, Sequence[str]],
+    runs: Sequence[RunRow],
+    origin: Provenance,
+    folder: Path,
+) -> Path:
+    """Write ratios and page.
+
+    Parameters
+    ----------
+    rows : sequence of PairRow
+    failed : sequence of str
+        Readings that could not be timed, and why.
+    left : mapping of sequences of str
+        Readings in which there is nothing to time, as links, by the reason.
+    runs : sequence of RunRow
+        Rows of the reports that told whom to time.
+    origin : Provenance
+    folder : Path
+        The experiment's own folder; made if need be.
+
+    Raises
+    ------
+    OSError
+        Where it cannot be written.
+    """
+    slower = slower_table(rows, runs)
+    context = {
+        "readings": len({row.problem for row in rows}),
+        "total": len(readings_of(runs)),
+        "left": left,
+        "fewest": LEVELS[0],
+        "own": own_words(rows),
+        "spread": spread_table(rows).markdown,
+        "slower": slower.markdown if slower.rows else "",
+        "failed": [markdown(each) for each in failed],
+        "origin": origin,
+    }
+    return write(folder, "paired_times", context, {RATIOS: rows_text(PairRow, rows)})

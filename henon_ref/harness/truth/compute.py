@@ -1,0 +1,337 @@
+"""The truth of a reading: read where it is stored, else computed by two routes that have to agree, and stored.
+
+What is proven comes first: where ball arithmetic encloses a transition, its digits and radius are the truth, and
+heyoka's digits must lie within the enclosure, or there is no truth at all. Where the proof stops, heyoka's
+digits go on, and the truth says that it is not certified and why. Where heyoka is not installed, the proof stands
+alone: it is the truth as far as it goes, and the truth says so. Closed forms of the case replace computed times once
+they have been found to agree with them.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from decimal import Decimal, localcontext
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from flint import arb
+
+from henon_ref.enclosure.balls import enclose
+from henon_ref.filippov.kinks import visible
+from henon_ref.harness.truth import store
+from henon_ref.harness.truth.reference import OUT_OF_TIME, ReferenceTransition, Route, Truth, TruthError
+from henon_ref.precision import working_precision
+
+if TYPE_CHECKING:
+    from henon_ref.casefile.case import Case, Reading
+
+log = logging.getLogger(__name__)
+
+COMPUTED_SECONDS = 120.0
+"""Processor time that heyoka's route may take there [s]; what it has found by then is the truth up to there."""
+PROOF_SECONDS = 60.0
+"""Time a proof may take where a truth is computed because none is stored [s]."""
+BARREN_SECONDS = 3.0
+"""The same where the run fails before its first transition, so that there is none whose digits could be proven [s]."""
+
+CLAIM_BITS = 320
+"""Precision at which a stored closed form is held against its case's."""
+ANEW = "it is not used, the truth is computed anew"
+"""What is said of a stored truth that does not hold."""
+ALONE = "alone: heyoka is not installed"
+"""What is said of a proof beside which there is no other route."""
+END_TOLERANCE = 1e-12
+"""Relative difference to the end that a case expects; a blow-up's time is an extrapolation."""
+
+Progress = Callable[[str, float], None]
+"""Told a stage's name and the part of it that is done, 0 to 1."""
+
+
+def truth_for(
+    case: Case,
+    reading: Reading,
+    *,
+    folder: Path | None = None,
+    recompute: bool = False,
+    progress: Progress | None = None,
+) -> Truth:
+    """The truth of a reading.
+
+    Parameters
+    ----------
+    case : Case
+    reading : Reading
+        One of the case's.
+    folder : Path, optional
+        Where truths are stored; by default ``cases/truth`` (see :func:`henon_ref.harness.truth.store.folder_of`), and
+        where what lies there cannot be used, the user's cache.
+    recompute : bool
+        Do not look at what is stored.
+    progress : callable, optional
+
+    Returns
+    -------
+    Truth
+        From the store where the hash of the mathematics matches. Otherwise computed, and stored where nothing is
+        replaced by it but what the user's cache holds: a file in ``cases/truth`` that cannot be used stays as it is.
+        Nothing is stored in an installed package.
+        One that heyoka would take further is not stored where it is not installed, nor one that its time limit has cut
+        short.
+
+    Raises
+    ------
+    TruthError
+        Where two routes, or a route and a closed form, contradict each other; nothing is stored then.
+    """
+    if not recompute and (stored := stored_truth(case, reading, folder)) is not None:
+        return stored
+    truth = compute(
+        case,
+        reading,
+        proof_seconds=PROOF_SECONDS,
+        barren_seconds=BARREN_SECONDS,
+        computed_seconds=COMPUTED_SECONDS,
+        progress=progress,
+    )
+    if not truth.certified and (not heyoka_installed() or truth.reason.startswith(OUT_OF_TIME)):
+        return truth
+    places = [place for place in _places(case, folder) if not store.inside_package(place)]
+    free = [place for place in places[:-1] if not os.path.lexists(store.path_of(place, case.name, reading.name))]
+    for place in (*free, *places[-1:]):
+        try:
+            store.save(place, truth)
+            break
+        except OSError as error:
+            log.warning("the truth of %s, %s is not kept in %s: %s", case.name, reading.name, place, error)
+    return truth
+
+
+def stored_truth(case: Case, reading: Reading, folder: Path | None = None) -> Truth | None:
+    """The stored truth, if it is that of the reading's mathematics and of what its case claims.
+
+    ``folder`` as in :func:`truth_for`. A file beside the cases that is there and cannot be used is told.
+    """
+    for place in _places(case, folder):
+        try:
+            stored = store.load(place, case.name, reading.name)
+        except store.StoredTruthError as error:
+            tell(error)
+            continue
+        if stored is None:
+            continue
+        if stored.mathematics_hash == reading.mathematics_hash and claimed(stored, reading):
+            return stored
+        if place != store.user_folder():
+            path = store.path_of(place, case.name, reading.name)
+            _tell_once(
+                f"{path} is the truth of what the case said before; {ANEW}, python -m henon_ref.truth replaces it"
+            )
+    return None
+
+
+def _places(case: Case, folder: Path | None) -> tuple[Path, ...]:
+    """Where a truth may lie; what cannot be stored in one place is stored in the next one."""
+    if folder is not None:
+        return (folder,)
+    return tuple(dict.fromkeys((store.folder_of(case.path), store.user_folder())))
+
+
+def tell(error: store.StoredTruthError) -> None:
+    """Warn that a file is no stored truth."""
+    _tell_once(f"{error}; {ANEW}")
+
+
+@cache
+def _tell_once(words: str) -> None:
+    """Several parts of a command look at the same file: a process says it once."""
+    log.warning("%s", words)
+
+
+def claimed(stored: Truth, reading: Reading) -> bool:
+    """Whether a truth has been held against what its case claims now: the hash says nothing of claims."""
+    times, modes = (reading.exact.transition_times, reading.exact.modes) if reading.exact else ((), ())
+    known = [t for t in stored.transitions if t.closed_form]
+    if len(known) != len(times) or [t.to_mode for t in stored.transitions[: len(modes)]] != list(modes):
+        return False
+    try:
+        _check_end(reading, stored)
+    except TruthError:
+        return False
+    with working_precision(CLAIM_BITS):
+        return all(abs(enclose(time) - arb(t.time_digits)) <= t.radius for time, t in zip(times, known, strict=True))
+
+
+def compute(
+    case: Case,
+    reading: Reading,
+    *,
+    proof_seconds: float | None = None,
+    barren_seconds: float | None = None,
+    computed_seconds: float | None = None,
+    progress: Progress | None = None,
+) -> Truth:
+    """Compute the truth of a reading by both routes.
+
+    Parameters
+    ----------
+    proof_seconds : float, optional
+        Give the proof up after so long; None: never.
+    barren_seconds : float, optional
+        The same where the run fails before its first transition; None: as ever.
+    computed_seconds : float, optional
+        Stop heyoka's route after so much processor time; None: never.
+
+    Raises
+    ------
+    TruthError
+        Where the routes, or a route and a closed form, contradict each other.
+    """
+    # Libraries of half a second's import are not for those who only read a stored truth.
+    from henon_ref.harness.truth.closed_forms import with_closed_forms
+    from henon_ref.harness.truth.conditioning import conditioning
+    from henon_ref.harness.truth.proofs import prove
+
+    problem, seconds, computed = reading.problem, proof_seconds, None
+    if heyoka_installed():
+        from henon_ref.harness.truth.multiprecision.route import multiprecision
+
+        computed = multiprecision(problem, progress=_stage(progress, "heyoka"), seconds=computed_seconds)
+        if computed.status == "failed" and not computed.transitions and barren_seconds is not None:
+            seconds = barren_seconds
+    proof = prove(problem, seconds=seconds, progress=_stage(progress, "proof"))
+    where = f"{case.name}, {reading.name}"
+    proof = replace(proof, transitions=tuple(visible(problem.system, proof.transitions)))
+    if computed is not None:
+        computed = replace(computed, transitions=tuple(visible(problem.system, computed.transitions)))
+    if computed is None:
+        proof = replace(proof, method=f"{proof.method} ({ALONE})")
+        truth = _truth(case.name, reading, proof, (proof,), proof.transitions, proof.undecided)
+    else:
+        truth = _combined(case.name, reading, computed, proof, where)
+    transitions = truth.transitions
+    try:
+        if reading.exact is not None:
+            transitions = with_closed_forms(transitions, reading.exact.transition_times, reading.exact.modes)
+        _check_end(reading, truth)
+    except TruthError as error:
+        raise TruthError(f"{where}: {error}") from None
+    numbers = conditioning(problem, transitions)
+    transitions = tuple(replace(t, conditioning=c) for t, c in zip(transitions, numbers, strict=True))
+    return replace(truth, transitions=transitions)
+
+
+def _check_end(reading: Reading, truth: Truth) -> None:
+    """Whether the run ends as the case says."""
+    expect = reading.expect
+    if expect is None:
+        return
+    if expect.status != truth.status:
+        raise TruthError(f"the case expects status {expect.status}, computed is {truth.status} ({truth.reason})")
+    if expect.time is not None:
+        late = truth.end_time - float(expect.time)
+        if abs(late) > truth.end_radius + END_TOLERANCE * max(abs(truth.end_time), abs(float(expect.time))):
+            raise TruthError(
+                f"the case expects the end at t = {float(expect.time):.17g}, computed is {truth.end_digits}"
+            )
+
+
+def _stage(progress: Progress | None, name: str) -> Callable[[float], None] | None:
+    return None if progress is None else lambda done: progress(name, done)
+
+
+def _combined(case: str, reading: Reading, computed: Route, proof: Route, where: str) -> Truth:
+    """One truth of two routes."""
+    if computed.accumulates:
+        proof = replace(proof, transitions=proof.transitions[: len(computed.transitions)])
+    certified = not proof.undecided
+    proven = len(proof.transitions)
+    for index, (ours, theirs) in enumerate(zip(computed.transitions, proof.transitions, strict=False)):
+        if fault := difference(ours, theirs):
+            raise TruthError(f"{where}, transition {index}: heyoka and the proof differ: {fault}")
+    if certified and not computed.undecided and proof.status != computed.status:
+        ends = [f"{route.status}{f' ({route.reason})' if route.reason else ''}" for route in (computed, proof)]
+        raise TruthError(f"{where}: heyoka ends with {ends[0]}, the proof with {ends[1]}")
+    if proven > len(computed.transitions) and not computed.undecided:
+        raise TruthError(f"{where}: {proven} transitions are proven, heyoka found {len(computed.transitions)} only")
+    if certified and proven < len(computed.transitions):
+        raise TruthError(
+            f"{where}: {proven} transitions are proven to be all, heyoka found {len(computed.transitions)}"
+        )
+    leading = proof if certified or proven > len(computed.transitions) else computed
+    routes = (proof, computed) if proven or certified else (computed, proof)
+    transitions = proof.transitions + computed.transitions[proven:]
+    return replace(
+        _truth(case, reading, leading, routes, transitions, proof.undecided), near_grazes=computed.near_grazes
+    )
+
+
+def _truth(
+    case: str,
+    reading: Reading,
+    leading: Route,
+    routes: Sequence[Route],
+    transitions: tuple[ReferenceTransition, ...],
+    undecided: str,
+) -> Truth:
+    """A truth that ends as one of its routes does; ``undecided`` is what kept the proof from its end."""
+    return Truth(
+        case=case,
+        reading=reading.name,
+        mathematics_hash=reading.mathematics_hash,
+        status=leading.status,
+        reason=leading.reason,
+        end_digits=leading.end_digits,
+        end_radius=leading.end_radius,
+        transitions=transitions,
+        near_grazes=(),
+        methods=tuple((route.method, route.bits, route.seconds) for route in routes),
+        certified=not undecided,
+        uncertified_because=undecided,
+    )
+
+
+def heyoka_installed() -> bool:
+    """Whether there is heyoka, which the multiprecision route is computed by."""
+    return find_spec("heyoka") is not None
+
+
+def difference(a: ReferenceTransition, b: ReferenceTransition) -> str:
+    """In what two accounts of one transition contradict each other; empty where in nothing."""
+    for name in ("kind", "surface", "from_mode", "to_mode"):
+        if getattr(a, name) != getattr(b, name):
+            return f"{name} {getattr(a, name)} and {getattr(b, name)} at t = {a.time_digits[:19]}"
+    if far := _separation(a.time_digits, a.radius, b.time_digits, b.radius):
+        return f"times {far} s apart, radii {a.radius:g} and {b.radius:g}, at t = {a.time_digits[:19]}"
+    for mine, other in zip(a.state, b.state, strict=True):
+        if far := _separation(mine, a.state_radius, other, b.state_radius):
+            return f"states {far} apart, radii {a.state_radius:g} and {b.state_radius:g}, at t = {a.time_digits[:19]}"
+    return ""
+
+
+def _separation(a: str, radius_a: float, b: str, radius_b: float) -> str:
+    """How far apart two numbers are, where their radii do not overlap; else empty."""
+    with localcontext() as context:
+        context.prec = 1000
+        distance = abs(Decimal(a) - Decimal(b))
+        return f"{distance:.3g}" if distance > Decimal(radius_a) + Decimal(radius_b) else ""
+
+
+def differences(stored: Truth, fresh: Truth) -> list[str]:
+    """In what a stored truth and a recomputed one contradict each other; how much is proven is no matter of that."""
+    found = []
+    for name in ("mathematics_hash", "status"):
+        if getattr(stored, name) != getattr(fresh, name):
+            found.append(f"{name}: stored {getattr(stored, name)}, now {getattr(fresh, name)}")
+    if len(stored.transitions) != len(fresh.transitions):
+        found.append(f"transitions: stored {len(stored.transitions)}, now {len(fresh.transitions)}")
+    if far := _separation(stored.end_digits, stored.end_radius, fresh.end_digits, fresh.end_radius):
+        found.append(f"end: {far} s apart")
+    for index, (old, new) in enumerate(zip(stored.transitions, fresh.transitions, strict=False)):
+        if fault := difference(old, new):
+            found.append(f"transition {index}: {fault}")
+    return found

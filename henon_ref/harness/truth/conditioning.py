@@ -1,0 +1,323 @@
+"""Conditioning of a transition: how far an error made earlier moves it.
+
+The conditioning of transition i is::
+
+    c_i = max over j of || d t_i / d x(t_j+) ||_2      [s per unit of state]
+
+where t_j runs over the start and every earlier instant at which modes change, and x(t_j+) is the state just
+after it. An error of size e in the state at any of these instants moves t_i by up to about c_i e. With the
+flow's derivative Phi and, at each event k with guard g (which falls through zero), the saltation matrix::
+
+    S_k = I + (f+ - f-) grad(g)^T / g',        g' = dg/dt + grad(g) . f-
+
+the derivative is ``-grad(g_i)^T / g_i' . Phi_i S_{i-1} Phi_{i-1} ... S_{j+1} Phi_{j+1} P_j``. P_j projects onto
+the surfaces that slide after t_j: an error that leaves a surface which holds the state is none. Landing on a
+surface makes S rank-deficient; so conditioning falls at every stick. Saltation: Aizerman and Gantmakher
+(1958); Leine and Nijmeijer, *Dynamics and Bifurcations of Non-Smooth Mechanical Systems* (2004), Sec. 7.5.
+
+Where several surfaces change at one instant their saltations are applied in the order of the surfaces, through
+the modes in between; the flow is then not differentiable, and the number is one of several one-sided ones.
+Where a guard touches zero without falling through it (graze), the time depends on the state like a square
+root: the conditioning is infinite, and the touch passes errors on unchanged.
+
+Where the state jumps, x -> R(t, x), the saltation matrix is ``DR + (f+ - DR f- - dR/dt) grad(g)^T / g'``, with f+ at
+the state after and everything else at that before.
+
+Double precision is enough here: the numbers are wanted to a few digits. The points are those of the truth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from math import inf
+from typing import Any
+
+import numpy as np
+import sympy as sp
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from henon_ref.filippov.equations import Guard
+from henon_ref.filippov.modes import Mode, replaced
+from henon_ref.filippov.problem import Problem
+from henon_ref.filippov.resets import jump_of
+from henon_ref.filippov.resting import impact_of, turning_in_flight
+from henon_ref.filippov.system import FilippovSystem
+from henon_ref.harness.truth.reference import ReferenceTransition, instants
+from henon_ref.taylor.tape import TIME
+
+Vector = NDArray[np.float64]
+
+TOLERANCE = 1e-12
+"""Of the variational equations, relative and as a part of each number's size on the way."""
+AT_ONCE = 1e-9
+"""A guard within this part of a mode's length of its root counts as fallen."""
+ALL: Mode = (1,)
+"""In the place of a mode where all have their equations in common."""
+
+
+def conditioning(problem: Problem, transitions: Sequence[ReferenceTransition]) -> list[float]:
+    """Conditioning of every transition.
+
+    Parameters
+    ----------
+    problem : Problem
+    transitions : sequence of ReferenceTransition
+        All of them, from the start on.
+
+    Returns
+    -------
+    list of float
+        c_i [s / unit of state]; ``inf`` for a touch.
+    """
+    transitions = tuple(transitions)
+    flow = _Variations(problem.system)
+    n = len(problem.initial)
+    time, state = float(problem.start), np.array([float(v) for v in problem.initial])
+    mode = transitions[0].from_mode if transitions else ()
+    spread = np.eye(n)[None]  # d x(now) / d x(t_j+), one matrix for each j so far
+    spread = spread @ flow.projector(mode, time, state) if transitions else spread
+    found: list[float] = []
+    for group in instants(transitions):
+        first = transitions[group[0]]
+        length = first.time - time
+        landed = np.array([float(v) for v in first.state])
+        resets = tuple(transitions[i].surface for i in group if transitions[i].kind == "reset")
+        origin, spread_there = (time, state), spread
+        change, arrived = flow.derivative(mode, time, state, first.time, landed)
+        spread = change @ spread
+        time, state = first.time, arrived if resets else landed
+        falls = _fallen_guards(flow, mode, first.to_mode, [transitions[i].surface for i in group], time, state, length)
+        rests = [transitions[i].kind == "stick" and transitions[i].surface in problem.system.resets for i in group]
+        for i in group:
+            if any(rests) and not resets and not length > 0:  # an impact that leaves no speed: at rest at that instant
+                found.append(found[-1])
+                continue
+            own = [f for f in falls if f[0].index == transitions[i].surface] or falls
+            rows = [-gradient / rate for _, gradient, rate in own if rate]
+            if any(rests) and not resets:
+                row = flow.time_of_rest(transitions[group[rests.index(True)]].surface, mode, *origin)
+                found.append(float(np.linalg.norm(row @ spread_there, axis=-1).max()))
+                continue
+            touch = transitions[i].kind == "graze" or not rows
+            found.append(inf if touch else max(float(np.linalg.norm(row @ spread, axis=-1).max()) for row in rows))
+        if resets:
+            spread = flow.jump(mode, first.to_mode, resets, falls, time, state, landed) @ spread
+        else:
+            spread = flow.saltation(mode, first.to_mode, falls, time, state) @ spread
+        mode, state = first.to_mode, landed
+        spread = np.concatenate([spread, flow.projector(mode, time, state)[None]])
+    return [float(f"{c:.4g}") if np.isfinite(c) else inf for c in found]
+
+
+Fall = tuple[Guard, Vector, float]
+"""(guard, its gradient, its rate along the field before); rate 0 for a touch."""
+
+
+def _fallen_guards(
+    flow: _Variations, mode: Mode, after: Mode, surfaces: Sequence[int], time: float, state: Vector, length: float
+) -> list[Fall]:
+    """The guards that end a mode: of those that could, the ones at their root."""
+    candidates: list[tuple[float, Fall]] = []
+    for guard, value, gradient, rate in flow.guards(mode, time, state):
+        if guard.ends or guard.index not in surfaces:
+            continue
+        if guard.kind == "release" and guard.to_sign != after[guard.index]:
+            continue
+        away = abs(value / rate) if rate < 0 else inf
+        candidates.append((away, (guard, gradient, rate if rate < 0 else 0.0)))
+    nearest = min((away for away, _ in candidates), default=inf)
+    limit = max(2 * nearest, AT_ONCE * length)
+    return [fall for away, fall in candidates if away <= limit]
+
+
+class _Variations:
+    """Flow derivatives, guards and saltation matrices of one system in double precision."""
+
+    def __init__(self, system: FilippovSystem) -> None:
+        self.system = system
+        self._flows: dict[Mode, Callable[..., Any]] = {}
+        self._functions: dict[Mode, Callable[..., Any]] = {}
+        self._maps: dict[int, Callable[..., Any]] = {}
+        self._shared = system.shared
+
+    def derivative(self, mode: Mode, begin: float, state: Vector, end: float, landed: Vector) -> tuple[Vector, Vector]:
+        """Phi, the derivative of the state at ``end`` with respect to that at ``begin`` within a mode; the state there.
+
+        ``landed``: what the state is there but for rounding, or for a jump: of that size.
+        """
+        n, length = len(state), end - begin
+        if not length > 0:
+            return np.eye(n), state
+        flow, switches = self._flow(mode), self._switches(mode)
+
+        def rates(passed: float, values: Vector) -> Vector:
+            field, jacobian = flow(np.float64(begin + passed), *values[:n], *switches)
+            growth = np.array(jacobian, dtype=float) @ values[n:].reshape(n, n)
+            return np.concatenate([np.array(field, dtype=float), growth.ravel()])
+
+        start = np.concatenate([state, np.eye(n).ravel()])
+        with np.errstate(all="ignore"):
+            size = np.max(np.abs([state, landed, rates(0.0, start)[:n] * length]), axis=0)
+            size[~(size > 0)] = 1.0
+            sizes = np.concatenate([size, np.divide.outer(size, size).ravel()])
+            run = solve_ivp(rates, (0.0, length), start, "DOP853", rtol=TOLERANCE, atol=TOLERANCE * sizes)
+        if run.status != 0:
+            return np.full((n, n), np.nan), landed  # a singularity close by: double precision cannot say
+        return run.y[n:, -1].reshape(n, n), run.y[:n, -1]
+
+    def guards(self, mode: Mode, time: float, state: Vector) -> list[tuple[Guard, float, Vector, float]]:
+        """(guard, value, gradient, rate along the field) of every guard of a mode."""
+        _, values, gradients, rates = self._at(mode, time, state)
+        guards = self.system.equations(mode).guards
+        return list(zip(guards, values, gradients, rates, strict=True))
+
+    def saltation(self, before: Mode, after: Mode, falls: Sequence[Fall], time: float, state: Vector) -> Vector:
+        """S, the product over the guards that fall at one instant (of one contact's several surfaces the first's)."""
+        total = np.eye(len(state))
+        mode = before
+        multiples = self.system.multiples
+        falls = [fall for fall in falls if fall[0].index not in multiples]
+        for position, (guard, gradient, rate) in enumerate(falls):
+            last = position == len(falls) - 1
+            following = after if last else replaced(mode, guard.index, after[guard.index])
+            for j, (i, _) in multiples.items():
+                following = replaced(following, j, after[j]) if i == guard.index else following
+            if rate and following != mode:
+                jump = self.field(following, time, state) - self.field(mode, time, state)
+                total = (np.eye(len(state)) + np.outer(jump, gradient) / rate) @ total
+            mode = following
+        return total
+
+    def jump(
+        self,
+        before: Mode,
+        after: Mode,
+        surfaces: tuple[int, ...],
+        falls: Sequence[Fall],
+        time: float,
+        state: Vector,
+        landed: Vector,
+    ) -> Vector:
+        """S of a reset, with the state before it and the one after, ``landed``.
+
+        Of several guards that fall at one instant the first one's.
+        """
+        drift, matrix = self._map(surfaces, time, state)
+        _, gradient, rate = next(fall for fall in falls if fall[0].index in surfaces)
+        if not rate:
+            return matrix
+        change = self.field(after, time, landed) - matrix @ self.field(before, time, state) - drift
+        return matrix + np.outer(change, gradient) / rate
+
+    def time_of_rest(self, surface: int, mode: Mode, time: float, state: Vector) -> Vector:
+        """How the limit of impacts moves with the state just after the last one, shape (n,).
+
+        From height h and speed v it is ``v / a + s / b + r s (1 + 1/q) / (a (1 - q r))`` away, -a and -b = -q^2 a being
+        the accelerations on the way up and down (q = 1 where no friction turns round), and s^2 = q^2 v^2 + 2 b h: its
+        derivative is ``(1 + q^2 r) / ((1 - q r) q v)`` by h and ``(1 + q) / ((1 - q r) q a)`` by v
+        (:mod:`henon_ref.filippov.resting`).
+        """
+        system, resting, jump = self.system, impact_of(self.system, surface), jump_of(self.system, surface)
+        assert resting is not None  # there is a rest
+        after = resting.speed.xreplace(dict(zip(system.states, jump.states, strict=True)))
+        signs = {s: sp.Integer(entry) for s, entry in zip(system.signs, mode, strict=True)}
+        turned = {system.signs[j]: -signs[system.signs[j]] for j in turning_in_flight(system, surface)}
+        written = [resting.acceleration, resting.acceleration.xreplace(turned), -sp.cancel(after / resting.speed)]
+        written += [
+            resting.speed,
+            *(sp.diff(e, x) for e in (system.surfaces[surface], resting.speed) for x in system.states),
+        ]
+        values = sp.lambdify([TIME, *system.states], [system.numeric(e).xreplace(signs) for e in written], np)
+        rising, falling, ratio, speed, *slopes = (float(v) for v in values(time, *state))
+        height, own = np.array(slopes).reshape(2, -1)
+        q = (falling / rising) ** 0.5
+        lost = q * (1 - q * ratio)
+        return (1 + q * q * ratio) / (lost * speed) * height + (1 + q) / (lost * -rising) * own
+
+    def _map(self, surfaces: tuple[int, ...], time: float, state: Vector) -> tuple[Vector, Vector]:
+        """Derivatives of jumps, one after the other, in time, shape (n,), and in the state, shape (n, n)."""
+        n = len(state)
+        drift, matrix = np.zeros(n), np.eye(n)
+        for surface in surfaces:
+            if surface not in self._maps:
+                values = [self.system.numeric(value) for value in jump_of(self.system, surface).states]
+                slopes = [[sp.diff(value, x) for x in (TIME, *self.system.states)] for value in values]
+                self._maps[surface] = sp.lambdify([TIME, *self.system.states], [values, slopes], np)
+            after, found = (np.array(part, dtype=float) for part in self._maps[surface](time, *state))
+            drift, matrix, state = found[:, 1:] @ drift + found[:, 0], found[:, 1:] @ matrix, after
+        return drift, matrix
+
+    def field(self, mode: Mode, time: float, state: Vector) -> Vector:
+        """x' in a mode."""
+        return self._at(mode, time, state)[0]
+
+    def projector(self, mode: Mode, time: float, state: Vector) -> Vector:
+        """Onto the directions that keep the state on the surfaces that slide."""
+        sliding = [i for i, s in enumerate(mode) if s == 0]
+        if not sliding:
+            return np.eye(len(state))
+        normals = self._normals(time, state)[sliding]
+        return np.eye(len(state)) - np.linalg.pinv(normals) @ normals
+
+    def _normals(self, time: float, state: Vector) -> Vector:
+        """Gradients of the surfaces, a row each."""
+        key: Mode = ()
+        if key not in self._functions:
+            system = self.system
+            rows = [[sp.diff(system.numeric(h), x) for x in system.states] for h in system.surfaces]
+            self._functions[key] = sp.lambdify([TIME, *system.states], rows, np, cse=True)
+        with np.errstate(all="ignore"):
+            return np.array(self._functions[key](np.float64(time), *state), dtype=float)
+
+    def _at(self, mode: Mode, time: float, state: Vector) -> tuple[Vector, Vector, Vector, Vector]:
+        """Field, and the guards' values, gradients and rates."""
+        key = mode if self._shared is None else ALL
+        if key not in self._functions:
+            system = self.system
+            written, ends = self._equations(mode)
+            guards = [system.numeric(g) for g in ends]
+            entries = [
+                [system.numeric(f) for f in written],
+                guards,
+                [[sp.diff(g, x) if g.has(x) else sp.S.Zero for x in system.states] for g in guards],
+                [sp.diff(g, TIME) for g in guards],
+            ]
+            self._functions[key] = self._function(entries)
+        with np.errstate(all="ignore"):
+            found = self._functions[key](np.float64(time), *state, *self._switches(mode))
+        field, values, gradients, drift = (np.array(part, dtype=float) for part in found)
+        gradients = gradients.reshape(len(values), len(state))
+        rates = drift + gradients @ field
+        if self._shared is None:
+            return field, values, gradients, rates
+        kept = np.array(self._shared.rows(mode))
+        return field, values[kept], gradients[kept], rates[kept]
+
+    def _flow(self, mode: Mode) -> Callable[..., Any]:
+        """(t, state, switches) -> field and its Jacobian, of a mode."""
+        key = mode if self._shared is None else ALL
+        if key not in self._flows:
+            states = self.system.states
+            field = [self.system.numeric(f) for f in self._equations(mode)[0]]
+            jacobian = [[sp.diff(f, x) if f.has(x) else sp.S.Zero for x in states] for f in field]
+            self._flows[key] = self._function([field, jacobian])
+        return self._flows[key]
+
+    def _equations(self, mode: Mode) -> tuple[Sequence[sp.Expr], Sequence[sp.Expr]]:
+        """Field and guards of a mode, or those that all modes have in common."""
+        if self._shared is not None:
+            return self._shared.field, self._shared.outputs
+        equations = self.system.equations(mode)
+        return equations.field, [g.expression for g in equations.guards]
+
+    def _function(self, entries: Sequence[Any]) -> Callable[..., Any]:
+        names = [] if self._shared is None else list(self._shared.owner)
+        return sp.lambdify([TIME, *self.system.states, *names], entries, np, cse=True)
+
+    def _switches(self, mode: Mode) -> list[float]:
+        """What tells a mode apart where all have their equations in common."""
+        if self._shared is None:
+            return []
+        values = self._shared.values(mode)
+        return [float(values[symbol]) for symbol in self._shared.owner]

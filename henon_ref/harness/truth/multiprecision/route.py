@@ -1,0 +1,142 @@
+"""The multiprecision route: heyoka at two precisions, and the digits that they agree on.
+
+The digits come from the higher precision; the radius is twice the difference of the two, which is nearly all
+the error of the lower one, so that it overstates the error of the digits by some ten orders of magnitude. The
+two differ in order and in every step, not only in rounding. Where they do not agree well enough the
+precisions are doubled.
+"""
+
+from __future__ import annotations
+
+import logging
+import sys
+from itertools import takewhile
+from time import perf_counter, process_time
+
+import heyoka as hy
+from flint import arb
+
+from henon_ref.filippov.modes import transition_kind
+from henon_ref.filippov.problem import Problem
+from henon_ref.harness.truth.multiprecision.numbers import GUARD_BITS, ball_text, exact_ball
+from henon_ref.harness.truth.multiprecision.run import Event, Progress, Run, simulate
+from henon_ref.harness.truth.reference import ReferenceTransition, Route
+from henon_ref.precision import working_precision
+
+log = logging.getLogger(__name__)
+
+LADDER = ((256, 224), (512, 448), (1024, 896))
+"""Pairs of precisions [bits], tried in turn; the digits come from the first of a pair."""
+WANTED = 1e-30
+"""Radius asked for, as a part of the run's length."""
+PARTS = (0.55, 1.0)
+"""Part of the time at which each of a pair has to stop: the lower precision takes less."""
+ROUNDING = 2.0**16
+"""Roundings that a radius allows for even where two runs agree by luck."""
+
+
+def multiprecision(problem: Problem, *, progress: Progress | None = None, seconds: float | None = None) -> Route:
+    """Compute a problem's transitions with heyoka in multiprecision.
+
+    Parameters
+    ----------
+    problem : Problem
+    progress : callable, optional
+        Told the part that is done, 0 to 1.
+    seconds : float, optional
+        Processor time after which it stops with what it has [s].
+
+    Returns
+    -------
+    Route
+        With status ``failed`` where the precisions do not suffice to tell what happens; its transitions are
+        then those up to where they do.
+    """
+    began, begun = perf_counter(), process_time()
+    deadlines = [None if seconds is None else begun + seconds * part for part in PARTS]
+    for pair in LADDER:
+        runs = [
+            simulate(problem, bits, progress=_part(progress, i), deadline=deadlines[i]) for i, bits in enumerate(pair)
+        ]
+        route = _agreed(problem, *runs, seconds=perf_counter() - began)
+        if not route.undecided or any(run.out_of_time for run in runs):
+            return route
+        log.info("%s bits: %s", pair, route.undecided)
+    return route
+
+
+def _part(progress: Progress | None, index: int) -> Progress | None:
+    """Progress of one of two runs."""
+    return None if progress is None else lambda done: progress((index + done) / 2)
+
+
+def _same(a: Event, b: Event) -> bool:
+    return (a.before, a.after, a.surfaces, a.resets) == (b.before, b.after, b.surfaces, b.resets)
+
+
+def _agreed(problem: Problem, high: Run, low: Run, *, seconds: float) -> Route:
+    """What two runs agree on."""
+    with working_precision(high.bits + GUARD_BITS):
+        start, until = exact_ball(problem.start, high.bits), exact_ball(problem.until, high.bits)
+        span = max(abs(float(start)), float(until - start))
+        pairs = list(takewhile(lambda pair: _same(*pair), zip(high.events, low.events, strict=False)))
+        floor = ROUNDING * 2.0**-low.bits
+        kept = list(takewhile(lambda pair: _radius(pair[0].time, pair[1].time, floor * span) <= WANTED * span, pairs))
+        size = max((abs(float(v)) for event in high.events for v in event.state), default=0.0) or 1.0
+        transitions = tuple(t for pair in kept for t in _transitions(*pair, floor * span, floor * size))
+        undecided = ""
+        stopped = [run for run in (high, low) if run.out_of_time]
+        if stopped:
+            undecided = min(stopped, key=lambda run: float(run.end_time)).reason
+        elif len(kept) < max(len(high.events), len(low.events)):
+            what = "know its time too roughly" if len(kept) < len(pairs) else "see different events"
+            undecided = f"after transition {len(transitions)} the runs at {high.bits} and {low.bits} bits {what}"
+        elif high.status != low.status:
+            undecided = f"the runs at {high.bits} and {low.bits} bits end differently: {high.status}, {low.status}"
+        if undecided:
+            last = kept[-1][0].time if kept else start.mid()
+            status, reason, end, end_radius = "failed", undecided, last, _radius(last, last, floor * span)
+        else:
+            status, reason, end = high.status, high.reason, high.end_time
+            end_radius = _radius(end, low.end_time, floor * span)
+        return Route(
+            method=f"heyoka {hy.__version__}, Taylor",
+            bits=(high.bits, low.bits),
+            seconds=seconds,
+            status=status,  # type: ignore[arg-type]
+            reason=reason,
+            end_digits=ball_text(end, end_radius),
+            end_radius=end_radius,
+            transitions=transitions,
+            near_grazes=tuple(high.near_grazes),
+            undecided=undecided,
+            accumulates=high.accumulates and not undecided,
+        )
+
+
+def _radius(a: arb, b: arb, least: float) -> float:
+    """Twice the difference of two numbers, and never less than rounding leaves (or 0); two digits, rounded up."""
+    return float(f"{1.1 * max(2 * abs(float(a - b)), least, sys.float_info.min):.1e}")
+
+
+def _transitions(high: Event, low: Event, least_time: float, least_state: float) -> list[ReferenceTransition]:
+    """One reference transition a surface."""
+    radius = _radius(high.time, low.time, least_time)
+    states, others = (event.states or (event.state,) * len(event.surfaces) for event in (high, low))
+    radii = [
+        max(_radius(a, b, least_state) for a, b in zip(*pair, strict=True)) for pair in zip(states, others, strict=True)
+    ]
+    return [
+        ReferenceTransition(
+            kind="reset" if i in high.resets else transition_kind(high.before[i], high.after[i]),
+            surface=i,
+            from_mode=high.before,
+            to_mode=high.after,
+            time_digits=ball_text(high.time, radius),
+            radius=radius,
+            state=tuple(ball_text(v, state_radius) for v in state),
+            state_radius=state_radius,
+            transversality=float(f"{high.transversality:.6g}"),
+        )
+        for i, state, state_radius in zip(high.surfaces, states, radii, strict=True)
+    ]

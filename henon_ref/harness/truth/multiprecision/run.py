@@ -1,0 +1,371 @@
+"""One run in multiprecision: heyoka's steps, the guards' roots, the modes decided in ball arithmetic."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from time import process_time
+
+import numpy as np
+from flint import arb
+
+from henon_ref.filippov.after_jump import AfterJump, Rest
+from henon_ref.filippov.decision import Decision
+from henon_ref.filippov.equations import Guard
+from henon_ref.filippov.modes import Mode
+from henon_ref.filippov.problem import Problem
+from henon_ref.filippov.resets import resetting, rows_at
+from henon_ref.filippov.resting import REMAINING, turning_in_flight
+from henon_ref.harness.truth.multiprecision.heyoka import to_real
+from henon_ref.harness.truth.multiprecision.jump import Jumps
+from henon_ref.harness.truth.multiprecision.mode_selection import ModeSelection, Point
+from henon_ref.harness.truth.multiprecision.numbers import GUARD_BITS, exact_ball, to_ball
+from henon_ref.harness.truth.multiprecision.stepper import Step, Stepper
+from henon_ref.harness.truth.multiprecision.termination import CROWD, EndedError, Termination, written
+from henon_ref.harness.truth.reference import OUT_OF_TIME, NearGraze
+from henon_ref.harness.truth.roots import isolate
+from henon_ref.precision import working_precision
+from henon_ref.trajectory import Status
+
+FINAL = 2.0**-80
+"""Part of the run that is left of accumulating impacts where their limit is taken: it is wrong by about its square."""
+GRAZE_DISTANCE, GRAZE_FACTOR = 1e-3, 0.1
+"""A surface that is approached so closely is noted, and again where it is as much closer."""
+MAX_STEPS = 1_000_000
+"""Taylor steps after which a run is given up: the time limit of a truth ends nearly all runs before."""
+
+Progress = Callable[[float], None]
+"""Told the part of the run that is done, 0 to 1."""
+
+
+@dataclass(frozen=True)
+class Event:
+    """One instant at which modes change (or a surface is touched)."""
+
+    time: arb
+    state: tuple[arb, ...]
+    before: Mode
+    after: Mode
+    surfaces: tuple[int, ...]
+    """Surfaces that change, or that are touched where none changes; twice where a map is applied twice."""
+    transversality: float
+    """Smallest speed with which a guard that ends the mode falls through zero [unit of the guard / s]."""
+    resets: tuple[int, ...] = ()
+    """Surfaces that reset the state, in order; ``state`` is the one after all."""
+    states: tuple[tuple[arb, ...], ...] = ()
+    """For each of ``surfaces`` the state that its map has left, or all maps; empty where nothing resets the state."""
+
+
+@dataclass
+class Run:
+    """What one run in one precision found."""
+
+    bits: int
+    status: Status = "ok"
+    reason: str = ""
+    events: list[Event] = field(default_factory=list)
+    near_grazes: list[NearGraze] = field(default_factory=list)
+    end_time: arb = field(default_factory=arb)
+    accumulates: bool = False
+    """Events accumulate at ``end_time``; there are infinitely many more before it."""
+    out_of_time: bool = False
+    """Whether its deadline has ended it."""
+
+
+@dataclass(frozen=True)
+class _Hit:
+    at: arb
+    """In units of the step."""
+    guard: int
+    transversality: float
+    odd: bool
+    """Whether the guard goes through zero, or only touches it."""
+
+
+def simulate(problem: Problem, bits: int, *, progress: Progress | None = None, deadline: float | None = None) -> Run:
+    """Run a problem at one precision.
+
+    Parameters
+    ----------
+    problem : Problem
+    bits : int
+        heyoka's precision; a tie or a tangency within ``2**(-3/4 bits)`` (relative) counts as exact.
+    progress : callable, optional
+    deadline : float, optional
+        Processor time of this process (``time.process_time``) at which the run stops [s].
+
+    Returns
+    -------
+    Run
+        Every event up to the horizon, or up to where the run has to end.
+
+    Raises
+    ------
+    UnsupportedError
+        Where too many contacts with static friction act on each other at once.
+    """
+    with working_precision(bits + GUARD_BITS):
+        return _Simulation(problem, bits, progress, deadline).run()
+
+
+class _Simulation:
+    """The state of one run."""
+
+    def __init__(self, problem: Problem, bits: int, progress: Progress | None, deadline: float | None) -> None:
+        self.problem = problem
+        self.deadline = math.inf if deadline is None else deadline
+        self.bits = bits
+        self.zero = arb(2) ** (-(3 * bits) // 4)
+        self.progress = progress
+        self.selection = ModeSelection(problem.system, bits)
+        self.jumps = Jumps(self.selection)
+        # As heyoka rounds them: a horizon between two of its numbers would never be reached.
+        self.start, self.until = (to_ball(to_real(exact_ball(t, bits), bits)) for t in (problem.start, problem.until))
+        self.span = float(self.until - self.start)
+        self.result = Run(bits)
+        self.steppers: dict[Mode | frozenset[int], Stepper] = {}
+        self.point = Point(self.start, tuple(exact_ball(v, bits) for v in problem.initial))
+        self.mode: Mode = ()
+        self.signs: list[int] = []
+        """Sign of each guard since the last root (0: it stays zero and is not watched)."""
+        self.skipped: list[int] = []
+        """Leading coefficients of each guard that are zero at the start of the next step."""
+        self.termination = Termination(self.span, bits)
+        self.approached: dict[int, list[NearGraze]] = {}
+        """By surface, how close it has come since the mode began, as long as it comes no farther."""
+        self.accumulating: tuple[int, ...] = ()
+        """The surface of impacts that have come to their limit, and are no longer told of."""
+
+    def run(self) -> Run:
+        try:
+            self._begin()
+            for _ in range(MAX_STEPS):
+                if self._advance():
+                    self._keep_approaches()
+                    self.result.end_time = self.until
+                    return self.result
+                if process_time() > self.deadline:
+                    self.result.out_of_time = True
+                    raise EndedError("failed", f"{OUT_OF_TIME} at t = {self._now()}")
+            raise EndedError("failed", f"stopped after {MAX_STEPS} Taylor steps")
+        except EndedError as end:
+            self.result.status, self.result.reason, self.result.accumulates = end.status, end.reason, end.accumulates
+            if end.accumulates:
+                del self.result.events[-CROWD + 1 :]
+            if end.time is not None:
+                self.result.end_time = end.time
+            return self.result
+
+    def _begin(self) -> None:
+        problem = self.problem
+        self.result.end_time = self.start
+        decision = self.selection.initial_mode(problem.start, problem.initial, problem.initial_mode)
+        mode = self._decided(decision)
+        sides = self.selection.sides(problem.start, problem.initial, problem.system.surfaces)
+        self._enter(mode, frozenset(i for i, side in enumerate(sides) if side == 0))
+        for guard, sign in zip(problem.system.equations(self.mode).guards, self.signs, strict=True):
+            if guard.kind == "valid" and sign == 0:
+                expression = problem.system.valid[guard.index]
+                raise EndedError("invalid", f"{expression} is 0 at the start and does not rise")
+
+    def _decided(self, decision: Decision) -> Mode:
+        if decision.mode is not None:
+            return decision.mode
+        status: dict[str, Status] = {"nonunique": "nonunique", "invalid": "invalid"}
+        raise EndedError(status.get(decision.status, "failed"), decision.reason)
+
+    def _enter(self, mode: Mode, active: frozenset[int]) -> None:
+        """Go on in a mode from the present point; what fails at once is the next event."""
+        self.mode = mode
+        self._keep_approaches()
+        terms = self.selection.leading_terms(self.point, mode, active)
+        if terms is None:
+            raise EndedError("failed", f"the field is not finite at t = {self._now()}")
+        guards = self.problem.system.equations(mode).guards
+        self.signs = [0 if term is None else term[1] for term in terms]
+        self.skipped = [0 if term is None else term[0] for term in terms]
+        failing = [
+            g
+            for g, s in zip(guards, self.signs, strict=True)
+            if (s < 0 and not g.rising_only) or (s == 0 and g.kind == "attracts")
+        ]
+        if failing:
+            self._change_mode(failing, 0.0)
+            return
+        values = self.selection.values(self.point, mode)
+        self.stepper.start(mode, self.point.time, self.point.state, values)
+
+    def _keep_approaches(self) -> None:
+        self.result.near_grazes += [graze for known in self.approached.values() for graze in known]
+        self.approached.clear()
+
+    @property
+    def stepper(self) -> Stepper:
+        key, _ = (
+            ((), None) if self.problem.system.shared is not None else self.problem.system.common_equations(self.mode)
+        )
+        if key not in self.steppers:
+            self.steppers[key] = Stepper(self.problem.system, self.mode, self.bits)
+        return self.steppers[key]
+
+    def _advance(self) -> bool:
+        """One Taylor step and the event on it, if any; True at the horizon."""
+        stepper = self.stepper
+        step = stepper.step(self.until)
+        if not step.finite or not np.isfinite(step.rough[:, :2]).all():
+            raise EndedError("failed", f"the field is not finite after t = {self._now()}")
+        hits = self._first_hits(step)
+        if hits:
+            self._land(step, hits)
+            return self._at_horizon()
+        time, state = stepper.end()
+        self._note_near_grazes(step)
+        self.point = self._blurred(time, state, step)
+        self.skipped = [0] * len(self.skipped)
+        self.result.end_time = time
+        self.termination.step(step, len(state), stepper.guards, self.until - time)
+        if self.progress:
+            self.progress(float(time - self.start) / self.span)
+        return self._at_horizon()
+
+    def _note_near_grazes(self, step: Step) -> None:
+        """Note how close surfaces are behind a step, where they come closer for as long as the mode lasts."""
+        end = float(step.time) + float(step.length)
+        for place, guard in enumerate(self.stepper.guards):
+            if guard.kind != "surface" or not self.signs[place]:
+                continue
+            distance, known = abs(self.stepper.guard_at_end(place)), self.approached.setdefault(guard.index, [])
+            while known and known[-1].distance <= distance:
+                known.pop()
+            if distance <= GRAZE_DISTANCE and (not known or distance <= GRAZE_FACTOR * known[-1].distance):
+                known.append(NearGraze(end, guard.index, distance, lasts=True))
+
+    def _first_hits(self, step: Step) -> list[_Hit]:
+        """The guards that end the mode first on a step; several where they tie."""
+        near: list[tuple[arb, NearGraze]] = []
+        hits: list[_Hit] = []
+        length, begin = to_ball(step.length), to_ball(step.time)
+        tie = self.zero * max(arb(1), abs(begin / length), key=float)
+        last = room = (self.until - begin) / length + tie
+        watched = ((self.stepper.clear_until(step, i, self.skipped[i]), i) for i, s in enumerate(self.signs) if s)
+        for clear, i in sorted(watched):
+            if not clear < last + tie:
+                break  # nor can any of the others be the first
+            hit = self._hit(step, i, near)
+            if hit is not None and hit.at <= room:
+                hits.append(hit)
+                last = hit.at if hit.at < last else last
+        self.result.near_grazes += [graze for at, graze in near if at < last]
+        return [hit for hit in hits if hit.at - last <= tie]
+
+    def _hit(self, step: Step, index: int, near: list[tuple[arb, NearGraze]]) -> _Hit | None:
+        """Where a guard first falls from positive to zero on a step, or touches it; keeps its sign up to date."""
+        stepper, guard = self.stepper, self.stepper.guards[index]
+        skipped, sign = self.skipped[index], self.signs[index]
+        polynomial = stepper.guard_polynomial(step, index)[skipped:]
+        if (polynomial[0] > 0) != (sign > 0):
+            raise EndedError("failed", f"a root of {guard.expression} near t = {self._now()} was not resolved")
+        found = isolate(polynomial, self.zero * max((abs(c) for c in polynomial), key=float))
+        if guard.kind == "surface":
+            length, begin = float(step.length), float(step.time)
+            for miss in found.near_misses:
+                at, value = float(miss.at), abs(float(miss.value))
+                near.append((miss.at, NearGraze(begin + at * length, guard.index, value * at**skipped)))
+        for root in found.roots:
+            touch = not root.odd and (guard.kind != "release" or self.problem.system.held_inside(guard.index))
+            if sign > 0 and (root.odd or touch):
+                slope = self._slope(step, index, root.at, skipped, polynomial, root.odd)
+                return _Hit(root.at.mid(), index, slope, root.odd)
+            if root.odd:
+                sign = -sign
+        self.signs[index] = sign
+        return None
+
+    def _slope(self, step: Step, index: int, at: arb, skipped: int, polynomial: Sequence[arb], odd: bool) -> float:
+        """Speed with which a guard falls at a root [unit of the guard / s]; 0 at a touch."""
+        if not odd:
+            return 0.0
+        slope = sum((k * c * at ** (k - 1) for k, c in enumerate(polynomial) if k), arb(0))
+        return abs(float(slope * at**skipped / to_ball(step.length)))
+
+    def _land(self, step: Step, hits: Sequence[_Hit]) -> None:
+        time = (to_ball(step.time) + hits[0].at * to_ball(step.length)).mid()
+        self.point = self._blurred(time, self.stepper.state_at(time), step)
+        guards = self.problem.system.equations(self.mode).guards
+        touched = not any(hit.odd for hit in hits)
+        self._change_mode([guards[hit.guard] for hit in hits], min(hit.transversality for hit in hits), touched=touched)
+
+    def _change_mode(self, hits: Sequence[Guard], transversality: float, *, touched: bool = False) -> None:
+        """Decide the mode after an event, note the event, and go on."""
+        before, point = self.mode, self.point
+        self.result.end_time = point.time.mid()
+        if not self.accumulating:
+            self.termination.event([*(e.time for e in self.result.events[-CROWD:]), point.time.mid()])
+        due = resetting(self.problem.system, before, hits)
+        if due:
+            jumped = self._jump(due, hits)
+            resets = tuple(i for i, _ in jumped.applied)
+            after, active, rest = self.mode, frozenset(jumped.on), jumped.rest
+            rows = rows_at(before, after, resets)
+            changed = tuple(i for i, _ in rows)
+            left = [jumped.state if place is None else jumped.applied[place][1] for _, place in rows]
+        else:
+            resets, rest, left = (), None, []
+            after = self._decided(self.selection.after_event(point, before, hits, touched=touched))
+            active = self.problem.system.closed({g.index for g in hits}, {i for i, s in enumerate(before) if s == 0})
+            changed = tuple(i for i in sorted(active) if after[i] != before[i])
+        if self.accumulating and resets != self.accumulating and not self._turns_in_flight(hits):
+            raise EndedError("failed", f"something happens where impacts accumulate, at t = {self._now()}")
+        met = tuple(sorted({g.index for g in hits}))
+        state, *states = (tuple(v.mid() for v in own) for own in (self.point.state, *left))
+        if not self.accumulating:
+            event = Event(point.time.mid(), state, before, after, changed or met, transversality, resets, tuple(states))
+            self.result.events.append(event)
+        if rest is not None:
+            self.accumulating = resets
+            if rest.remaining <= FINAL * self.span:
+                self._come_to_rest(after, rest)
+                return
+        self._enter(after, active)
+
+    def _turns_in_flight(self, hits: Sequence[Guard]) -> bool:
+        """Whether friction turns round at the height of a flight between impacts that accumulate."""
+        turning = frozenset().union(*(turning_in_flight(self.problem.system, i) for i in self.accumulating))
+        return all(guard.kind == "surface" and guard.index in turning for guard in hits)
+
+    def _come_to_rest(self, before: Mode, rest: Rest) -> None:
+        """Go to where a body comes to rest on a surface, or to the horizon before that."""
+        time = (self.point.time + rest.remaining).mid()
+        late = bool(time > self.until)
+        self.accumulating = ()
+        self.point = Point(self.until if late else time, tuple(rest.state))
+        self.result.end_time = self.point.time
+        surfaces = tuple(i for i, s in enumerate(rest.mode) if s != before[i])
+        if not late:
+            state = tuple(v.mid() for v in rest.state)
+            self.result.events.append(Event(time, state, before, rest.mode, surfaces, 0.0))
+        self._enter(rest.mode, frozenset(i for i, s in enumerate(rest.mode) if s == 0))
+
+    def _jump(self, due: tuple[int, ...], hits: Sequence[Guard]) -> AfterJump:
+        """Let the state jump, and go over to the mode after it."""
+        after = self.jumps.after(self.point, self.mode, due, hits, REMAINING * self.span)
+        self.mode = self._decided(after.decision)
+        self.point = Point(self.point.time, tuple(after.state))
+        return after
+
+    def _blurred(self, time: arb, state: Sequence[arb], step: Step) -> Point:
+        """A point with the radii within which it counts as known."""
+        scale = max(abs(float(time)), float(step.length))
+        sizes = self.stepper.sizes(step)
+        return Point(
+            arb(time, self.zero * scale), tuple(arb(v, self.zero * s) for v, s in zip(state, sizes, strict=True))
+        )
+
+    def _at_horizon(self) -> bool:
+        """Whether the run is there, to the precision: heyoka's last step may end a rounding short."""
+        time = self.point.time.mid()
+        return bool(self.until - time <= self.zero * max(abs(float(time)), self.span))
+
+    def _now(self) -> str:
+        return written(self.point.time)

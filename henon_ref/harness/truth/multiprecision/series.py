@@ -1,0 +1,140 @@
+"""Taylor series of smooth expressions in ball arithmetic: signs that are known, and signs that are not.
+
+This is a walk over the SymPy expression with truncated power series; it shares no code with the Taylor tape
+nor with heyoka, so that what it decides is a check on both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import reduce
+from typing import Any
+
+import sympy as sp
+from flint import arb, arb_series, ctx
+
+from henon_ref.errors import ModelError
+from henon_ref.harness.truth.multiprecision.numbers import exact_ball
+from henon_ref.taylor.tape import TIME
+
+ORDER = 12
+"""Highest derivative looked at before a contact counts as one that never separates."""
+
+
+def series(expression: sp.Expr, values: Mapping[sp.Expr, arb_series], bits: int) -> arb_series:
+    """An expression evaluated over truncated power series (or, of length one, over balls).
+
+    Parameters
+    ----------
+    expression : Expr
+    values : mapping
+        Symbol -> series.
+    bits : int
+        Precision of the exact numbers in it.
+
+    Raises
+    ------
+    ModelError
+        For a function that has no power series here.
+    """
+    memo: dict[sp.Expr, Any] = dict(values)
+
+    def walk(e: sp.Expr) -> arb_series:
+        if e not in memo:
+            memo[e] = arb_series([exact_ball(e, bits)]) if e.is_number else make(e)
+        return memo[e]
+
+    def make(e: sp.Expr) -> arb_series:
+        if e.is_Add:
+            return reduce(lambda a, b: a + b, (walk(a) for a in e.args))
+        if e.is_Mul:
+            return reduce(lambda a, b: a * b, (walk(a) for a in e.args))
+        if e.is_Pow:
+            return power(walk(e.base), e.exp)
+        return _function(e.func.__name__, walk(e.args[0]), e)
+
+    def power(base: arb_series, exponent: sp.Expr) -> arb_series:
+        if not exponent.is_number:
+            return (walk(exponent) * base.log()).exp()
+        if exponent.could_extract_minus_sign():
+            return 1 / power(base, -exponent)
+        if exponent.is_Integer:
+            return reduce(lambda a, b: a * b, [base] * int(exponent))
+        if (2 * exponent).is_Integer:
+            return power(base.sqrt(), 2 * exponent)
+        return (exact_ball(exponent, bits) * base.log()).exp()
+
+    return walk(expression)
+
+
+def _function(name: str, a: arb_series, e: sp.Expr) -> arb_series:
+    if name in ("sin", "cos", "tan", "asin", "acos", "atan", "exp", "log"):
+        return getattr(a, name)()
+    if name == "sinh":
+        return (a.exp() - (-a).exp()) / 2
+    if name == "cosh":
+        return (a.exp() + (-a).exp()) / 2
+    if name == "tanh":
+        return 1 - 2 / ((2 * a).exp() + 1)
+    raise ModelError(f"no power series for {e}: a field is smooth in t and x; write signs as sign symbols")
+
+
+def along(
+    field: Sequence[sp.Expr],
+    outputs: Sequence[sp.Expr],
+    states: Sequence[sp.Symbol],
+    time: arb,
+    point: Sequence[arb],
+    *,
+    bits: int,
+    order: int = ORDER,
+) -> list[list[arb]]:
+    """Taylor coefficients in time of functions along the solution through a point.
+
+    Parameters
+    ----------
+    field, outputs : sequence of Expr
+        x' and the functions wanted, in time and states; no parameters left in them.
+    states : sequence of Symbol
+    time, point : arb
+        Where the solution starts; with a radius where it is known to a radius.
+
+    Returns
+    -------
+    list of lists of arb
+        ``order + 1`` coefficients an output, each with everything that the radii allow.
+    """
+    cap = ctx.cap
+    ctx.cap = order + 1
+    try:
+        solution = [[x] for x in point]
+        for k in range(order + 1):
+            values: dict[sp.Expr, arb_series] = {TIME: arb_series([time, 1])}
+            values.update((x, arb_series(s)) for x, s in zip(states, solution, strict=True))
+            if k == order:
+                return [_coefficients(series(e, values, bits), order) for e in outputs]
+            ctx.cap = k + 1
+            slopes = [_coefficients(series(f, values, bits), k)[k] for f in field]
+            ctx.cap = order + 1
+            for coefficients, slope in zip(solution, slopes, strict=True):
+                coefficients.append(slope / (k + 1))
+    finally:
+        ctx.cap = cap
+    raise AssertionError("unreachable")
+
+
+def _coefficients(value: arb_series, order: int) -> list[arb]:
+    return [value[k] for k in range(order + 1)]
+
+
+def sign(value: arb) -> int:
+    """-1 or +1 where the ball excludes zero, else 0 (also where it is not finite)."""
+    return 0 if not value.is_finite() or value.contains(0) else (1 if value > 0 else -1)
+
+
+def leading(coefficients: Sequence[arb], first: int = 0) -> tuple[int, int] | None:
+    """(index, sign) of the first coefficient from ``first`` on that is known not to be zero, or None."""
+    for k in range(first, len(coefficients)):
+        if s := sign(coefficients[k]):
+            return k, s
+    return None

@@ -1,0 +1,268 @@
+"""heyoka's Taylor steps in multiprecision, for all modes that share their sliding surfaces, or their equations.
+
+The guards are integrated beside the state, so that heyoka itself delivers their Taylor polynomials; their roots
+are found by :mod:`henon_ref.harness.truth.roots`. heyoka's own event detection is not used: it misses exact double
+roots, and after an event at the very start of a step it can miss the next one (its cooldown).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any
+
+import heyoka as hy
+import numpy as np
+import sympy as sp
+from flint import arb
+from numpy.typing import NDArray
+
+from henon_ref.filippov.equations import Guard, along
+from henon_ref.filippov.modes import Mode
+from henon_ref.filippov.resting import impact_of, settled_state
+from henon_ref.filippov.system import FilippovSystem
+from henon_ref.harness.truth.multiprecision import series
+from henon_ref.harness.truth.multiprecision.heyoka import RealParameters, to_heyoka, to_real
+from henon_ref.harness.truth.multiprecision.numbers import to_ball
+from henon_ref.harness.truth.roots import END
+from henon_ref.taylor.tape import TIME
+
+PIECES = 16
+"""Pieces of a step on which a guard is first shown to be away from zero in double precision."""
+HALVINGS = 100
+"""A step shortened so often does not converge at all."""
+LOOSE = 1e3
+"""A remainder's enclosure may be so much wider than what the solution does on the step."""
+ROUNDINGS = 2.0**8
+"""A remainder this many units in the last place wide is rounding, not a step that is too long."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """One Taylor step."""
+
+    finite: bool
+    """False: the field is not finite, nothing else holds."""
+    time: Any
+    """Its start, a heyoka number."""
+    length: Any
+    """A heyoka number."""
+    coefficients: NDArray[Any]
+    """(states + guards, order + 1) heyoka numbers, in units of the step."""
+    rough: NDArray[np.float64]
+    """The same in double precision."""
+
+
+@lru_cache(maxsize=64)
+def _integrator(variables: tuple[Any, ...], rhs: tuple[Any, ...], bits: int, parameters: int) -> Any:
+    """An integrator, compiled once for all fields that differ in their numbers alone.
+
+    Whoever uses it next sets its time, state and parameters anew.
+    """
+    zero = hy.real("0", bits)
+    return hy.taylor_adaptive(
+        list(zip(variables, rhs, strict=True)),
+        [zero] * len(rhs),
+        fp_type=hy.real,
+        prec=bits,
+        pars=[zero] * parameters,
+        compact_mode=True,
+    )
+
+
+def _unless_constant(slope: sp.Expr, system: FilippovSystem, sliding: Collection[int]) -> sp.Expr:
+    """A guard's derivative; 0 where the surfaces that are slid on, or rested on, keep it at zero.
+
+    Of a difference of two velocities that are one an enclosure could not tell that it is zero.
+    """
+    kept = slope
+    for _ in sliding:
+        for i in sliding:
+            impact = impact_of(system, i) if system.rests(i) else None
+            surface = system.surfaces[i] if impact is None else impact.speed
+            kept = kept.xreplace(settled_state(system.numeric(surface), system.states))
+    return sp.S.Zero if sp.expand(kept) == 0 else slope
+
+
+class Stepper:
+    """Integrates every mode that has its equations in common with one.
+
+    Parameters
+    ----------
+    system : FilippovSystem
+    mode : Mode
+    bits : int
+        Precision; heyoka takes its order and step from it.
+    """
+
+    def __init__(self, system: FilippovSystem, mode: Mode, bits: int) -> None:
+        self.bits, self._system = bits, system
+        self._shared = system.shared
+        self.guards: tuple[Guard, ...] = ()
+        """Of the mode, in the order of its equations."""
+        if self._shared is not None:
+            written, ends = self._shared.field, self._shared.outputs
+        else:
+            _, equations = system.common_equations(mode)
+            written, self.guards = equations.field, equations.guards
+            ends = tuple(g.expression for g in self.guards)
+        field, outputs = [system.numeric(f) for f in written], [system.numeric(g) for g in ends]
+        slopes = [along(g, system.states, tuple(field)) for g in outputs]
+        sliding = [i for i, s in enumerate(mode) if s == 0] if self._shared is None else []
+        slopes = [_unless_constant(slope, system, sliding) for slope in slopes]
+        self._dimension = len(field)
+        self._rows = list(range(len(field), len(field) + len(outputs)))
+        """Rows of the guards' coefficients."""
+        names = [f"y{i}" for i in range(len(field) + len(slopes))]
+        variables = hy.make_vars(*names) if len(names) > 1 else [hy.make_vars(*names)]
+        symbols: dict[sp.Symbol, Any] = {TIME: hy.time}
+        symbols.update(zip(system.states, variables, strict=False))
+        used = set().union(*(e.free_symbols for e in (*field, *slopes)))
+        telling = system.signs if self._shared is None else tuple(self._shared.owner)
+        self._switches = [s for s in telling if s in used]
+        """Symbols that tell the modes apart: heyoka's run-time parameters, in this order."""
+        symbols.update((symbol, hy.par[k]) for k, symbol in enumerate(self._switches))
+        self._values: dict[sp.Symbol, sp.Expr] = {}
+        self._rhs = [*field, *slopes]
+        self._own: dict[int, sp.Expr] = {}
+        self._parabolas: dict[int, bool] = {}
+        self._places = {x: i for i, x in enumerate(system.states)}
+        self._numbers = RealParameters(bits, len(self._switches))
+        rhs = tuple([to_heyoka(e, symbols, self._numbers) for e in self._rhs])
+        self._shortened: Any = None
+        """Length of the last step, if heyoka's choice of it could not be trusted."""
+        self._integrator = _integrator(tuple(variables), rhs, bits, len(self._switches) + len(self._numbers.values))
+
+    @property
+    def order(self) -> int:
+        """Order of the Taylor polynomials."""
+        return int(self._integrator.order)
+
+    def start(self, mode: Mode, time: arb, state: Sequence[arb], guards: Sequence[arb]) -> None:
+        """Set a mode, a point, and the guards' values there."""
+        integrator, outputs = self._integrator, list(guards)
+        if self._shared is None:
+            self._values = {s: sp.Integer(v) for s, v in zip(self._system.signs, mode, strict=True)}
+        else:
+            self.guards = self._system.equations(mode).guards
+            self._rows = [self._dimension + row for row in self._shared.rows(mode)]
+            outputs = [guards[place] if place >= 0 else arb(1) for place in self._shared.places(mode)]
+            self._values = self._shared.values(mode)
+        self._own, self._parabolas = {}, {}
+        integrator.pars[:] = [hy.real(str(self._values[s]), self.bits) for s in self._switches] + self._numbers.values
+        integrator.state[:] = [to_real(v, self.bits) for v in (*state, *outputs)]
+        integrator.time = to_real(time, self.bits)
+        self._shortened = None
+
+    def step(self, limit: arb) -> Step:
+        """One step, not beyond a time; shortened where heyoka's choice of its length cannot be trusted.
+
+        In front of a singularity that is so step after step: one begins with twice the length of the last.
+        """
+        integrator, two = self._integrator, hy.real("2", self.bits)
+        begin, state = integrator.time, integrator.state.copy()
+        room = to_real(limit, self.bits) - begin
+        if self._shortened is not None:
+            room = min(room, self._shortened * two)
+        self._shortened = None
+        for _ in range(HALVINGS):
+            outcome, length = integrator.step(room, write_tc=True)
+            step = self._scaled(begin, length, outcome)
+            if not step.finite or self._trusted(step):
+                return step
+            integrator.time, integrator.state[:] = begin, state
+            room = self._shortened = length / two
+        return replace(step, finite=False)
+
+    def _scaled(self, begin: Any, length: Any, outcome: Any) -> Step:
+        """The step that heyoka has just made, in units of its length."""
+        finite = outcome in (hy.taylor_outcome.success, hy.taylor_outcome.time_limit)
+        powers = [hy.real("1", self.bits)]
+        for _ in range(self.order):
+            powers.append(powers[-1] * length)
+        scaled = self._integrator.tc * np.array(powers)
+        with np.errstate(invalid="ignore"):  # a field that is not finite
+            return Step(finite, begin, length, scaled, scaled.astype(float))
+
+    def _trusted(self, step: Step) -> bool:
+        """Whether the polynomials stand for the solution on the whole step.
+
+        heyoka takes the length from the size of the last coefficients, which presumes that later ones are
+        smaller. Where a drive sleeps (a pulse far ahead, all of whose derivatives are next to nothing), they
+        grow first, and the step leaps over it. Where coefficients do not fall, the remainder of order
+        ``series.ORDER`` (Lagrange) is enclosed over the step.
+        """
+        tails = [np.abs(row[-4:]) for row in step.coefficients]
+        rows = [i for i, c in enumerate(tails) if not max(c[2], c[3]) * hy.real("2", self.bits) < max(c[0], c[1])]
+        rows = [i for i in rows if not self._is_parabola(i)]
+        if not rows:
+            return True
+        variations = np.abs(step.rough[:, 1:]).sum(axis=1)
+        box = [to_ball(c) + arb(0, 1.01 * v) for c, v in zip(step.coefficients[:, 0], variations, strict=True)]
+        length = to_ball(step.length)
+        time = (to_ball(step.time) + length / 2) + arb(0, length.upper() / 2)
+        rhs = [self._in_mode(i) for i in range(len(self._rhs))]
+        n = self._dimension
+        try:
+            slopes = series.along(rhs[:n], [rhs[i] for i in rows], self._system.states, time, box[:n], bits=self.bits)
+        except (ZeroDivisionError, ValueError):
+            return False
+        floor = ROUNDINGS * 2.0**-self.bits * max(1e-300, float(np.abs(step.rough).max()))
+        return all(
+            bool(abs(c[-1]) * length ** (series.ORDER + 1) <= max(LOOSE * variations[i], floor))
+            for i, c in zip(rows, slopes, strict=True)
+        )
+
+    def _in_mode(self, row: int) -> sp.Expr:
+        """What a row's polynomial is the integral of, in the mode."""
+        if row not in self._own:
+            self._own[row] = self._rhs[row].xreplace(self._values)
+        return self._own[row]
+
+    def _is_parabola(self, row: int) -> bool:
+        """Whether a row is of degree 2 at most: its rate is linear in time and in states whose rates are constant."""
+        if row not in self._parabolas:
+            rate, places = self._in_mode(row), self._places
+            constant = all(s == TIME or (s in places and self._in_mode(places[s]).is_number) for s in rate.free_symbols)
+            self._parabolas[row] = constant and not any(sp.diff(rate, s).free_symbols for s in rate.free_symbols)
+        return self._parabolas[row]
+
+    def state_at(self, time: arb) -> list[arb]:
+        """State within (or a little past) the last step."""
+        output = self._integrator.update_d_output(to_real(time, self.bits))
+        return [to_ball(v) for v in output[: self._dimension]]
+
+    def end(self) -> tuple[arb, list[arb]]:
+        """Time and state after the last step."""
+        return to_ball(self._integrator.time), [to_ball(v) for v in self._integrator.state[: self._dimension]]
+
+    def guard_at_end(self, guard: int) -> float:
+        """A guard's value after the last step."""
+        return float(to_ball(self._integrator.state[self._rows[guard]]))
+
+    def guard_polynomial(self, step: Step, guard: int) -> list[arb]:
+        """Coefficients of a guard on a step, in units of the step."""
+        return [to_ball(c) for c in step.coefficients[self._rows[guard]]]
+
+    def sizes(self, step: Step) -> list[float]:
+        """Largest value that each state can have reached on a step."""
+        return [float(s) for s in np.abs(step.rough[: self._dimension]).sum(axis=1)]
+
+    def clear_until(self, step: Step, guard: int, skipped: int) -> float:
+        """Up to where double precision alone shows that a guard has no root on the step, in units of the step.
+
+        Parameters
+        ----------
+        skipped : int
+            Leading coefficients that are known to be zero.
+        """
+        c = step.rough[self._rows[guard], skipped:]
+        if not np.isfinite(c).all():
+            return 0.0
+        ends = END * np.arange(1, PIECES + 1) / PIECES
+        values = np.abs(np.polynomial.polynomial.polyval(ends - ends[0] / 2, c))
+        slopes = np.polynomial.polynomial.polyval(ends, np.arange(1, len(c)) * np.abs(c[1:])) if len(c) > 1 else 0.0
+        unclear = ~(values > slopes * ends[0] / 2 + 1e-9 * np.abs(c).sum())
+        return float(ends[unclear.argmax()] - ends[0]) if unclear.any() else math.inf

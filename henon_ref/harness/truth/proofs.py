@@ -1,0 +1,94 @@
+"""The certified route: what :mod:`henon_ref.enclosure` proves, as a :class:`Route`."""
+
+from __future__ import annotations
+
+import math
+from sys import float_info
+from typing import TYPE_CHECKING
+
+import flint
+from flint import arb
+
+from henon_ref.enclosure.run import CertifiedRun, CertifiedTransition, Ended, certify
+from henon_ref.filippov.problem import Problem
+from henon_ref.harness.truth.multiprecision.numbers import GUARD_BITS, ball_text
+from henon_ref.harness.truth.reference import ReferenceTransition, Route
+from henon_ref.precision import working_precision
+from henon_ref.trajectory import Status
+
+if TYPE_CHECKING:
+    from henon_ref.harness.truth.multiprecision.run import Progress
+
+RADIUS = 1e-30
+"""Radius asked of every transition time, as a part of the run's length and never above this many seconds."""
+SMALLEST = 1e-80
+"""Radius that an exact number is written with."""
+
+_STATUS: dict[Ended, Status] = {"horizon": "ok", "invalid": "invalid", "nonunique": "nonunique", "none": "failed"}
+"""How a run ends that is proven to end so."""
+
+
+def prove(problem: Problem, *, seconds: float | None = None, progress: Progress | None = None) -> Route:
+    """Prove as many transitions as can be proven.
+
+    Parameters
+    ----------
+    problem : Problem
+    seconds : float, optional
+        Give up after so long.
+    progress : callable, optional
+        Told the part that is done, 0 to 1.
+
+    Returns
+    -------
+    Route
+        With ``undecided`` saying what kept it from the end, if anything did.
+    """
+    start, span = float(problem.start), float(problem.until - problem.start)
+
+    def report(time: float, _count: int) -> None:
+        if progress is not None:
+            progress((time - start) / span)
+
+    run = certify(problem, radius=max(RADIUS * min(1.0, span), float_info.min), deadline=seconds, progress=report)
+    with working_precision(run.bits + GUARD_BITS):
+        return _route(run)
+
+
+def _route(run: CertifiedRun) -> Route:
+    complete = run.ended in _STATUS
+    radius = _radius(run.time)
+    return Route(
+        method=f"ball arithmetic, python-flint {flint.__version__}",
+        bits=(run.bits,),
+        seconds=run.seconds,
+        status=_STATUS.get(run.ended, "failed"),
+        reason=run.reason,
+        end_digits=ball_text(run.time, radius),
+        end_radius=radius,
+        transitions=tuple(_transition(t) for t in run.transitions),
+        undecided="" if complete else run.reason,
+    )
+
+
+def _radius(*balls: arb) -> float:
+    """A radius around the written digits that holds every ball: two digits, rounded up with room to spare."""
+    widest = max(float(ball.rad()) for ball in balls)
+    return float(f"{1.1 * max(widest, SMALLEST):.1e}")
+
+
+def _transition(t: CertifiedTransition) -> ReferenceTransition:
+    radius, state_radius = _radius(t.time), _radius(*t.state)
+    slope = abs(float(t.rate))
+    return ReferenceTransition(
+        kind=t.kind,
+        surface=t.surface,
+        from_mode=t.from_mode,
+        to_mode=t.to_mode,
+        time_digits=ball_text(t.time, radius),
+        radius=radius,
+        state=tuple(ball_text(v, state_radius) for v in t.state),
+        state_radius=state_radius,
+        transversality=float(f"{slope:.6g}") if math.isfinite(slope) else 0.0,
+        proven=True,
+    )

@@ -1,0 +1,161 @@
+"""Stored truths: one JSON file a reading, the same bytes for the same truth, a line a fact.
+
+The last entry is a checksum of all the others. A file that was changed in any way is no stored truth.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+import platformdirs
+
+from henon_ref.harness.atomic_write import replace_file
+from henon_ref.harness.truth.reference import ReferenceTransition, Truth, TruthError
+from henon_ref.harness.truth.stored_form import SCHEMA, parse
+
+_PACKAGE = Path(__file__).resolve().parents[2]
+_CHECKSUM = re.compile(r'(?<=\n "checksum": ")[0-9a-f]{64}(?="\n\}\n\Z)')
+
+
+class StoredTruthError(TruthError):
+    """What lies in the place of a stored truth is none: damaged, changed by hand, of another case, or unreadable.
+
+    Attributes
+    ----------
+    content : Truth or None
+        What it says, where it is of the right form: to be compared, never to be scored against.
+    """
+
+    def __init__(self, path: Path, reason: str, content: Truth | None = None) -> None:
+        super().__init__(f"{path} is no stored truth ({reason}); delete it and run python -m henon_ref.truth")
+        self.reason = reason
+        self.content = content
+
+
+def folder_of(case_file: Path | None) -> Path:
+    """Where the truths of a case file are kept.
+
+    ``cases/truth`` for a case below a folder ``cases``; for any other case the user's cache, so that nothing
+    appears beside somebody's own file.
+    """
+    if case_file is not None:
+        for parent in case_file.resolve().parents:
+            if parent.name == "cases":
+                return parent / "truth"
+    return user_folder()
+
+
+def folder_for_new(case_file: Path | None) -> Path:
+    """Where a new truth of a case file is put: beside the others, but never into an installed package."""
+    folder = folder_of(case_file)
+    return user_folder() if inside_package(folder) else folder
+
+
+def inside_package(folder: Path) -> bool:
+    """Whether a folder is part of the package, as the truths of the shipped cases are where a wheel is installed."""
+    return folder.resolve().is_relative_to(_PACKAGE)
+
+
+def user_folder() -> Path:
+    """Where truths are kept that have no place beside their case."""
+    return Path(platformdirs.user_cache_dir("henon_ref")) / "truth"
+
+
+def path_of(folder: Path, case: str, reading: str) -> Path:
+    """File of one reading."""
+    return folder / case / f"{reading}.json"
+
+
+def load(folder: Path, case: str, reading: str) -> Truth | None:
+    """The stored truth, whatever mathematics it belongs to; None where there is none.
+
+    Raises
+    ------
+    StoredTruthError
+        For a file that is not what this package has written for this reading; it says how to make it anew.
+    """
+    path = path_of(folder, case, reading)
+    try:
+        text = path.read_text(encoding="utf-8")
+        truth = parse(text)
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    except OSError as error:
+        raise StoredTruthError(path, error.strerror or "cannot be read") from error
+    except ValueError as error:
+        raise StoredTruthError(path, " ".join(str(error).split())) from error
+    if (truth.case, truth.reading) != (case, reading):
+        raise StoredTruthError(path, f"it is that of {truth.case}, {truth.reading}")
+    if _checked(text) != text:
+        raise StoredTruthError(path, "its checksum does not fit its content", truth)
+    return truth
+
+
+def save(folder: Path, truth: Truth) -> Path:
+    """Store a truth; the file is complete or not there.
+
+    Raises
+    ------
+    OSError
+        Where the folder cannot be written.
+    """
+    path = path_of(folder, truth.case, truth.reading)
+    if folder == user_folder():  # with compiled code beside it, which is not used where others can write
+        folder.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    replace_file(path, dumps(truth).encode())
+    return path
+
+
+def dumps(truth: Truth) -> str:
+    """A truth as JSON: keys in a fixed order, a line an entry."""
+    whole = {
+        "schema": SCHEMA,
+        "case": truth.case,
+        "reading": truth.reading,
+        "mathematics": truth.mathematics_hash,
+        "status": truth.status,
+        "reason": truth.reason,
+        "end_time": truth.end_digits,
+        "end_radius": truth.end_radius,
+        "certified": truth.certified,
+        "uncertified_because": truth.uncertified_because,
+        "methods": [{"method": m, "bits": list(b), "seconds": round(s, 1)} for m, b, s in truth.methods],
+        "near_grazes": [
+            {"time": g.time, "surface": g.surface, "distance": g.distance} | ({"lasts": True} if g.lasts else {})
+            for g in truth.near_grazes
+        ],
+        "transitions": [_entry(t) for t in truth.transitions],
+    }
+    whole["checksum"] = "0" * 64
+    return _checked(json.dumps(whole, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+
+
+def _checked(text: str) -> str:
+    """A stored truth's text with the checksum that belongs there: SHA-256 of the text without the checksum."""
+    found = _CHECKSUM.search(text)
+    if found is None:
+        return ""
+    before, after = text[: found.start()], text[found.end() :]
+    return before + hashlib.sha256((before + after).encode()).hexdigest() + after
+
+
+def _entry(t: ReferenceTransition) -> dict[str, Any]:
+    return {
+        "kind": t.kind,
+        "surface": t.surface,
+        "modes": " -> ".join(",".join(f"{s:+d}" if s else "0" for s in m) for m in (t.from_mode, t.to_mode)),
+        "time": t.time_digits,
+        "radius": t.radius,
+        "proven": t.proven,
+        "closed_form": t.closed_form,
+        "state": list(t.state),
+        "state_radius": t.state_radius,
+        "transversality": t.transversality,
+        "conditioning": t.conditioning if math.isfinite(t.conditioning) else None,
+    }

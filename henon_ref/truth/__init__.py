@@ -1,6 +1,0 @@
-"""Truth: every transition of a reading to far more digits than any solver has, proven where that is possible."""
-
-from henon_ref.truth.compute import truth_for
-from henon_ref.truth.reference import ReferenceTransition, Truth, TruthError
-
-__all__ = ["ReferenceTransition", "Truth", "TruthError", "truth_for"]

@@ -1,0 +1,402 @@
+"""A comparison of made-up solvers: every failure is a row, answers come before timings."""
+
+from __future__ import annotations
+
+import math
+import sys
+from dataclasses import dataclass, replace
+from importlib.metadata import EntryPoint
+
+import pytest
+from fakes import TIMES, Fake, case, expected, statement
+from jobs import memory
+
+from henon_ref.errors import CaseError, HenonRefError
+from henon_ref.harness import registry
+from henon_ref.harness.campaign import run_jobs, truth_job
+from henon_ref.harness.campaign.comparison import Comparison, compare, compare_all
+from henon_ref.harness.campaign.options import Options
+from henon_ref.harness.campaign.run_jobs import TimeJob
+from henon_ref.harness.campaign.truth_job import Statement
+from henon_ref.harness.campaign.worker import Job
+from henon_ref.harness.rows import JUDGED_COLUMNS, RUN_COLUMNS, STICK_COLUMNS, TRANSITION_COLUMNS, RunRow
+from henon_ref.harness.score.gate import Demand, bounds_of, demand, gate
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="made-up truths reach workers by fork")
+
+
+@pytest.fixture(autouse=True)
+def _made_up_truth(monkeypatch):
+    monkeypatch.setattr(truth_job, "statement_of", statement)
+
+
+def run(*solvers: Fake, **options: object) -> Comparison:
+    return compare(case(), solvers=solvers, **options)
+
+
+def test_right_runs_are_scored_against_their_tolerance_and_timed():
+    result = run(Fake(), repeats=3)
+    assert list(result.runs["rtol"]) == [1e-3, 1e-6]
+    assert list(result.runs["status"]) == ["ok", "ok"]
+    assert result.runs["max_time_error_s"].to_list() == pytest.approx([1e-3, 1e-6])
+    assert result.runs["digits"].to_list() == pytest.approx([3.0, 6.0])
+    assert list(result.runs["timed_runs"]) == [3, 3]
+    assert (result.runs["matched"] == len(TIMES)).all()
+    assert (result.runs["wall_s"] > 0).all()
+
+
+def test_columns_are_those_of_the_contract_in_their_order():
+    result = run(Fake())
+    assert tuple(result.runs.columns) == RUN_COLUMNS
+    assert " ".join(RUN_COLUMNS[:26]) == (
+        "case reading solver library_version rtol atol step_s status landing reference_transitions found_transitions "
+        "matched missed spurious max_time_error_s rms_time_error_s max_state_error max_surface_drift stick_count "
+        "max_stick_error_s wall_s wall_s_iqr compile_s steps rhs_evaluations event_evaluations"
+    )
+    assert tuple(result.transitions.columns) == (*TRANSITION_COLUMNS, "x", *JUDGED_COLUMNS)
+    assert tuple(result.sticks.columns) == STICK_COLUMNS
+
+
+def test_a_fixed_step_solver_has_a_step_and_no_tolerance():
+    result = run(Fake(fixed_step=True))
+    assert list(result.runs["step_s"]) == [1e-3]
+    assert result.runs["rtol"].isna().all()
+    assert result.runs["atol"].isna().all()
+
+
+@pytest.mark.parametrize(
+    ("what", "status", "words"),
+    [
+        ("raises", "failed", "ArithmeticError: the Newton iteration failed"),
+        ("crashes", "failed", "SIGSEGV"),
+        ("unsupported", "unsupported", "it cannot"),
+        ("misses", "wrong", "1 missed"),
+        ("answers", "failed", "the solver returned 42 (int), wanted a Trajectory"),
+        ("prepares nothing", "failed", "the solver's prepare() returned None (NoneType), wanted a function"),
+    ],
+)
+def test_a_failure_is_a_row_with_a_reason_and_the_others_go_on(what, status, words):
+    result = run(Fake("bad", what), Fake())
+    bad = result.runs[result.runs["solver"] == "bad"]
+    assert list(bad["status"]) == [status, status]
+    assert words in bad["status_reason"].iloc[0]
+    assert list(result.runs[result.runs["solver"] == "fake"]["status"]) == ["ok", "ok"]
+
+
+@pytest.mark.parametrize("asked", [None, ["sound", "broken"]])
+def test_an_entry_point_without_a_solver_is_a_row_that_was_not_run_and_the_others_go_on(monkeypatch, asked):
+    held = {"broken": "no_such_module:SOLVER", "sound": "fakes:SOUND"}
+    points = {name: EntryPoint(name, value, registry.GROUP) for name, value in held.items()}
+    monkeypatch.setattr(registry, "_third_party", lambda: points)
+    monkeypatch.setattr(registry, "_BUILT_IN", {})
+    loose = replace(case(), readings=tuple(replace(reading, solvers=None) for reading in case().readings))
+    runs = compare(loose, solvers=asked, tolerances=[1e-6], repeats=1).runs
+    assert list(runs["solver"]) == ["broken", "sound"]
+    assert list(runs["status"]) == ["unavailable", "ok"]
+    assert list(runs["verdict"]) == ["not run", "right"]
+    assert runs["status_reason"][0].startswith("the entry point broken = no_such_module:SOLVER cannot be loaded")
+
+
+def test_numbers_of_numpy_are_as_good_as_plain_ones_in_rows_and_in_the_journal(tmp_path):
+    found: list[Comparison] = []
+    for what in ("right", "numpy"):
+        compare_all([case()], Options(solvers=(Fake(what=what),), repeats=1, folder=tmp_path), found.append)
+    plain, numpy = (comparison.transitions for comparison in found)
+    assert plain.equals(numpy)
+    assert list(found[1].runs["steps"]) == [10, 10]
+
+
+def test_a_run_with_too_many_transitions_to_score_is_a_failed_row_that_says_so(monkeypatch):
+    monkeypatch.setattr(run_jobs, "MOST_FOLD", 0)
+    monkeypatch.setattr(run_jobs, "MOST_SPARE", 4)
+    row = run(Fake(), tolerances=[1e-6]).records[0].run
+    assert (row.status, row.verdict) == ("failed", "solver defect")
+    assert row.status_reason.startswith("the solver returned more than 4 transitions")
+
+
+def test_missing_values_are_missing_and_never_nought():
+    result = run(Fake("bad", "raises"))
+    empty = ["found_transitions", "matched", "missed", "max_time_error_s", "wall_s", "stick_count", "steps", "digits"]
+    assert all(set(record.run.values(empty)) == {None} for record in result.records)
+
+
+def test_a_run_that_hangs_is_a_timeout_and_is_not_tried_at_tighter_tolerances():
+    result = run(Fake("slow-poke", "hangs"), timeout=0.2)
+    assert list(result.runs["status"]) == ["timeout", "timeout"]
+    assert "stopped from outside" in result.runs["status_reason"][0]
+    assert "not tried: with rtol 0.001 it took more than 0.2 s" in result.runs["status_reason"][1]
+
+
+def test_a_solver_that_is_not_ready_in_time_is_not_judged(monkeypatch):
+    """A library that compiles for minutes answers right all the same: that is a limit of ours."""
+    monkeypatch.setattr(run_jobs, "PREPARE_SECONDS", 0.3)
+    runs = run(Fake("compiler", "prepares forever")).runs
+    assert list(runs["status"]) == ["timeout", "timeout"]
+    assert list(runs["verdict"]) == ["not judged", "not judged"]
+    assert list(runs["status_reason"]) == [
+        run_jobs.TOO_LONG_TO_PREPARE,
+        f"not tried: with rtol 0.001 {run_jobs.TOO_LONG_TO_PREPARE}",
+    ]
+
+
+def test_a_run_that_is_caught_in_false_transitions_says_nothing_of_tighter_tolerances():
+    result = run(Fake("caught", "chatters"), tolerances=[1e-3, 1e-6])
+    assert list(result.runs["status"]) == ["timeout", "ok"]
+    assert list(result.runs["verdict"]) == ["solver defect", "right"]
+
+
+@pytest.mark.parametrize(
+    ("what", "status", "words"),
+    [
+        ("hangs", "timeout", "stopped from outside"),
+        ("burns", "timeout", "stopped from outside"),
+        ("stops itself", "timeout", "stopped from outside"),
+        ("prints", "timeout", "stopped from outside"),
+        ("crashes beside a child", "failed", "SIGSEGV"),
+        ("sends stray bytes", "failed", "the worker sent something that is no reply"),
+        ("sends done", "failed", "the worker sent something that is no reply"),
+        ("allocates elsewhere", "failed", "memory: "),
+    ],
+)
+def test_what_is_hostile_is_the_solver_s_own_defect_and_nobody_else_s(what, status, words):
+    found: list[Comparison] = []
+    timeout = 0.3 if status == "timeout" else 20.0
+    options = Options(solvers=(Fake("bad", what), Fake()), repeats=1, timeout=timeout, memory=memory())
+    compare_all([case()], options, found.append)
+    runs = found[0].runs.set_index("solver")
+    assert list(runs.loc["bad", "status"]) == [status, status]
+    assert list(runs.loc["bad", "verdict"]) == ["solver defect"] * 2
+    assert words in runs.loc["bad", "status_reason"].iloc[0]
+    assert list(runs.loc["fake", "verdict"]) == ["right"] * 2
+    assert demand("bad", found[0].run_rows).failures
+    assert demand("fake", found[0].run_rows) == Demand(right=1, judged=1)
+
+
+@pytest.mark.parametrize("what", ["forks", "forges", "prints much", "uses a pool", "leaves a daemon"])
+def test_a_solver_whose_own_answers_are_right_is_right_whatever_its_children_do(what):
+    runs = run(Fake("odd", what), Fake(), timeout=20.0, repeats=1).runs
+    assert list(runs["verdict"]) == ["right"] * 4
+    assert runs["max_time_error_s"].to_list() == pytest.approx([1e-3, 1e-6] * 2)
+
+
+@pytest.mark.parametrize(("what", "status"), [("sleeps", "ok"), ("compiles", "ok"), ("burns", "timeout")])
+def test_a_deadline_is_processor_time_without_what_is_compiled(what, status):
+    """Each takes half as long again as it may, of the one or the other."""
+    assert run(Fake(what=what), timeout=0.5, tolerances=[1e-6], repeats=1).runs["status"][0] == status
+
+
+def test_a_run_that_keeps_its_deadline_keeps_what_it_found():
+    result = run(Fake("partial", "stops"))
+    assert result.runs["status"][0] == "timeout"
+    assert (result.runs["matched"][0], result.runs["missed"][0]) == (3, 2)
+    assert result.runs["wall_s"].isna().all()
+
+
+def test_only_a_right_answer_is_timed_again(tmp_path):
+    right, wrong = tmp_path / "right", tmp_path / "wrong"
+    run(Fake(log=str(right)), Fake("wrong", "misses", str(wrong)), repeats=5)
+    assert len(right.read_text().splitlines()) == 2 * (1 + 5)
+    assert len(wrong.read_text().splitlines()) == 2
+
+
+@pytest.mark.parametrize(
+    ("what", "words"),
+    [
+        ("raises later", "failed: ArithmeticError: the Newton iteration failed"),
+        ("crashes later", "failed: the library was ended by signal SIGSEGV"),
+        ("hangs later", "timeout: stopped from outside"),
+        ("sends stray bytes later", "failed: the worker sent something that is no reply"),
+    ],
+)
+def test_a_right_run_that_fails_when_it_is_repeated_stays_right_and_says_how_it_failed(monkeypatch, what, words):
+    if what == "hangs later":
+        monkeypatch.setattr(TimeJob, "seconds", 0.5)
+    found = run(Fake(what=what))
+    runs = found.runs
+    (failure,) = demand("fake", found.run_rows).failures  # all the same nobody can rely on it
+    assert words in failure
+    assert list(runs["verdict"]) == ["right", "right"]
+    assert list(runs["status"]) == ["ok", "ok"]
+    assert runs["wall_s"].isna().all()
+    for reason in runs["status_reason"]:
+        assert reason.startswith(f"a repeated run ended otherwise than the first one, {words}")
+
+
+def test_transitions_are_the_union_of_the_truth_s_and_the_run_s():
+    result = run(Fake("misses-one", "misses"), tolerances=[1e-6])
+    rows = result.transitions
+    assert len(rows) == len(TIMES)
+    assert rows["time_s"].isna().to_list() == [False, False, True, False, False]
+    assert rows["x"].isna().to_list() == [False, False, True, False, False]
+    assert rows["reference_time_s"].to_list() == list(TIMES)
+    assert rows["from_mode"][0] == "s=+1"
+    assert rows["to_mode"][0] == "s=0"
+    assert rows["time_error_s"].dropna().to_list() == pytest.approx([1e-6] * 4, rel=1e-6)
+
+
+def test_sticks_are_held_against_truth_and_source():
+    sticks = run(Fake(), tolerances=[1e-6]).sticks
+    assert sticks["reference_s"].to_list() == [0.75, 0.5]
+    assert sticks["duration_s"].to_list() == pytest.approx([0.75, 0.5])
+    assert sticks["published_error_s"].to_list() == pytest.approx([0.0, -0.25], abs=1e-9)
+    assert sticks["length"].to_list() == [0.0, 0.0]
+
+
+def test_the_gate_names_what_is_not_met():
+    assert compare(case(), solvers=[replace(Fake(), name="henon")]).gate_failures() == []
+    (words,) = compare(case(), solvers=[Fake("henon", "misses")]).gate_failures()
+    assert words.startswith("default: henon (rtol 1e-06): status wrong (1 missed")
+    coarse = replace(case(), readings=[replace(case().readings[0], tolerances=(1e-3, 1e-4))])
+    (words,) = compare(coarse, solvers=[replace(Fake(), name="henon")]).gate_failures()
+    assert "worst time error 0.0001 s, wanted <= 1e-05 s" in words
+
+
+def test_a_bound_that_bounds_nothing_is_not_met():
+    row = RunRow("made_up", "default", "henon", rtol=1e-6, status="ok", reference_transitions=0)
+    ((_, words),) = gate(bounds_of(case()), [row]).unmet
+    assert words.endswith("worst time error <= 1e-05 s bounds nothing: the exact run has no transition")
+
+
+def test_a_bound_of_a_solver_that_was_not_asked_for_is_left_out():
+    assert run(Fake()).gate_failures() == []
+
+
+def test_without_a_truth_runs_are_kept_and_not_scored(monkeypatch):
+    def contradiction(case, reading):
+        raise ValueError("the routes disagree")
+
+    monkeypatch.setattr(truth_job, "statement_of", contradiction)
+    result = run(Fake())
+    assert list(result.runs["status"]) == ["ok", "ok"]
+    assert result.runs["max_time_error_s"].isna().all()
+    assert "the routes disagree" in result.readings[0].statement.reason
+
+
+def test_a_truth_that_ends_at_the_start_makes_no_run_right(monkeypatch):
+    nothing = Statement(expected((), end_time=0.0, partial=True), reason="the field is not finite")
+    monkeypatch.setattr(truth_job, "statement_of", lambda case, reading: nothing)
+    rows = run(Fake()).run_rows
+    assert {(row.status, row.verdict, row.expected_status) for row in rows} == {("ok", "not judged", None)}
+    assert not demand("fake", rows).judged
+
+
+def test_an_unknown_solver_is_refused_with_the_nearest_name():
+    with pytest.raises(CaseError, match="did you mean 'henon'"):
+        compare(case(), solvers=["henn"])
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"processes": 0}, "processes is a whole number from 1 on, not 0"),
+        ({"processes": 1.5}, "processes is a whole number from 1 on, not 1.5"),
+        ({"repeats": 0}, "repeats is a whole number from 1 on, not 0"),
+        ({"repeats": True}, "repeats is a whole number from 1 on, not True"),
+        ({"timeout": -1}, "timeout is a number of seconds from 0.01 on, not -1"),
+        ({"timeout": math.inf}, "timeout is a number of seconds from 0.01 on, not inf"),
+        ({"timeout": math.nan}, "timeout is a number of seconds from 0.01 on, not nan"),
+        ({"tolerances": [1e-6, 0]}, "a tolerance lies between 1e-16 and 1, not 0"),
+        ({"tolerances": [1.0]}, "a tolerance lies between 1e-16 and 1, not 1.0"),
+        ({"tolerances": [math.nan]}, "a tolerance lies between 1e-16 and 1, not nan"),
+        ({"tolerances": ["1e-6"]}, "a tolerance lies between 1e-16 and 1, not '1e-6'"),
+        ({"tolerances": []}, "tolerances is empty; None stands for the case's own"),
+        ({"tolerances": 1e-6}, "tolerances is 1e-06, wanted a sequence: tolerances=[1e-06]"),
+        ({"solvers": "henon"}, "solvers is 'henon', wanted a sequence: solvers=['henon']"),
+        ({"solvers": []}, "solvers is empty; None stands for the case's own"),
+        ({"solvers": [42]}, "solvers: 42 is no solver: int has no name, fixed_step, landing, prepare"),
+        ({"solvers": [Fake]}, "is the class Fake, wanted an instance of it: Fake()"),
+        ({"solvers": [Fake(), Fake(what="misses")]}, "more than one is named 'fake'"),
+    ],
+)
+def test_an_argument_that_is_not_allowed_is_refused_before_anything_runs(options, words):
+    with pytest.raises(CaseError) as refused:
+        compare(case(), **options)
+    assert words in str(refused.value)
+
+
+def test_the_bounds_of_the_options_are_allowed_themselves():
+    options = Options(tolerances=(1e-16, 0.999), repeats=1, timeout=0.01, processes=1)
+    assert (options.tolerances, options.timeout) == ((1e-16, 0.999), 0.01)
+
+
+def test_a_path_in_place_of_a_case_is_refused_with_how_to_read_it():
+    with pytest.raises(CaseError, match=r"case is 'my_belt\.yaml', wanted a Case"):
+        compare("my_belt.yaml")
+
+
+def test_a_solver_that_the_case_does_not_list_is_refused():
+    with pytest.raises(CaseError, match="henon, heyoka"):
+        compare(case(), solvers=["ida"])
+
+
+def test_cases_are_delivered_as_they_are_done():
+    done: list[str] = []
+    options = Options(solvers=(Fake(),), repeats=1)
+    compare_all([case("first"), case("second")], options, lambda comparison: done.append(comparison.case.name))
+    assert sorted(done) == ["first", "second"]
+
+
+@dataclass(frozen=True)
+class Drawing(Job):
+    reading: str
+    seconds: float = 20.0
+
+    def run(self, state):
+        return {f"{self.reading}.svg": b"<svg/>"}
+
+
+def test_figures_are_drawn_by_a_worker_too(monkeypatch):
+    monkeypatch.setattr(registry, "solver", lambda name: Fake(name))
+    found: list[Comparison] = []
+    compare_all(
+        [case()],
+        Options(solvers=(Fake(),), repeats=1),
+        found.append,
+        draw=lambda result, records: Drawing(result.reading.name),
+    )
+    assert found[0].readings[0].figures == {"default.svg": b"<svg/>"}
+
+
+@dataclass(frozen=True)
+class Stateless(Fake):
+    """Goes into no pickle, by an error of its own."""
+
+    def __getstate__(self):
+        raise RuntimeError("it holds a device")
+
+
+@dataclass(frozen=True)
+class Undecided:
+    """Cannot say whether it has a fixed step."""
+
+    name: str = "undecided"
+    landing: str = "none"
+
+    @property
+    def fixed_step(self):
+        raise RuntimeError("not connected")
+
+    def prepare(self, problem, **settings):
+        raise NotImplementedError
+
+
+def test_a_solver_that_raises_on_the_way_to_a_worker_is_named():
+    with pytest.raises(HenonRefError, match=r"cannot be sent to its worker \(RuntimeError: it holds a device\)"):
+        run(Stateless())
+
+
+def test_a_solver_whose_attributes_raise_is_refused():
+    with pytest.raises(CaseError, match="is no solver: its fixed_step raises RuntimeError: not connected"):
+        run(Undecided())
+
+
+def test_a_solver_that_cannot_be_sent_to_a_worker_is_named():
+    class Local(Fake):
+        pass
+
+    with pytest.raises(HenonRefError, match="top of a module"):
+        run(Local())
+
+
+def test_the_statement_of_the_truth_reaches_the_result():
+    assert isinstance(run(Fake()).readings[0].statement, Statement)

@@ -1,0 +1,340 @@
+"""A hang, a crash, memory beyond the limit or a message that is none is one failed job; the others go on."""
+
+from __future__ import annotations
+
+import mmap
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from jobs import Act, Collector, Keep, Kept, Stuck, crowd, memory, noted, run
+
+from henon_ref.errors import HenonRefError
+from henon_ref.harness.campaign import pool
+from henon_ref.harness.campaign.pool import WorkerPool
+from henon_ref.workers.procfs import children
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="what processes hold and use is told by Linux's /proc")
+
+SERVER = "from henon_ref.harness.campaign.fork_server import begin_server; begin_server()"
+
+
+def gone(pid: int) -> bool:
+    """Whether a process is no more (or is only waiting to be reaped by somebody else)."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] == "Z"
+    except FileNotFoundError:
+        return True
+
+
+def wait_until(true, seconds: float = 600.0) -> None:
+    deadline = time.monotonic() + seconds
+    while not true() and time.monotonic() < deadline:
+        time.sleep(0.02)
+    assert true()
+
+
+class Pids(Collector):
+    """Takes all results, in order."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.all: list[object] = []
+
+    def take(self, what: str, result: object) -> None:
+        super().take(what, result)
+        self.all.append(result)
+
+
+def workers_of(*sequences: list[str], queues: list[str] | None = None) -> list[object]:
+    """Results of all jobs, one worker at a time."""
+    seen = Pids()
+    own = WorkerPool(workers=1, memory=memory())
+    for queue, jobs in zip(queues or ["q"] * len(sequences), sequences, strict=True):
+        own.add(queue, seen.jobs(*jobs))
+    own.run()
+    return seen.all
+
+
+def test_sequences_of_one_queue_have_one_worker_after_the_other(monkeypatch):
+    """Two queues: two workers. One that has grown does not go on."""
+    a, b, c, d = workers_of(["pid"], ["pid"], ["pid"], ["pid"], queues=["x", "y", "x", "y"])
+    assert a == b != c == d
+    monkeypatch.setattr(pool, "REUSED", -1.0)
+    assert len(set(workers_of(["pid"], ["pid"]))) == 2
+
+
+def test_a_dead_worker_does_not_go_on():
+    first, _, second, third = workers_of(["pid"], ["kill"], ["pid"], ["pid"])
+    assert first != second == third
+
+
+def test_free_workers_share_a_queue():
+    seen = Pids()
+    own = WorkerPool(workers=2, memory=memory())
+    for _ in range(2):
+        own.add("q", seen.jobs("pid", "wait", "pid"))
+    own.run()
+    assert len({pid for pid in seen.all if isinstance(pid, int)}) == 2
+
+
+def test_what_a_job_keeps_the_next_one_finds():
+    assert run(["keep", "kept"]).results["kept"] == "kept"
+
+
+@pytest.mark.parametrize(
+    ("what", "status", "words"),
+    [
+        ("kill", "failed", "SIGKILL"),
+        ("abort", "failed", "SIGABRT: LLVM ERROR: out of registers"),
+        ("abort_while_a_child_holds_the_way", "failed", "SIGABRT: the end"),
+        ("raise", "failed", "ValueError: bad value"),
+        ("trap", "failed", "what the worker sent cannot be read: RuntimeError: out of the pickle"),
+        ("local", "failed", "local"),
+        ("unsupported", "unsupported", "no events"),
+        ("unavailable", "unavailable", "not installed"),
+        ("stray", "failed", "the worker sent something that is no reply"),
+        ("stray_done", "failed", "the worker sent something that is no reply"),
+        ("large", "failed", "268435456 are allowed"),
+        ("gulp", "failed", "memory"),
+        ("eat", "failed", "memory"),
+    ],
+)
+def test_a_failed_job_says_why_and_the_others_go_on(what, status, words):
+    seen = run(["before", what, "after"], ["other"])
+    assert (seen.failures[what].status, seen.failures[what].ignored) == (status, False)
+    assert words in seen.failures[what].reason
+    assert seen.results == {"before": "beforebefore", "after": "afterafter", "other": "otherother"}
+
+
+@pytest.mark.parametrize("what", ["hang", "spin", "burn", "burn_in_a_child", "stray_part", "stop", "close", "print"])
+def test_a_job_that_is_not_done_in_time_is_ended_from_outside(what, tmp_path):
+    notes = tmp_path / "pids"
+    seen = run(["before", Act(what, 0.3, str(notes)), "after"], ["other"])
+    assert (seen.failures[what].status, seen.failures[what].ignored) == ("timeout", True)
+    assert seen.results == {"before": "beforebefore", "after": "afterafter", "other": "otherother"}
+    (worker,) = noted(notes)
+    wait_until(lambda: gone(worker))
+
+
+@pytest.mark.parametrize("what", ["sleep", "compile"])
+def test_wall_time_within_reason_and_what_is_compiled_count_for_no_deadline(what):
+    """They take half as long again as the deadline, of the one or the other."""
+    assert not run([Act(what, 2.0)]).failures
+
+
+@pytest.mark.skipif(not Path("/proc/self/schedstat").exists(), reason="the system does not tell who waits")
+def test_a_worker_that_waits_for_a_processor_is_not_late():
+    """It takes a seventh of one, so that it is at it for four times its deadline."""
+    with crowd():
+        assert not run([Act("burn_in_a_crowd", 1.0)]).failures
+
+
+def test_the_caller_s_own_work_is_no_worker_s_time():
+    class Busy(Collector):
+        def take(self, what, result):
+            super().take(what, result)
+            if what == "first":
+                time.sleep(3.0)
+
+    assert not run(["first"], [Act("answer_at_length", 0.7)], collector=Busy()).failures
+
+
+@pytest.mark.parametrize(
+    ("what", "result"), [("forge", "forgeforge"), ("flood", "floodflood"), ("fork_and_return", "mine")]
+)
+def test_what_another_process_than_the_worker_sends_is_nobody_s_answer(what, result):
+    seen = run([what, "wait", "after"])
+    assert seen.results == {what: result, "wait": "waitwait", "after": "afterafter"}
+    assert not seen.failures
+
+
+def test_an_answer_that_comes_late_is_not_the_next_job_s():
+    seen = run(["late_thread", "wait", "after"])
+    assert seen.results == {"late_thread": "late_thread" * 2, "wait": "waitwait", "after": "afterafter"}
+
+
+def test_a_library_may_use_multiprocessing():
+    assert run(["pool"]).results["pool"] == 14
+
+
+def test_a_job_that_cannot_be_sent_is_named_whatever_its_classes_raise():
+    with pytest.raises(HenonRefError, match=r"a job of 0 cannot be sent to its worker \(ValueError: no state\)"):
+        run([Stuck()])
+
+
+def test_memory_counts_wherever_it_is_held(tmp_path):
+    """In a session of its own, by a process whose parent is gone."""
+    notes = tmp_path / "pids"
+    seen = run([Act("eat_elsewhere", 20.0, str(notes)), "after"])
+    assert seen.failures["eat_elsewhere"].reason.startswith("memory: ")
+    assert seen.results == {"after": "afterafter"}
+    wait_until(lambda: all(map(gone, noted(notes))))
+
+
+def test_what_the_caller_has_reserved_is_not_held_against_a_worker():
+    """A worker that is forked from it begins with all its data, used or not."""
+    reserved = mmap.mmap(-1, memory() + 2**30, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
+    try:
+        assert run(["a", Act("hold", 5.0)]).results == {"a": "aa", "hold": 2**28}
+    finally:
+        reserved.close()
+
+
+def test_what_a_worker_started_dies_with_it(tmp_path):
+    notes = tmp_path / "pids"
+    assert run([Act("children", 0.5, str(notes))]).failures["children"].status == "timeout"
+    wait_until(lambda: all(map(gone, noted(notes))))
+
+
+def test_what_a_worker_left_in_a_session_of_its_own_ends_with_the_run(tmp_path):
+    notes = tmp_path / "pids"
+    assert not run([Act("leave_a_daemon", 20.0, str(notes))]).failures
+    assert len(noted(notes)) == 2
+    wait_until(lambda: all(map(gone, noted(notes))))
+
+
+def test_an_interrupt_leaves_no_process_behind(tmp_path):
+    class Interrupted(Collector):
+        def take(self, what, result):
+            raise KeyboardInterrupt
+
+    notes = [tmp_path / "a", tmp_path / "b"]
+    with pytest.raises(KeyboardInterrupt):
+        run([Act("a", 20.0, str(notes[0]))], [Act("hang", 20.0, str(notes[1]))], collector=Interrupted())
+    wait_until(lambda: all(gone(pid) for path in notes for pid in noted(path)))
+
+
+@pytest.mark.parametrize("number", [signal.SIGSTOP, signal.SIGKILL])
+def test_a_lost_fork_server_is_replaced_and_jobs_are_done_again(number):
+    """What its workers have prepared is prepared anew."""
+    seen = Collector()
+
+    def jobs():
+        seen.take("keep", (yield Keep("keep")))
+        (server,) = (pid for pid in children(os.getpid()) if pid not in before)
+        os.kill(server, number)
+        seen.take("kept", (yield Kept("kept")))
+        seen.take("after", (yield Act("after")))
+
+    before = children(os.getpid())
+    own = WorkerPool(workers=2, memory=memory())
+    own.add("q", jobs())
+    own.add("other", seen.jobs("wait"))
+    own.run()
+    assert seen.results == {"keep": "keepkeep", "kept": "kept", "after": "afterafter", "wait": "waitwait"}
+    assert not seen.failures
+
+
+def test_a_fork_server_that_is_lost_again_and_again_is_one_error():
+    with pytest.raises(HenonRefError, match="was stopped or ended 4 times"):
+        run(["stop_server"])
+
+
+def test_where_the_command_s_server_is_lost_workers_are_forked_from_the_command(tmp_path):
+    job = f'Act("stop_server_once", notes={str(tmp_path / "pids")!r})'
+    code = f'print(run([{job}, "after"], ["imported"]).results)'
+    done = subprocess.run(
+        [sys.executable, str(script(tmp_path, SERVER, code))], capture_output=True, text=True, check=True, timeout=600
+    )
+    assert "'stop_server_once': 'stop_server_oncestop_server_once'" in done.stdout
+    assert "'after': 'afterafter'" in done.stdout
+    assert done.stderr == ""
+
+
+@pytest.mark.parametrize("begin", ["", SERVER])
+def test_all_die_with_a_killed_caller(tmp_path, begin):
+    notes = tmp_path / "pids"
+    code = f'run([Act("leave_a_daemon", 60.0, {str(notes)!r}), Act("hang", 60.0, {str(notes)!r})])'
+    caller = subprocess.Popen([sys.executable, str(script(tmp_path, begin, code))])
+    wait_until(lambda: len(noted(notes)) == 3)
+    family = {*noted(notes), *children(caller.pid)}
+    assert len(family) == 3  # worker, daemon and fork server
+    caller.kill()
+    caller.wait()
+    wait_until(lambda: all(map(gone, family)))
+
+
+def test_the_command_s_server_has_imported_what_workers_need_and_is_as_good(tmp_path):
+    """The command itself has imported nothing of it."""
+    code = """
+        seen = run(["a", "abort", "imported", "kill"], ["b"])
+        print(sorted(seen.results.items()), *(seen.failures[what].reason for what in ("abort", "kill")), sep="; ")
+        print("henon_ref.henon.integrator" in sys.modules)
+        """
+    done = subprocess.run(
+        [sys.executable, str(script(tmp_path, SERVER, code))], capture_output=True, text=True, check=True, timeout=600
+    )
+    results, abort, kill = done.stdout.splitlines()[0].split("; ")
+    assert results == "[('a', 'aa'), ('b', 'bb'), ('imported', True)]"
+    assert abort.endswith("SIGABRT: LLVM ERROR: out of registers")
+    assert "SIGKILL" in kill
+    assert done.stdout.splitlines()[1] == "False"
+    assert done.stderr == ""
+
+
+@pytest.mark.parametrize(
+    "without",
+    [
+        "def refuse(*given): raise OSError('no socket')\nfork_server.util.spawnv_passfds = refuse",
+        "os.sched_getaffinity = lambda process: {0}",
+    ],
+)
+def test_where_there_is_no_socket_or_no_second_core_workers_are_forked_from_the_caller(tmp_path, without):
+    code = 'print(run(["a"]).results, len(fork_server._begun))'
+    begin = f"from henon_ref.harness.campaign import fork_server\n{without}\n{SERVER}"
+    done = subprocess.run(
+        [sys.executable, str(script(tmp_path, begin, code))], capture_output=True, text=True, check=True, timeout=600
+    )
+    assert done.stdout == "{'a': 'aa'} 0\n"
+
+
+def script(folder: Path, begin: str, code: str) -> Path:
+    """A program that has these tests' jobs."""
+    path = folder / "caller.py"
+    head = textwrap.dedent(f"""
+        import os, sys
+        os.sched_getaffinity = lambda process: {{0, 1}}
+        sys.path.insert(0, {str(Path(__file__).parents[2] / "support")!r})
+        from jobs import Act, run
+        """)
+    inside = textwrap.indent(textwrap.dedent(begin) + "\n" + textwrap.dedent(code), "    ")
+    path.write_text(f'{head}\nif __name__ == "__main__":\n{inside}\n')
+    return path
+
+
+def test_a_caller_with_threads_has_workers_of_a_fresh_process():
+    waiting = threading.Event()
+    other = threading.Thread(target=waiting.wait)
+    other.start()
+    try:
+        seen = run(["a", "kill", "b", "abort"])
+    finally:
+        waiting.set()
+        other.join()
+    assert seen.results == {"a": "aa", "b": "bb"}
+    assert "SIGKILL" in seen.failures["kill"].reason
+    assert seen.failures["abort"].reason.endswith("SIGABRT: LLVM ERROR: out of registers")
+
+
+def test_a_script_that_compares_where_it_is_imported_is_told_so_and_leaves_nothing_behind(tmp_path):
+    path = script(
+        tmp_path,
+        "",
+        """
+        import threading
+        threading.Thread(target=threading.Event().wait, daemon=True).start()
+        run(["a"], main=True)
+        """,
+    )
+    path.write_text(path.read_text().replace('if __name__ == "__main__":', "if True:"))
+    done = subprocess.run([sys.executable, str(path)], capture_output=True, text=True, timeout=600)
+    assert done.returncode == 1
+    assert 'put that under if __name__ == "__main__"' in done.stderr
+    assert "was stopped or ended 4 times" in done.stderr

@@ -1,0 +1,79 @@
+"""The line that tells how a comparison gets on."""
+
+from __future__ import annotations
+
+import io
+import sys
+from types import SimpleNamespace
+
+import pytest
+
+from henon_ref.harness.campaign import progress
+from henon_ref.harness.campaign.progress import ProgressLine, is_seen
+from henon_ref.harness.campaign.rows import Record
+from henon_ref.harness.rows import RunRow
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "100")
+    monkeypatch.setenv("TERM", "xterm")
+    now = [0.0]
+    monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
+    return now
+
+
+RUN = RunRow("belt", "default", "henon", rtol=1e-9)
+
+
+def shown(stream: io.StringIO, clock: list[float], name: str | None) -> str:
+    with ProgressLine(stream, name) as line:
+        line.truths(0)
+        line.runs(12, 3)
+        line.begun("belt", "default henon rtol 1e-09")
+        clock[0] = 6.0
+        line.row(Record(RUN))
+        line.begun("belt", "\x1b[31mred")
+        clock[0] = 6.1
+        line.tick()
+    return stream.getvalue()
+
+
+LINES = [
+    "3 of 12 rows, 0 s; at work: belt default henon rtol 1e-09 (0 s)",
+    "4 of 12 rows, 6 s; at work: belt [31mred (0 s)",
+]
+
+
+def test_a_terminal_s_line_is_written_over_and_stays_at_the_end(clock):
+    lines = shown(Terminal(), clock, "belt").split("\r")
+    assert [line.rstrip() for line in lines] == ["", *(f"belt: {line}" for line in LINES), "belt: 4 of 12 rows, 6.1 s"]
+    assert len(lines[2]) == len(lines[1])  # what was longer is written over
+    assert lines[-1].endswith("\n")
+
+
+def test_a_command_s_line_is_taken_back(clock):
+    lines = shown(Terminal(), clock, None).split("\r")
+    assert [line.rstrip() for line in lines] == ["", *LINES, "", ""]
+
+
+def test_elsewhere_there_are_a_few_lines_and_of_a_command_none(clock):
+    text = shown(io.StringIO(), clock, "belt")
+    clock[0] = 0.0
+    assert text.splitlines() == [*(f"belt: {line}" for line in LINES), "belt: 4 of 12 rows, 6.1 s"]
+    assert shown(io.StringIO(), clock, None) == ""
+
+
+def test_what_is_watched_is_a_terminal_or_a_notebook(monkeypatch):
+    monkeypatch.delitem(sys.modules, "IPython", raising=False)
+    assert is_seen(Terminal())
+    assert not is_seen(io.StringIO())
+    assert not is_seen(None)
+    for shell, seen in ((None, False), (SimpleNamespace(), False), (SimpleNamespace(kernel=object()), True)):
+        monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda shell=shell: shell))
+        assert is_seen(io.StringIO()) == seen

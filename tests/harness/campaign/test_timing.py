@@ -1,0 +1,110 @@
+"""Timing: how many samples are taken, and what is said of them. No test asserts a time."""
+
+from __future__ import annotations
+
+import gc
+
+import numpy as np
+import pytest
+
+from henon_ref.harness.campaign.timing import SAMPLES, median_interval, repeat, summarise, timed, turn_times
+
+
+class Counting:
+    def __init__(self) -> None:
+        self.calls = 0
+
+    def __call__(self) -> None:
+        self.calls += 1
+
+
+def test_as_many_samples_as_asked_for():
+    run = Counting()
+    assert len(repeat(run, first=1.0, repeats=7, budget=1e-9)) == run.calls == 7
+
+
+def test_a_slow_run_is_not_repeated():
+    run = Counting()
+    assert repeat(run, first=9.0, repeats=None, budget=0.3) == (9.0,)
+    assert run.calls == 0
+    assert 9.0 not in repeat(run, first=9.0, repeats=None, budget=0.0, cold=True)
+    assert run.calls == 1
+
+
+def test_a_quick_run_is_repeated_up_to_the_limit_and_its_warm_up_left_out():
+    samples = repeat(Counting(), first=123.0 / 1e3, repeats=None, budget=1e3)
+    assert len(samples) == SAMPLES
+    assert 0.123 not in samples
+
+
+def test_the_garbage_collector_is_as_it_was():
+    assert gc.isenabled()
+    timed(lambda: None)
+    assert gc.isenabled()
+    gc.disable()
+    try:
+        timed(lambda: None)
+        assert not gc.isenabled()
+    finally:
+        gc.enable()
+
+
+def test_the_interval_covers_the_median_as_often_as_it_says():
+    rng = np.random.default_rng(1)
+    hits = 0
+    for seed in range(200):
+        low, high = median_interval(rng.lognormal(size=40), seed=seed)
+        hits += low <= 1.0 <= high
+    assert 180 <= hits <= 199
+
+
+def test_the_same_samples_give_the_same_interval():
+    samples = np.random.default_rng(2).exponential(size=20)
+    assert median_interval(samples) == median_interval(samples)
+
+
+def test_summary_of_few_samples_claims_no_spread():
+    assert summarise([]) is None
+    two = summarise([1.0, 3.0])
+    assert (two.median, two.iqr, two.low, two.high) == (2.0, None, None, None)
+    five = summarise([1.0, 2.0, 3.0, 4.0, 5.0])
+    assert (five.median, five.iqr) == (3.0, pytest.approx(2.0))
+    assert five.unstable
+    assert not summarise([1.0, 1.01, 1.02, 1.0]).unstable
+
+
+class SelfTimed(Counting):
+    """A run whose own clock says 0.25 s."""
+
+    wall_s = 0.25
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.asked: list[int] = []
+
+    def times(self, count: int) -> tuple[float, ...]:
+        self.asked.append(count)
+        return (self.wall_s,) * count
+
+
+def test_a_run_with_a_clock_of_its_own_is_timed_by_that_in_one_go():
+    run = SelfTimed()
+    assert timed(run) == 0.25
+    assert repeat(run, first=0.25, repeats=4, budget=1e-9) == (0.25,) * 4
+    assert repeat(run, first=0.25, repeats=None, budget=1.3) == (0.25,) * 5
+    assert repeat(run, first=0.25, repeats=None, budget=0.4) == (0.25,) * 3
+    assert repeat(run, first=0.25, repeats=None, budget=0.1) == (0.25,)
+    assert repeat(run, first=1e-9, repeats=None, budget=1.0) == (0.25,) * SAMPLES
+    assert repeat(run, first=9.0, repeats=None, budget=0.3) == (9.0,)
+    assert run.asked == [1, 4, 5, 3, 1, SAMPLES]
+    assert run.calls == 0
+
+
+def test_a_turn_of_such_a_run_is_one_more_exchange_at_most():
+    run = SelfTimed()
+    assert turn_times(run, 1.0, 20) == [0.25] * 4
+    assert turn_times(run, 0.1, 20) == [0.25]
+    assert turn_times(run, 100.0, 20) == [0.25] * 20
+    assert run.asked == [1, 4, 1, 1, 20]
+    slow = Counting()
+    assert len(turn_times(slow, 0.0, 20)) == slow.calls == 1

@@ -1,0 +1,169 @@
+"""How commands end: exit status 3 and a log for what nobody foresaw, and nobody need listen to what they say."""
+
+from __future__ import annotations
+
+import errno
+import importlib
+import os
+import re
+import signal
+import stat
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from henon_ref.errors import CaseError
+from henon_ref.harness.cli import check, compare_cases, crash_log, exit_status
+from henon_ref.harness.cli import truth as truth_command
+from henon_ref.harness.report.files import write
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="made-up solvers reach workers by fork")
+COMMAND = [sys.executable, "-m", "henon_ref.compare"]
+CASE = Path(__file__).parents[3] / "cases" / "leaving_slide.yaml"
+"""Its truth is stored."""
+RUN = [*COMMAND, str(CASE), "--solvers", "scipy-dop853", "--tolerances", "1e-6", "--repeats", "1", "--no-figures"]
+
+
+def broken(*arguments: object, **options: object) -> None:
+    raise KeyError("nobody\nforesaw this")
+
+
+@pytest.fixture
+def logs(monkeypatch, tmp_path_factory) -> Path:
+    """The user's folder of logs."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
+    handler = signal.getsignal(signal.SIGTERM)
+    yield Path(os.environ["XDG_STATE_HOME"]) / "henon_ref" / "log"
+    signal.signal(signal.SIGTERM, handler)
+
+
+COMMANDS = {
+    "compare": (importlib.import_module("henon_ref.harness.cli.compare"), compare_cases, "load_cases"),
+    "truth": (truth_command, truth_command, "read_cases"),
+    "price": (
+        importlib.import_module("henon_ref.harness.cli.price"),
+        "henon_ref.harness.studies.price.run",
+        "load_cases",
+    ),
+    "paper": (importlib.import_module("henon_ref.harness.cli.paper"), write, "check_writable"),
+    "report.check": (check, check, "load_cases"),
+}
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_what_nobody_foresaw_is_status_3_and_one_message_with_the_path_of_a_log(
+    logs, tmp_path, monkeypatch, capsys, name
+):
+    program, place, function = COMMANDS[name]
+    monkeypatch.setattr(importlib.import_module(place) if isinstance(place, str) else place, function, broken)
+    arguments = [] if name == "paper" else ["some case.yaml"]
+    monkeypatch.chdir(tmp_path)
+    assert program.command(arguments) == 3
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("error: unforeseen: KeyError: ")
+    log = Path(re.search(r"the log is (\S+)$", line)[1])
+    assert log.parent == logs
+    assert stat.S_IMODE(logs.stat().st_mode) == stat.S_IMODE(logs.parent.stat().st_mode) == 0o700
+    text = log.read_text()
+    assert f"python -m henon_ref.{name} 'some case.yaml'" in text or name == "paper"
+    assert "Traceback (most recent call last)" in text
+    assert "in broken" in text
+    assert re.search(r"^numpy \d", text, re.MULTILINE)
+
+
+@pytest.mark.parametrize("fault", ["a file in its place", "others can write there"])
+def test_a_log_that_cannot_lie_in_the_user_s_folder_lies_in_a_temporary_one(logs, tmp_path, monkeypatch, fault):
+    monkeypatch.setattr(crash_log.tempfile, "tempdir", str(tmp_path))
+    if fault == "a file in its place":
+        logs.parent.write_text("")
+    else:
+        logs.mkdir(parents=True)
+        logs.chmod(0o777)
+    log = crash_log.write_log(ValueError("it"), "compare", [])
+    assert log.parent.parent == tmp_path
+    assert stat.S_IMODE(log.parent.stat().st_mode) == 0o700
+    assert "ValueError: it" in log.read_text()
+
+
+def test_what_cannot_even_say_what_is_wrong_is_logged(logs, tmp_path, monkeypatch, capsys):
+    class MuteError(Exception):
+        def __str__(self) -> str:
+            raise RuntimeError
+
+    def act() -> int:
+        raise MuteError
+
+    monkeypatch.setattr(crash_log.metadata, "distributions", broken)
+    (tmp_path / "gone").mkdir()
+    monkeypatch.chdir(tmp_path / "gone")
+    (tmp_path / "gone").rmdir()
+    assert exit_status.exit_status(act, name="compare", arguments=[]) == 3
+    (line,) = capsys.readouterr().err.splitlines()
+    assert Path(line.rpartition("the log is ")[2]).parent == logs
+
+
+def test_a_library_that_wants_to_exit_is_nothing_foreseen(logs, capsys):
+    def act() -> int:
+        sys.exit(0)
+
+    assert exit_status.exit_status(act, name="compare", arguments=[]) == 3
+    assert "unforeseen: SystemExit" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("error", "status"),
+    [
+        (OSError(errno.ENOSPC, "full"), 2),
+        (PermissionError(errno.EACCES, "not allowed", "out/report.md"), 2),
+        (PermissionError(errno.EACCES, "not allowed", "/etc/elsewhere"), 3),
+        (OSError(errno.EMFILE, "too many open files"), 3),
+        (BrokenPipeError(errno.EPIPE, "broken pipe"), 3),
+        (KeyboardInterrupt(), 130),
+        (CaseError("no", file="a.yaml", line=3, column=4), 2),
+    ],
+)
+def test_what_is_wrong_with_the_folder_is_a_bad_argument_and_nothing_else_is(logs, capsys, error, status):
+    def act() -> int:
+        with exit_status.writing_into(Path("out")):
+            raise error
+
+    assert exit_status.exit_status(act, name="compare", arguments=[]) == status
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_a_message_is_one_line_that_a_terminal_can_be_shown(capsys):
+    exit_status.say("a\x1b[31m\nb\r" + "c" * 60_000)
+    line = capsys.readouterr().err
+    assert line.startswith("a [31m b ccc")
+    assert len(line) <= 2001
+
+
+CLOSED = {"all of them": "<&- >&- 2>&-", "a full disk behind it": ">/dev/full"}
+
+
+@pytest.mark.parametrize("how", CLOSED.values(), ids=CLOSED)
+def test_a_closed_stream_is_no_failure(tmp_path, how):
+    shell = ["/bin/sh", "-c", f'exec "$@" {how}', "sh", *RUN]
+    assert subprocess.run(shell, cwd=tmp_path, timeout=600).returncode == 0
+    assert (tmp_path / "out" / "leaving_slide" / "runs.csv").exists()
+    assert (tmp_path / "out" / "README.md").exists()
+
+
+def test_a_reader_that_has_gone_is_no_failure(tmp_path):
+    reader, writer = os.pipe()
+    os.close(reader)
+    for arguments, status in (RUN, 0), ([*COMMAND, "--help"], 0), ([*COMMAND, "nowhere.yaml"], 2):
+        done = subprocess.run(arguments, cwd=tmp_path, stdout=writer, stderr=writer, timeout=600)
+        assert done.returncode == status
+    os.close(writer)
+    assert (tmp_path / "out" / "leaving_slide" / "report.md").exists()
+
+
+def test_what_a_terminal_has_no_characters_for_is_written_another_way():
+    call = "exit_status.exit_status(lambda: print(chr(233)), name='', arguments=[])"
+    script = f"import sys; from henon_ref.harness.cli import exit_status; sys.exit({call})"
+    environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
+    done = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "\\xe9\n", "")

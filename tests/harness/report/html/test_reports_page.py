@@ -1,0 +1,324 @@
+"""The page of a folder of reports, as text: one file, small, with the rows' numbers, and nothing of a stranger's."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from base64 import b64decode
+from collections import Counter
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fakes import CASE, case
+from html_pages import RUNS, comparison, made_folder, two_readings
+from made_reports import ORIGIN, changed
+
+from henon_ref.errors import CaseError
+from henon_ref.figures.curves import Curves
+from henon_ref.harness.campaign.options import MOST_DRAWN
+from henon_ref.harness.cli.check import page_differences
+from henon_ref.harness.report.case_report import write_report
+from henon_ref.harness.report.folder_report import write_folder_report
+from henon_ref.harness.report.html.content import CELL, NIGHT, PAPER, SEEN, contrast, solver_lines
+from henon_ref.harness.report.html.embedded import embedded, read_embedded
+from henon_ref.harness.report.html.packed_runs import FIELDS, Words, field_values, packed, unpacked
+from henon_ref.harness.report.html.portrait import CELLS, MOST_POINTS
+from henon_ref.harness.report.html.portrait import packed as packed_portrait
+from henon_ref.harness.report.html.rendering import MOST_BYTES
+from henon_ref.harness.report.html.reports_page import choice_rows, page_text
+from henon_ref.harness.report.text.choice import choice_table
+from henon_ref.harness.report.text.kinds_figure import draw_kinds
+from henon_ref.harness.report.text.matrix_rows import MatrixRow, read_matrix
+from henon_ref.harness.rows import RunRow, read_rows
+
+ROOT = Path(__file__).parents[4]
+EVIL = (
+    "</script><script>alert(1)</script><!-- <img src=//evil.example/x.png onerror=alert(2)> \u2028 \u202e {{ 7*7 }} ]]>"
+)
+SHOWN = " ".join(EVIL.replace("\u2028", " ").replace("\u202e", " ").split())
+"""The same without what does not print."""
+
+
+def data_of(page: Path) -> dict:
+    return read_embedded(page.read_text(encoding="utf-8"))
+
+
+class Tags(HTMLParser):
+    """The elements of a page: name and attributes."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.found: list[tuple[str, dict[str, str | None]]] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.found.append((tag, dict(attrs)))
+
+
+def test_the_page_has_the_numbers_of_the_rows(reports: Path) -> None:
+    data = data_of(reports)
+    words, solvers = data["words"], [own["name"] for own in data["solvers"]]
+    assert [own["name"] for own in data["cases"]] == ["first", "second"]
+    for own in data["cases"]:
+        (reading,) = own["readings"]
+        rows = [row for row in read_matrix(reports.parent) if row.case == own["name"]]
+        for row, (solver, *cell) in zip(rows, reading["cells"], strict=True):
+            shown = dict(zip(CELL, cell + [None] * len(CELL), strict=False))
+            assert row.solver == solvers[solver]
+            for (name, value), known in zip(shown.items(), row.values(shown), strict=True):
+                if name in ("status", "verdict"):
+                    assert (None if value is None else words[value]) == known
+                else:
+                    assert value == (None if known is None else pytest.approx(known, rel=1e-5))
+        runs = [row for row in read_rows(RunRow, reports.parent / own["name"] / "runs.csv") if row.solver == "henon"]
+        for row, run in zip(runs, reading["runs"][str(solvers.index("henon"))], strict=True):
+            shown = unpacked(run, words)
+            assert shown["max_time_error_s"] == pytest.approx(row.max_time_error_s, rel=0.05)
+            assert shown["wall_s"] == pytest.approx(row.wall_s, rel=1e-3)
+            assert shown["verdict"] == "right"
+        assert own["tags"] == ["made-up", own["name"]]
+        assert reading["portrait"]["names"] == ["t", "x"]
+        assert {"report.md", "runs.csv"} <= set(own["files"])
+
+
+def test_a_run_that_is_packed_comes_back_with_what_is_shown_of_it() -> None:
+    row = RunRow(
+        "made_up", "default", "henon", rtol=1e-9, status="wrong", verdict="solver defect", digits=3.14159, missed=2,
+        spurious=0, max_time_error_s=7.2468e-4, status_reason="it\nfailed \u202e", steps=123456,
+    )  # fmt: skip
+    words = Words()
+    values = packed(field_values(row), words)
+    assert values[-1] is not None
+    back = unpacked(values, words.listed)
+    assert {name: value for name, value in back.items() if value is not None} == {
+        "setting": "1e-9", "status": "wrong", "verdict": "solver defect", "digits": 3.141, "missed": 2,
+        "max_time_error_s": 7.2e-4, "status_reason": "it failed", "steps": 123456,
+    }  # fmt: skip
+
+
+def test_a_portrait_has_few_points_none_of_which_lies_beside_the_curve() -> None:
+    angle = np.linspace(0, 40 * np.pi, 20_000)
+    points = np.column_stack([np.cos(angle), 3 * np.sin(angle)]) * np.exp(-angle / 100)[:, None]
+    made = packed_portrait(Curves(("x", "v"), ((-1.0, 1.0), (-3.0, 3.0)), (0.0, 1.0), [("slip", points)], []))
+    (piece,) = made["pieces"]
+    kept = np.frombuffer(b64decode(piece[1]), dtype="<i2").reshape(-1, 2) / CELLS * [2.0, 6.0] - [1.0, 3.0]
+    assert 40 < len(kept) <= MOST_POINTS
+    for point in kept[:: len(kept) // 40]:
+        assert np.min(np.hypot(*((points - point) / [2.0, 6.0]).T)) < 0.02
+    ends = np.abs((kept[[0, -1]] - points[[0, -1]]) / [2.0, 6.0])
+    assert ends.max() < 1 / CELLS
+
+
+def test_the_page_is_one_file_without_an_address(reports: Path) -> None:
+    text = reports.read_text()
+    tags = Tags(text).found
+    assert not {name for name, _ in tags} & {"iframe", "object", "embed", "img", "audio", "video", "base"}
+    assert {own["href"] for name, own in tags if name == "link"} == {"data:,"}
+    assert not [own for name, own in tags if name == "script" and "src" in own]
+    assert not re.search(r"url\(\s*[^#)]|@import|\bfetch\(|XMLHttpRequest|https?://(?!www\.w3\.org)", text)
+    assert {name for name, _ in tags} >= {"title", "table", "input", "select", "main", "h1"}
+    assert reports.stat().st_size < MOST_BYTES
+
+
+def test_links_lead_to_files_that_are_there(reports: Path) -> None:
+    links = [
+        own["href"] for name, own in Tags(reports.read_text()).found if name == "a" and not own["href"].startswith("#")
+    ]
+    assert links == ["README.md", "matrix.md", "matrix.csv"]
+    for own in data_of(reports)["cases"]:
+        assert all((reports.parent / own["name"] / file).is_file() for file in own["files"])
+
+
+def test_what_a_stranger_writes_is_text_and_no_part_of_the_page(tmp_path: Path) -> None:
+    told = f"tags: [{json.dumps(SHOWN)}]\nstory: {json.dumps(SHOWN)}\n".replace("{", "{{").replace("}", "}}")
+    evil = case("evil", CASE + told)
+    evil = replace(evil, title=EVIL, source=EVIL)
+    made = comparison("evil", evil, {"henon": ("right", 1e-3), f"a{EVIL}": ("misses", 1e-3)})
+    made.records[-1] = changed(made.records[-1], status_reason=EVIL, verdict_basis=EVIL)
+    write_report(made, ORIGIN, tmp_path)
+    write_folder_report(tmp_path)
+    text = (tmp_path / "index.html").read_text()
+    tags = Tags(text).found
+    assert len([name for name, _ in tags if name == "script"]) == 2
+    assert not [name for name, _ in tags if name == "img"]
+    assert "alert(1)</script>" not in text
+    assert "7*7" in text
+    assert " 49 " not in text
+    data = read_embedded(text)
+    assert data["cases"][0]["title"] == SHOWN
+    assert data["solvers"][1]["name"].startswith("a</script>")
+
+
+def test_data_within_a_page_end_nothing_and_come_back() -> None:
+    data = {"<!--": ["</script", "\u2028&amp;", 1e-7, None, {"b": True}]}
+    text = embedded(data)
+    assert not re.search("[<>&\u2028]", text)
+    assert json.loads(text) == data
+    assert read_embedded(f'<script type="application/json" id="data">{text}</script>') == data
+    assert read_embedded("<p>nothing</p>") is None
+
+
+@pytest.mark.parametrize("kept", ["first", "second"])
+def test_the_page_keeps_the_runs_of_cases_whose_folders_are_gone(tmp_path: Path, kept: str) -> None:
+    page = made_folder(tmp_path)
+    before = data_of(page)
+    for own in before["cases"]:
+        if own["name"] != kept:
+            shutil.rmtree(tmp_path / own["name"])
+    write_folder_report(tmp_path)
+    after = data_of(page)
+    for own in before["cases"]:
+        if own["name"] != kept:
+            del own["files"]
+    assert after["cases"] == before["cases"]
+    write_folder_report(tmp_path)
+    assert data_of(page) == after
+
+
+def test_each_reading_has_its_own_portrait_and_no_other(tmp_path: Path) -> None:
+    """An earlier page's one portrait of a case (its reading named in it) is that reading's alone."""
+    write_report(two_readings(), ORIGIN, tmp_path)
+    write_folder_report(tmp_path)
+    page = tmp_path / "index.html"
+    (own,) = data_of(page)["cases"]
+    belt, belt_limit = own["readings"]
+    assert belt["portrait"]["window"] == [0.0, 5.0]
+    assert belt_limit["portrait"]["window"] == [0.0, 4.0]
+    assert belt["portrait"]["pieces"] != belt_limit["portrait"]["pieces"]
+    data = data_of(page)
+    (old,) = data["cases"]
+    old["portrait"] = {"reading": "belt_limit", **old["readings"][1].pop("portrait")}
+    del old["readings"][0]["portrait"]
+    page.write_text(re.sub(r'(id="data">).*?(</script>)', lambda found: found[1] + embedded(data) + found[2],
+                           page.read_text(), flags=re.DOTALL))  # fmt: skip
+    shutil.rmtree(tmp_path / "pair")
+    write_folder_report(tmp_path)
+    (own,) = data_of(page)["cases"]
+    assert "portrait" not in own
+    assert [reading.get("portrait") for reading in own["readings"]] == [None, belt_limit["portrait"]]
+
+
+def test_a_comparison_of_another_solver_adds_its_runs_to_a_case(tmp_path: Path) -> None:
+    page = made_folder(tmp_path)
+    before = data_of(page)
+    assert "the solvers were run on" not in page.read_text()
+    shutil.rmtree(tmp_path / "first")
+    bare = comparison("first", solvers={"octave-ode45": ("right", 1e-2)})
+    bare.readings[0].samples = None  # as without figures
+    write_report(bare, replace(ORIGIN, commit="f" * 40), tmp_path)
+    write_folder_report(tmp_path)
+    data, (old, _) = data_of(page), before["cases"]
+    first, second = data["cases"]
+    names = [own["name"] for own in data["solvers"]]
+    (reading,), (known,) = first["readings"], old["readings"]
+    assert [names[cell[0]] for cell in reading["cells"]] == ["henon", "heyoka", "ida", "scipy-rk45", "octave-ode45"]
+    assert set(reading["runs"]) == {str(names.index(own)) for own in (*RUNS["first"], "octave-ode45")}
+    assert len(reading["runs"][str(names.index("henon"))]) == len(known["runs"]["0"])
+    assert reading["portrait"] == known["portrait"]
+    assert reading["commit"] == "0123456789ab, ffffffffffff"
+    assert second["readings"][0]["runs"].keys() == before["cases"][1]["readings"][0]["runs"].keys()
+    told = "Of 2 readings the solvers were run on 2: henon, heyoka, ida, scipy-rk45; 1: octave-ode45."
+    assert told in page.read_text()
+    write_folder_report(tmp_path)
+    assert data_of(page) == data
+    assert page_differences(tmp_path) == []
+
+
+def test_a_case_that_only_the_matrix_knows_has_its_cells(tmp_path: Path) -> None:
+    page = made_folder(tmp_path)
+    for name in ("first", "second"):
+        shutil.rmtree(tmp_path / name)
+    page.unlink()
+    write_folder_report(tmp_path)
+    readings = [own["readings"][0] for own in data_of(page)["cases"]]
+    assert [reading["runs"] for reading in readings] == [{}, {}]
+    assert [len(reading["cells"]) for reading in readings] == [4, 4]
+
+
+@pytest.mark.parametrize(
+    "damage", ["not JSON", "[]", '{"title": "t", "readings": []}', '{"title": "t", "readings": {"default": 3}}']
+)
+def test_a_manifest_that_somebody_has_changed_costs_its_own_words_only(tmp_path: Path, damage: str, capsys) -> None:
+    page = made_folder(tmp_path)
+    (tmp_path / "first" / "manifest.json").write_text(damage)
+    write_folder_report(tmp_path)
+    assert [own["name"] for own in data_of(page)["cases"]] == ["first", "second"]
+
+
+@pytest.mark.parametrize("damage", ["", "<p>", "{", '{"format": 1}'])
+def test_a_page_whose_data_somebody_has_changed_is_written_anew(tmp_path: Path, damage: str) -> None:
+    page = made_folder(tmp_path)
+    whole = page.read_text()
+    page.write_text(
+        re.sub(r'(id="data">).*?(</script>)', lambda found: found[1] + damage + found[2], whole, flags=re.DOTALL)
+    )
+    write_folder_report(tmp_path)
+    assert page.read_text() == whole
+
+
+def test_a_page_of_somebody_else_is_not_replaced(tmp_path: Path) -> None:
+    (tmp_path / "index.html").write_text("<!doctype html><title>mine</title>")
+    with pytest.raises(CaseError, match="was not written by henon_ref"):
+        made_folder(tmp_path)
+    assert (tmp_path / "index.html").read_text() == "<!doctype html><title>mine</title>"
+
+
+def test_the_check_tells_of_a_page_that_is_older_than_its_rows(tmp_path: Path) -> None:
+    assert page_differences(tmp_path) == []  # no page, nothing to compare
+    page = made_folder(tmp_path)
+    assert page_differences(tmp_path) == []
+    runs = tmp_path / "first" / "runs.csv"
+    runs.write_text(runs.read_text().replace("it is not installed", "it is gone"))
+    (told,) = page_differences(tmp_path)
+    assert told.startswith(f"{page} does not show")
+
+
+def test_the_table_of_the_page_is_that_of_the_index(reports: Path) -> None:
+    (row,) = choice_rows(read_matrix(reports.parent), 6)
+    assert row == ("stick-slip", "2", "henon", "2", "0.25 ms", "scipy-rk45", "2", "×580")
+    index = (reports.parent / "README.md").read_text()
+    assert "| stick-slip | 2 | `henon` 2; `scipy-rk45` 2 (×580)" in index
+
+
+def test_a_row_says_of_how_many_readings_its_digits_are(tmp_path: Path) -> None:
+    """Where some readings of a kind have no transition to time, there are fewer for digits than in the index."""
+    write_folder_report(tmp_path)
+    rows = [MatrixRow("one", "One", f"r{k}", "graze or close roots", "henon", 1, 1, 1, wall_s=1.0) for k in range(3)]
+    rows[0] = replace(rows[0], digits=9.5, wall_9_s=1.0)
+    assert [choice_rows(rows, level)[0][:4] for level in (None, 9, 12)] == [
+        ("graze or close roots", "3", "henon", "3"),
+        ("graze or close roots", "1 of 3", "henon", "1"),
+        ("graze or close roots", "1 of 3", "none", ""),
+    ]  # fmt: skip
+    (line,) = choice_table(rows).rows
+    assert line[:2] == ("graze or close roots", "3, 1 timed")
+    assert draw_kinds(rows).axes[0].get_title(loc="left") == "graze or\nclose roots\n(3, 1 timed)"
+
+
+def test_a_folder_without_reports_has_a_page(tmp_path: Path) -> None:
+    write_folder_report(tmp_path)
+    assert data_of(tmp_path / "index.html")["cases"] == []
+
+
+def test_the_page_of_the_whole_suite_is_small(tmp_path: Path) -> None:
+    """Every row of the committed matrix, each with the three runs that its solver may have had."""
+    rows = read_matrix(ROOT / "reports")
+    assert len({row.case for row in rows}) > 60
+    bare = len(page_text(tmp_path, rows))
+    run = {"status": "failed", "verdict": "solver defect", "digits": 11.123456789}
+    run |= dict.fromkeys(set(FIELDS) - set(run) - {"setting"}, 1.2345678e-12)
+    shown = field_values(RunRow("made_up", "default", "henon", rtol=1e-9, **run))
+    own = len(json.dumps(packed(shown, Words()), separators=(",", ":")))
+    readings = Counter(case for case, _ in {(row.case, row.reading) for row in rows})
+    portraits = sum(min(count, MOST_DRAWN) for count in readings.values()) * 4000  # the committed ones have up to 3,200
+    assert bare + 3 * len(rows) * own + portraits < MOST_BYTES
+
+
+def test_lines_are_seen_on_light_and_dark_pages() -> None:
+    for own in solver_lines(["henon", "heyoka", "scipy-lsoda", "cvode-bdf", "scipy-sign", "a-solver-of-mine"]).values():
+        assert contrast(str(own["light"]), PAPER) >= SEEN
+        assert contrast(str(own["dark"]), NIGHT) >= SEEN

@@ -1,0 +1,328 @@
+"""Reports say what the rows say: tables, figures, index, and whether stored ones still hold."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from statistics import median
+
+import numpy as np
+import pytest
+from fakes import CASE, Fake, case, expected, found, reference, statement, trajectory
+from made_reports import ORIGIN, cells, changed, compared, made, tables, usual
+
+from henon_ref.casefile.case import load_case
+from henon_ref.figures.motion import motion_of
+from henon_ref.filippov.latex import latex, symbol
+from henon_ref.harness.campaign.comparison import Comparison
+from henon_ref.harness.campaign.options import Options
+from henon_ref.harness.campaign.results import ReadingResult
+from henon_ref.harness.campaign.rows import Outcome, record, scored
+from henon_ref.harness.campaign.settings import Setting
+from henon_ref.harness.campaign.worker import WorkerState
+from henon_ref.harness.cli import check
+from henon_ref.harness.report.case_report import write_report
+from henon_ref.harness.report.files.figure_jobs import FigureJob
+from henon_ref.harness.report.text.formats import duration
+from henon_ref.harness.report.text.gate import gate_table, why_unchecked
+from henon_ref.harness.report.text.markdown import report_text
+from henon_ref.harness.report.text.model import general_form, mode_equations, parameters
+from henon_ref.harness.report.text.ranking import prices
+from henon_ref.harness.report.text.tables import price_table, run_table, stick_table
+from henon_ref.harness.rows import RunRow, csv_text, read_rows, rows_text
+from henon_ref.harness.score.gate import Gate
+from henon_ref.trajectory import Samples
+
+
+@pytest.fixture
+def comparison() -> Comparison:
+    return usual()
+
+
+def test_prices_count_only_right_rows_and_never_a_faster_wrong_one(comparison):
+    three, six, nine, twelve = prices(comparison.run_rows)
+    assert [p.row.rtol for p in (three, six, nine, twelve)] == [1e-6, 1e-6, 1e-12, 1e-12]
+    assert {p.next_row.solver for p in (three, six, nine, twelve)} == {"heyoka"}
+    assert (
+        "| 12 | `henon` | 1e-12 | 0.3 ms | `heyoka` | 1e-12 | 0.9 ms | 3 |" in price_table(comparison.run_rows).markdown
+    )
+
+
+def test_an_error_below_the_radius_is_not_claimed():
+    truth = expected(transitions=tuple(replace(e, radius=1e-9) for e in reference()))
+    one = made("henon", 1e-12, 1e-4, truth=truth)
+    assert one.run.digits == pytest.approx(9.0)
+    assert "< 1e-9" in run_table([one]).markdown
+
+
+def test_the_stick_table_has_the_truth_and_the_best_run(comparison):
+    table = stick_table(comparison, comparison.readings[0]).markdown
+    assert "| 0 | s | 0.500000000 | 0.7500000000000 | " in table
+    assert "printed" not in table  # that is said once, in a table of its own
+    assert "| length [unit of `x`] |" in table
+
+
+@pytest.mark.parametrize(
+    ("samples", "words"),
+    [
+        ((73e-6, 22e-6), "| 47.5 µs (2 runs) † |"),
+        ((73e-6, 72e-6), "| 72.5 µs (2 runs) |"),
+        ((1.5,), "| 1.5 s (1 run) |"),
+        ((1.0, 1.0, 1.5), "| 1 s (250 ms) † |"),
+        ((1.0, 1.0, 1.1), "| 1 s (50 ms) |"),
+    ],
+)
+def test_a_time_says_how_far_its_samples_scatter_or_how_few_they_are(samples, words):
+    outcome = Outcome("made_up", case().readings[0], "henon", Setting(rtol=1e-6, atol=1e-6), samples=samples)
+    outcome = replace(outcome, trajectory=trajectory(found(error=1e-7)))
+    outcome = scored(outcome, expected())
+    assert words in run_table([record(outcome, expected())]).markdown
+
+
+@pytest.mark.parametrize(("shaken", "marked"), [((1.0, 1.0, 1.5), True), ((0.6, 1.4), True), ((1.0, 1.05), False)])
+def test_a_time_that_scatters_is_marked_wherever_it_stands(shaken, marked):
+    """In the first table, in the table of prices, with the legend below either; however few samples."""
+    outcome = Outcome("made_up", case().readings[0], "henon", Setting(rtol=1e-6, atol=1e-6), samples=shaken)
+    outcome = replace(outcome, trajectory=trajectory(found(error=1e-7)))
+    outcome = scored(outcome, expected())
+    text = report_text(compared(record(outcome, expected()), made("heyoka", 1e-6, 9.0)), ORIGIN)
+    time = duration(median(shaken)) + (" †" if marked else "")
+    assert cells(tables(text)[0])["`henon`"]["time"] == time
+    assert text.count("†: the samples scatter by more than a tenth of their median.") == 2 * marked
+    prices = text.partition("Cheapest solver for so many digits")[2].partition("#")[0]
+    assert f"| 6 | `henon` | 1e-6 | {time} | `heyoka` | 1e-6 | 9 s |" in prices
+
+
+def test_the_report_states_model_truth_and_provenance(comparison):
+    text = report_text(comparison, ORIGIN)
+    assert text.startswith("# A made-up system\n\n| solver |")
+    assert "| certified | yes | every one of the 5 is enclosed" in text
+    assert "| largest radius of a transition time | 1e-30 s | no error is claimed below it |" in text
+    assert r"\dot{x} &= - F s + \cos{\left(t \right)}" in text
+    assert "    python -m henon_ref.compare made_up.yaml" in text
+    assert "A processor (2 cores, 16 GiB), Linux, CPython 3.11, openblas Zen" in text
+    assert "from commit 0123456789ab." in text
+    assert not re.search(r"\b(None|nan)\b|\{\{", text)
+
+
+GATES = """
+gate:
+  henon: {{max_time_error: 1e-5, max_stick_error: 1e-5, status: ok}}
+  heyoka: {{}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("solvers", "state", "checked", "left_out"),
+    [
+        (("henon", "heyoka"), "met", "4 of 4", ""),
+        (("heyoka",), "met", "1 of 4", "`henon`"),
+        (("scipy-sign",), "not checked", "0 of 4", "`henon`, `heyoka`"),
+    ],
+)
+def test_the_gate_counts_the_bounds_that_were_checked(solvers, state, checked, left_out):
+    gated = case(text=re.sub("gate: .*", GATES, CASE))
+    result = ReadingResult(gated.readings[0], statement(None, None))
+    records = [made(solver, 1e-6, 1e-4) for solver in solvers]
+    table = gate_table(Comparison(gated, [result], records, Options(solvers=solvers)))
+    assert list(table.rows) == [(state, checked, "", left_out)]
+
+
+def test_a_gate_that_is_not_met_says_what_is_not():
+    comparison = compared(made("henon", 1e-6, 1e-4, what="misses"))
+    ((state, checked, not_met, left_out),) = gate_table(comparison).rows
+    assert (state, checked, left_out) == ("not met", "2 of 2", "")
+    assert not_met.startswith("default: henon (rtol 1e-06): status wrong")
+    assert "not met" in [own.rows[0][0] for own in tables(report_text(comparison, ORIGIN))]
+    assert why_unchecked(Gate(1, 0)) == "the only bound of the gate is on no solver that ran"
+
+
+def test_modes_and_parameters_in_formulas():
+    result = compared().readings[0]
+    system = result.reading.problem.system
+    assert r"s &= \operatorname{sgn}\left(x\right)" in general_form(system)
+    stick = mode_equations(system, (0,))
+    assert stick.title == "Stick, `s=0`"
+    assert any(note.startswith("equivalent sign $s =") for note in stick.notes)
+    assert parameters(result) == ["$F = 1$", "$x(0) = 1$", r"$t_{\mathrm{end}} = 5$"]
+
+
+def test_the_stick_of_static_friction_says_when_it_is_entered():
+    static = load_case(Path(__file__).parents[3] / "cases" / "static_belt.yaml").readings[0].problem.system
+    assert any(note.startswith("entered wherever") for note in mode_equations(static, (0,)).notes)
+    assert not any(note.startswith("entered") for note in mode_equations(static, (1,)).notes)
+    plain = compared().readings[0].reading.problem.system
+    assert not any(note.startswith("entered") for note in mode_equations(plain, (0,)).notes)
+
+
+def test_formulas_keep_the_names_a_reader_expects():
+    import sympy as sp
+
+    x2, vp = sp.symbols("x2 vp", real=True)
+    assert latex(x2 - vp) == "x_{2} - v_{p}"
+    assert [symbol(n) for n in ("mu0", "a_b", "_x")] == [r"\mu_{0}", r"a_{\mathrm{b}}", r"\mathrm{\_x}"]
+
+
+@pytest.mark.parametrize("name", ["a_b_c_d", "mu_1_2", "mu0_a", "a__b", "x_", "_x", "Alpha", "PI", "Omega_s", "kc"])
+def test_every_name_is_a_formula_that_can_be_set(name):
+    import sympy as sp
+    from matplotlib.mathtext import MathTextParser
+
+    parser = MathTextParser("path")
+    for formula in (symbol(name), latex(sp.Symbol(name) ** 2 - 1)):
+        assert parser.parse(f"${formula}$").glyphs
+
+
+def test_names_apart_stay_apart():
+    names = ["a_b_c", "a_bc", "ab_c", "a_b__c", "a_b_c_", "abc", "a1_2", "a_1_2", "mu1_2", "mu_1_2"]
+    assert len({symbol(name) for name in names}) == len(names)
+
+
+def test_csv_reads_back_the_same():
+    text = csv_text(("a", "b", "c", "d"), [(0.1 + 0.2, None, "x,y", 3)])
+    assert text == 'a,b,c,d\n0.30000000000000004,,"x,y",3\n'
+
+
+def job(comparison: Comparison, **changes: object) -> FigureJob:
+    times = np.linspace(1.0, 5.0, 81)
+    samples = Samples(times, np.sin(times)[:, None], None)
+    result = comparison.readings[0]
+    return replace(FigureJob(result.reading, result.expected, samples, tuple(comparison.records)), **changes)
+
+
+def drawn(job: FigureJob) -> dict[str, bytes]:
+    return job.run(WorkerState(lambda kind, value: None))
+
+
+def test_figures_are_the_same_bytes_for_the_same_data(comparison):
+    first, second = drawn(job(comparison)), drawn(job(comparison))
+    assert set(first) == {"default_modes.svg", "default_errors.svg", "default_cost.svg"}
+    assert first == second
+    assert all(b"dc:date" not in content for content in first.values())
+    assert all(b'<svg role="img"' in content and b"<desc id=" in content for content in first.values())
+
+
+def test_only_the_cost_figure_changes_where_nothing_but_timings_did(comparison):
+    slower = [changed(own, wall_s=3.0, compile_s=4.0) for own in comparison.records if own.samples]
+    cut_off = [changed(own, rtol=1e-13, status="timeout") for own in comparison.records[:2]]
+    quick = drawn(job(comparison, records=tuple(own for own in comparison.records if own.samples)))
+    slow = drawn(job(comparison, records=(*slower, *cut_off)))
+    assert {name for name in quick if quick[name] != slow[name]} == {"default_cost.svg"}
+
+
+def test_figures_stand_any_lack_of_data(comparison):
+    assert drawn(job(comparison, expected=None)) == {}
+    empty = drawn(job(comparison, samples=None, records=()))
+    assert empty == {}
+    nothing = Samples(np.array([1.0, 2.0]), np.full((2, 1), np.nan), None)
+    assert "default_modes.svg" not in drawn(job(comparison, samples=nothing))
+    one = (made("henon", 1e-12, 1e-4),)
+    assert set(drawn(job(comparison, records=one))) == {"default_modes.svg", "default_errors.svg"}
+    failed = (made("ida", 1e-6, 0.0, what="unavailable"),)
+    assert set(drawn(job(comparison, records=failed))) == {"default_modes.svg"}
+
+
+def test_motion_has_a_corner_at_every_transition():
+    samples = Samples(np.linspace(1.0, 3.0, 5), np.zeros((5, 1)), None)
+    motion = motion_of(samples, reference())
+    assert motion.times.tolist() == [1.0, 1.25, 1.5, 2.0, 2.0, 2.5, 3.0]
+    assert motion.modes == ((0,), (-1,), (-1,), (1,), (1,), (1,), (1,))
+
+
+@pytest.fixture
+def stored(tmp_path, comparison):
+    """A folder with one stored report, and one that has just been made."""
+    write_report(comparison, ORIGIN, tmp_path / "reports")
+    shutil.copytree(tmp_path / "reports", tmp_path / "fresh")
+    return tmp_path / "reports" / "made_up", tmp_path / "fresh" / "made_up"
+
+
+def rewrite(folder, change) -> None:
+    rows = change(read_rows(RunRow, folder / "runs.csv"))
+    (folder / "runs.csv").write_text(rows_text(RunRow, rows))
+
+
+def first(**values: object):
+    """Other values for the first row."""
+    return lambda rows: [replace(rows[0], **values), *rows[1:]]
+
+
+def also(**values: object):
+    """One more row, as the first one but for these values."""
+    return lambda rows: [*rows, replace(rows[0], **values)]
+
+
+def test_a_report_that_still_holds(stored):
+    old, fresh = stored
+    rewrite(fresh, lambda rows: [replace(row, wall_s=9.0, wall_s_iqr=1.0, compile_s=7.0) for row in rows])
+    rewrite(fresh, first(max_time_error_s=2e-6))
+    assert check.differences(old, fresh) == []
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"max_time_error_s": 2e-4}, "max_time_error_s was 9.90e-07, is 2.00e-04"),
+        ({"max_time_error_s": None}, "max_time_error_s was"),
+        ({"status": "wrong", "verdict": "solver defect"}, "was ok (right), is wrong (solver defect)"),
+        ({"matched": 4}, "matched was 5, is 4"),
+        ({"solver": "new"}, "is not stored"),
+    ],
+)
+def test_a_report_that_no_longer_holds(stored, change, words):
+    old, fresh = stored
+    rewrite(fresh, first(**change))
+    assert any(words in line for line in check.differences(old, fresh))
+
+
+def test_a_timeout_is_the_machine_s_doing(stored):
+    old, fresh = stored
+    rewrite(fresh, first(status="timeout", verdict="solver defect", matched=2))
+    assert check.differences(old, fresh) == []
+
+
+def test_rows_of_a_peer_are_checked_where_it_was_run(stored):
+    old, fresh = stored
+    rewrite(old, also(solver="nosnoc"))
+    assert check.differences(old, fresh) == []
+    rewrite(fresh, also(solver="nosnoc", matched=4))
+    assert len(check.differences(old, fresh)) == 1
+    rewrite(old, also(solver="scipy-radau"))
+    assert len(check.differences(old, fresh)) == 2
+
+
+def test_texts_and_files_are_checked_too(stored):
+    old, fresh = stored
+    report = fresh / "report.md"
+    report.write_text(report.read_text().replace("| certified | yes |", "| certified | no |"))
+    listed = json.loads((old / "manifest.json").read_text())["files"]
+    (old / "sticks.csv").unlink()
+    assert "sticks.csv" in listed
+    assert check.differences(old, fresh) == ["Truth: the text differs", "the file sticks.csv is gone"]
+    shutil.rmtree(old)
+    assert check.differences(old, fresh) == [f"there is no report in {old}"]
+
+
+def test_fakes_meet_the_contract():
+    from henon_ref.solver import Solver
+
+    assert isinstance(Fake(), Solver)
+
+
+def test_a_report_has_a_table_then_figures_then_what_a_source_prints_then_headings(comparison):
+    result = comparison.readings[0]
+    kinds = ("cost", "errors", "portrait", "modes")
+    result.figures |= dict.fromkeys((f"default_{kind}.svg" for kind in kinds), b"<svg/>")
+    head, *sections = report_text(comparison, ORIGIN).split("\n## ")
+    assert re.findall(r"\]\(default_(\w+)\.svg\)", head) == ["cost", "errors", "portrait"]
+    assert [own.headings[0] for own in tables(head)] == ["solver", "printed [s]"]
+    assert head.index("| solver |") < head.index("default_cost.svg") < head.index("| printed [s] |")
+    names = [section.partition("\n")[0] for section in sections]
+    assert names == [
+        "Cheapest solver for so many digits", "Sticks", "Every run", "Truth", "Model", "Gate", "How to read this",
+    ]  # fmt: skip
+    assert "(default_modes.svg)" in sections[names.index("Model")]
+    assert "**" not in "".join([head, *sections])

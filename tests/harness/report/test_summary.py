@@ -1,0 +1,198 @@
+"""The tables that a report begins with hold what the rows hold."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from decimal import Decimal
+
+import pytest
+import sympy as sp
+from fakes import TIMES, Reference, case, expected, found, trajectory
+from made_reports import cells, compared, made, usual
+
+from henon_ref.casefile.expected import Orbit
+from henon_ref.harness.campaign.comparison import Comparison
+from henon_ref.harness.campaign.results import ReadingResult
+from henon_ref.harness.campaign.rows import Outcome, record, scored
+from henon_ref.harness.campaign.settings import Setting
+from henon_ref.harness.report.text.published import orbit_table, printed_times_table, published_table
+from henon_ref.harness.report.text.summary import HEADINGS, solver_table
+from henon_ref.harness.report.text.tables import price_table
+from henon_ref.harness.report.text.truth import no_truth, truth_table
+from henon_ref.trajectory import Transition
+
+RIGHT = "right"
+
+
+def solvers(comparison: Comparison) -> dict[str, dict[str, str]]:
+    return cells(solver_table(comparison, comparison.readings[0]))
+
+
+def truth(comparison: Comparison) -> dict[str, tuple[str, ...]]:
+    """Value and note of each line of the table on the truth."""
+    return {row[0]: row[1:] for row in truth_table(comparison.readings[0]).rows}
+
+
+def test_a_row_a_solver_says_where_it_is_right_and_what_it_costs():
+    table = solvers(usual())
+    assert list(table) == ["`henon`", "`heyoka`", "`scipy-rk45`", "`scipy-sign`", "`ida`"]
+    assert [h for h in HEADINGS if h not in ("setting", "right")] == [
+        "solver", "digits", "time", "times as long", "note",
+    ]  # fmt: skip
+    assert list(table["`henon`"].values()) == ["`henon`", "12", "0.3 ms", "1", "1e-12", "2 of 2", ""]
+    assert table["`heyoka`"]["times as long"] == "3"
+    assert (table["`scipy-rk45`"][RIGHT], table["`scipy-rk45`"]["note"]) == ("1 of 2", "1 missed, 0 spurious at 1e-6")
+    assert list(table["`scipy-sign`"].values())[1:-1] == ["", "", "", "", "0 of 1"]
+    assert (table["`ida`"][RIGHT], table["`ida`"]["note"]) == ("unavailable", "it is not installed")
+
+
+def test_settings_out_of_time_are_noted_beside_wrong_ones():
+    table = solvers(
+        compared(
+            made("scipy-bdf", 1e-6, 0.0, what="misses"),
+            made("scipy-bdf", 1e-9, 0.0, what="untried"),
+            made("scipy-bdf", 1e-12, 0.0, what="untried"),
+            made("scipy-lsoda", 1e-6, 0.0, what="untried"),
+        )
+    )
+    assert table["`scipy-bdf`"][RIGHT] == "0 of 3"
+    assert table["`scipy-bdf`"]["note"] == "1 missed, 0 spurious at 1e-6; timeout at 1e-9, 1e-12"
+    assert table["`scipy-lsoda`"]["note"] == "timeout at 1e-6"
+
+
+def test_a_run_that_fails_when_it_is_repeated_is_right_without_a_time():
+    whole = compared(made("henon", 1e-6, 1e-4), made("heyoka", 1e-12, 0.0, what="fails later"))
+    row = solvers(whole)["`heyoka`"]
+    assert (row[RIGHT], row["digits"], row["time"], row["times as long"]) == ("1 of 1", "12", "", "")
+    assert row["note"].startswith("no time: ")
+    assert "failed: it died" in row["note"]
+
+
+def test_a_single_solver_is_not_ranked():
+    alone = compared(made("henon", 1e-6, 1e-4), made("henon", 1e-9, 1e-4), made("ida", 1e-6, 0.0, what="unavailable"))
+    assert solvers(alone)["`henon`"]["times as long"] == ""
+    assert price_table(alone.run_rows) is None
+    assert price_table(usual().run_rows) is not None
+
+
+def test_without_a_truth_nothing_is_scored():
+    whole = compared(made("henon", 1e-6, 1e-4), expected=None, reason="the routes disagree")
+    assert truth(whole) == {"exact run": ("none, nothing is scored", "the routes disagree")}
+    assert no_truth(whole.readings[0]) == "No run is judged: there is no truth (the routes disagree)."
+    assert no_truth(usual().readings[0]) == ""
+
+
+@pytest.mark.parametrize(
+    ("changes", "end", "note"),
+    [
+        ({}, "ok, to t = 5 s", ""),
+        ({"partial": True, "end_time": 0.5}, "ok, to t = 0.5 s", "the truth ends there"),
+        ({"partial": True, "end_time": 0.0}, "unknown after its start, no run is judged", "the truth ends there"),
+    ],
+)
+def test_the_exact_run_has_a_row(changes, end, note):
+    found = truth(compared(expected=replace(expected(), transitions=(), **changes)))
+    assert found["exact run"] == (end, note)
+    assert (found["transitions"], found["touches"]) == (("0", ""), ("0", ""))
+    assert found["certified"] == ("yes", "it is proven in ball arithmetic that there is no transition")
+
+
+def test_what_is_proven_of_a_truth_and_why_the_rest_is_not():
+    assert truth(usual())["certified"][1].startswith("every one of the 5 is enclosed in ball arithmetic")
+    assert truth(usual())["largest radius of a transition time"] == ("1e-30 s", "no error is claimed below it")
+    assert truth(usual())["computed by"] == ("made up", "256 bits, 0.1 s")
+    partly = {"certified": False, "uncertified_because": "a graze, at t = 1."}
+    assert truth(compared(proven=2, **partly))["certified"] == ("2 of 5", "a graze, at t = 1")
+    assert truth(compared(proven=0, **partly))["certified"] == ("no", "a graze, at t = 1")
+    other = truth(compared(closed_forms=3, near_grazes=2))
+    assert (other["closed forms of the case"][0], other["near touches"][0]) == ("3", "2")
+
+
+def test_an_exact_run_that_ends_early_says_why():
+    ended = expected(TIMES[:3], status="nonunique", end_time=2.7)
+    outcome = Outcome("made_up", case().readings[0], "henon", Setting(rtol=1e-6, atol=1e-6))
+    outcome = replace(outcome, trajectory=trajectory(found(TIMES[:3]), "nonunique", end_time=2.7))
+    whole = compared(record(scored(outcome, ended), ended), expected=ended, reason="both sides repel")
+    assert truth(whole)["exact run"] == ("nonunique, to t = 2.7 s", "both sides repel")
+    assert truth(whole)["transitions"] == ("3", "")
+    assert solvers(whole)["`henon`"][RIGHT] == "1 of 1"
+
+
+def test_a_solver_that_reports_no_touch_is_right_with_a_note():
+    touched = replace(expected(), transitions=(Reference("graze", 0, (1,), (1,), 1.0),))
+    seen = (Transition("graze", 0, (1,), (1,), 1.0, (0.25,)),)
+    records = []
+    for solver, transitions in (("henon", seen), ("scipy-rk45", ())):
+        outcome = Outcome("made_up", case().readings[0], solver, Setting(rtol=1e-6, atol=1e-6))
+        outcome = scored(replace(outcome, trajectory=trajectory(transitions)), touched)
+        records.append(record(outcome, touched))
+    whole = compared(*records, expected=touched)
+    assert (truth(whole)["transitions"][0], truth(whole)["touches"][0]) == ("0", "1")
+    notes = {solver: (row[RIGHT], row["note"].partition(";")[0]) for solver, row in solvers(whole).items()}
+    assert notes["`scipy-rk45`"] == ("1 of 1", "touches missed: 1")
+    assert "touches" not in notes["`henon`"][1]
+
+
+def published(comparison: Comparison, *printed: str, measure_after: float = 1.0) -> dict[str, dict[str, str]]:
+    """The table of printed durations of a comparison whose source prints these."""
+    reading = comparison.readings[0].reading
+    own = replace(reading.published, stick_durations=decimals(*printed))
+    reading = replace(reading, published=own, measure_after=measure_after)
+    return cells(published_table(comparison, replace(comparison.readings[0], reading=reading)))
+
+
+def decimals(*texts: str) -> tuple[Decimal, ...]:
+    return tuple(Decimal(text) for text in texts)
+
+
+def test_printed_durations_hold_or_not():
+    source = replace(case().readings[0].published, stick_durations=decimals("0.75", "0.5"))
+    whole = compared(made("henon", 1e-6, 1e-4, reading=replace(case().readings[0], published=source)))
+    table = published(whole, "0.9", "0.5")
+    assert (table["0.9"]["digits hold"], table["0.9"]["printed − exact [s]"]) == ("no", "1.5e-1")
+    table = published(whole, "0.75", "0.5")
+    assert (table["0.75"]["digits hold"], table["0.75"]["exact, last [s]"]) == ("yes", "0.75")
+    assert table["0.75"]["runs that give them"].startswith("`henon`, 1e-6, duration 0.75000, length ")
+
+
+@pytest.mark.parametrize(
+    ("times", "ends_in_slip"), [(TIMES[:1], False), (TIMES[:4], False), ((), False), (TIMES[:3], True)]
+)
+def test_a_stick_that_the_horizon_cuts_off_is_not_denied(times, ends_in_slip):
+    truth = expected(times)
+    whole = compared(made("henon", 1e-6, 1e-4, truth=truth), expected=truth)
+    row = published(whole, "0.75", measure_after=4.5)["0.75"]
+    assert row["note"] == ("no stick after t = 4.5 s" if ends_in_slip else "no stick that ends after t = 4.5 s")
+    assert row["digits hold"] == ""
+
+
+def test_printed_times_stand_beside_the_transition_that_is_nearest():
+    whole = compared()
+    result: ReadingResult = whole.readings[0]
+    own = replace(result.reading.published, transition_times=decimals("0.50", "1.4"))
+    found = printed_times_table(replace(result, reading=replace(result.reading, published=own)))
+    assert found is not None
+    assert found.rows == [
+        ("0.50", "stick, `s`", "0.5", "0", "yes"),
+        ("1.4", "release, `s`", "1.25", "1.5e-1", "no"),
+    ]
+    assert printed_times_table(result) is None
+
+
+def test_a_run_without_transitions_has_none_beside_a_printed_time():
+    result: ReadingResult = compared(expected=expected(())).readings[0]
+    own = replace(result.reading.published, transition_times=decimals("1.00"))
+    found = printed_times_table(replace(result, reading=replace(result.reading, published=own)))
+    assert found is not None
+    assert found.rows == [("1.00", "none", "", "", "")]
+
+
+def test_an_orbit_that_the_case_names_is_set_beside_the_last_period():
+    result: ReadingResult = compared().readings[0]
+    orbit = Orbit(sp.Integer(2), decimals("0.75", "0.4"), decimals("1.5"))
+    table = orbit_table(replace(result, reading=replace(result.reading, orbit=orbit)))
+    assert [row[:2] for row in table.rows] == [
+        ("period", "2"), ("stick", "0.75"), ("stick", "0.4"), ("crossing, modulo the period", "1.5"),
+    ]  # fmt: skip
+    assert [row[2] for row in table.rows] == ["", "0", "1.0e-1", "5.0e-1"]
+    assert orbit_table(result) is None

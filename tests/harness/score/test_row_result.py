@@ -1,0 +1,58 @@
+"""What a row is to a test runner, and failures that are expected."""
+
+from __future__ import annotations
+
+import pytest
+
+from henon_ref.harness.rows import REPEATED, RunRow
+from henon_ref.harness.score.row_result import KnownFailure, row_result
+
+
+def row(status: str, verdict: str | None, **values: object) -> RunRow:
+    own = {"case": "c", "reading": "default", "solver": "ida", "rtol": 1e-6, "status": status, "verdict": verdict}
+    return RunRow(**{"found_transitions": 3} | own | values)
+
+
+@pytest.mark.parametrize(
+    ("given", "kind"),
+    [
+        (row("ok", "right"), "passed"),
+        (row("nonunique", "right"), "passed"),
+        (row("failed", "right"), "passed"),
+        (row("wrong", "solver defect"), "failure"),
+        (row("diverged", "solver defect"), "failure"),
+        (row("failed", "solver defect"), "failure"),
+        (row("timeout", "not judged"), "failure"),
+        (row("timeout", "solver defect", found_transitions=None), "failure"),
+        (row("failed", "solver defect", found_transitions=None), "error"),
+        (row("ok", "right", status_reason=f"{REPEATED}failed: signal 11"), "error"),
+        (row("wrong", "ill-conditioned"), "skipped"),
+        (row("invalid", "not unique"), "skipped"),
+        (row("ok", None), "skipped"),
+        (row("unsupported", "not run", found_transitions=None), "skipped"),
+        (row("unavailable", "not run", found_transitions=None), "skipped"),
+    ],
+)
+def test_every_row_is_one_of_four(given, kind):
+    result = row_result(given)
+    assert result.kind == kind
+    assert bool(result.reason) == (kind != "passed")
+    assert row_result(given, known=True).kind == ("passed" if kind == "passed" else "known")
+
+
+def test_a_complaint_makes_a_failure_of_what_is_right():
+    result = row_result(row("ok", "right"), ["gate: too late"])
+    assert (result.kind, result.reason) == ("failure", "gate: too late")
+    assert row_result(row("ok", "right"), ["gate: too late"], known=True).kind == "known"
+    assert row_result(row("unavailable", "not run"), ["worse"]).kind == "failure"
+
+
+def test_an_empty_field_stands_for_any():
+    wrong = row("wrong", "solver defect")
+    for entry in (KnownFailure(case="c"), KnownFailure(solver="ida", rtol=1e-6), KnownFailure(reading="default")):
+        assert entry.covers(wrong)
+    for change in ({"case": "d"}, {"reading": "x"}, {"solver": "cvode"}, {"rtol": 1e-3}, {"step_s": 0.1}):
+        assert not KnownFailure(**{"solver": "ida"} | change).names(wrong)
+    assert KnownFailure(case="c", status="wrong").covers(wrong)
+    assert not KnownFailure(case="c", status="failed").covers(wrong)
+    assert KnownFailure(case="c", status="failed").names(wrong)

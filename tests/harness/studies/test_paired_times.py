@@ -1,0 +1,282 @@
+"""Paired times: who is timed against whom, and what the page and the index say of it."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import pytest
+from fakes import Fake, case, trajectory
+
+from henon_ref.harness import registry
+from henon_ref.harness.campaign.options import Options, Silent
+from henon_ref.harness.campaign.settings import Setting
+from henon_ref.harness.report.files.manifest import provenance
+from henon_ref.harness.report.files.write import MATRIX_PAGE, RUNS
+from henon_ref.harness.report.text import index
+from henon_ref.harness.report.text.paired_times import (
+    FROM_C,
+    OTHERS,
+    PairRow,
+    cheapest,
+    read_ratios,
+    slower_table,
+    spread_table,
+)
+from henon_ref.harness.rows import RunRow, rows_text
+from henon_ref.harness.studies.price import report_pairs
+from henon_ref.harness.studies.price.paired_times import TURN, PairedTiming
+from henon_ref.harness.studies.price.report_pairs import run_paired_times, timings_of
+
+CASE = case()
+READING = CASE.readings[0]
+
+
+def row(solver: str, rtol: float, digits: float, wall: float, **changes: object) -> RunRow:
+    own = {
+        "case": CASE.name, "reading": READING.name, "solver": solver, "rtol": rtol, "atol": 2 * rtol, "wall_s": wall,
+        "verdict": "right", "digits": digits, "reference_transitions": 5,
+    }  # fmt: skip
+    return RunRow(**own | changes)
+
+
+ROWS = [
+    row("henon", 1e-6, 7.0, 1e-5),
+    row("henon", 1e-9, 10.0, 2e-5),
+    row("henon", 1e-12, 10.0, 1.5e-5, verdict="wrong"),
+    row("heyoka", 1e-6, 6.0, 4e-5),
+    row("heyoka", 1e-9, 10.0, 3e-5),  # the tighter one is the cheaper one
+    row("scipy-dop853", 1e-9, 9.0, 1e-3),
+    replace(row("henon-rk4", 0.0, 8.0, 2.5e-5), rtol=None, atol=None, step_s=1e-3),
+]
+
+
+def made(rows: list[RunRow]) -> PairedTiming | None:
+    return next(timings_of(CASE, rows, 10.0), None)
+
+
+def chosen(rows: list[RunRow]) -> list[tuple[int | None, str, list[object], list[object]]]:
+    """Digits, what is against whom, settings of the reference, solvers and settings of the rival."""
+    timing = made(rows)
+    return [] if timing is None else [
+        (
+            pair.digits,
+            pair.against,
+            [own.setting.rtol for own in pair.own],
+            [(rival.solver, rival.setting.rtol) for rival in pair.rival],
+        )
+        for pair in timing.pairs
+    ]  # fmt: skip
+
+
+HEYOKA = [("heyoka", 1e-9), ("heyoka", 1e-6)]
+
+
+def test_the_cheapest_settings_for_the_same_digits_are_timed() -> None:
+    assert chosen(ROWS) == [
+        (3, "heyoka", [1e-6, 1e-9], HEYOKA),
+        (3, OTHERS, [1e-6, 1e-9], [("henon-rk4", None), *HEYOKA]),
+        (6, "heyoka", [1e-6, 1e-9], HEYOKA),
+        (6, OTHERS, [1e-6, 1e-9], [("henon-rk4", None), *HEYOKA]),
+        (9, "heyoka", [1e-9], HEYOKA[:1]),
+        (9, OTHERS, [1e-9], [*HEYOKA[:1], ("scipy-dop853", 1e-9)]),
+    ]
+    timing = made(ROWS)
+    assert timing is not None
+    assert timing.pairs[1].rival[0].setting == Setting(None, None, 1e-3)
+    assert [entry.wall_s for entry in timing.candidates] == [1e-5, 2e-5, 3e-5, 4e-5, 2.5e-5, 1e-3]
+    assert timing.round_s == pytest.approx(6 * TURN)
+    assert timing.rounds == 166
+
+
+def test_where_there_is_no_transition_the_cheapest_right_settings_count() -> None:
+    idle = [replace(entry, reference_transitions=0, digits=None) for entry in ROWS]
+    assert chosen(idle) == [
+        (None, "heyoka", [1e-6, 1e-9], HEYOKA),
+        (None, OTHERS, [1e-6, 1e-9], [("henon-rk4", None), *HEYOKA]),
+    ]
+
+
+def test_without_a_rival_or_without_the_reference_nothing_is_timed() -> None:
+    assert chosen(ROWS[:3]) == chosen(ROWS[3:]) == []
+
+
+def test_cvode_from_c_stands_beside_whoever_is_the_cheapest() -> None:
+    rows = [
+        ROWS[0],
+        row("heyoka", 1e-9, 9.5, 1e-5),
+        row("cvode-c-bdf", 1e-6, 6.5, 2e-4),
+        row("cvode-c-adams", 1e-9, 6.5, 1e-4),
+    ]
+    assert [(against, rivals) for digits, against, _, rivals in chosen(rows) if digits == 6] == [
+        ("heyoka", [("heyoka", 1e-9)]),
+        (FROM_C, [("cvode-c-adams", 1e-9), ("cvode-c-bdf", 1e-6)]),
+        (OTHERS, [("heyoka", 1e-9), ("cvode-c-adams", 1e-9), ("cvode-c-bdf", 1e-6)]),
+    ]
+
+
+@dataclass(frozen=True)
+class Sleeper(Fake):
+    """Takes a while, and notes who ran."""
+
+    seconds: float = 0.0
+
+    def prepare(self, problem, **given):
+        if self.what == "dies":
+            os.abort()
+
+        def run():
+            time.sleep(self.seconds)
+            with Path(self.log).open("a") as file:
+                file.write(f"{self.name}\n")
+            return trajectory(())
+
+        return run
+
+
+def reported(folder: Path, rows: list[RunRow]) -> None:
+    (folder / CASE.name).mkdir(parents=True)
+    (folder / CASE.name / RUNS).write_text(rows_text(RunRow, rows))
+    manifest = {"title": CASE.title, "files": []}
+    (folder / CASE.name / "manifest.json").write_text(json.dumps(manifest))
+
+
+def test_the_runs_of_a_reading_are_timed_in_turn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    log = tmp_path / "log"
+    speeds = {"henon": 0.004, "heyoka": 0.002, "henon-rk4": 0.008}
+    sleepers = {name: Sleeper(name, log=str(log), seconds=seconds) for name, seconds in speeds.items()}
+    monkeypatch.setattr(report_pairs, "SECONDS", 0.4)
+    monkeypatch.setattr(registry, "solver", sleepers.__getitem__)
+    rows = [entry for entry in ROWS if entry.solver != "scipy-dop853"]
+    reported(tmp_path, rows)
+    page = run_paired_times([CASE], Options(), provenance("again"), tmp_path, Silent())
+    rows = read_ratios(tmp_path)
+    assert [(row.digits, row.against, row.rival) for row in rows] == [
+        (digits, against, "heyoka") for digits in (3, 6, 9) for against in ("heyoka", OTHERS)
+    ]
+    assert [row.ratio for row in rows] == pytest.approx([2.0] * 6, rel=0.5)
+    order = log.read_text().split()
+    turn = order[: len(order) // (80 + 1)]
+    assert sorted(turn) == ["henon", "henon", "henon-rk4", "heyoka", "heyoka"]
+    assert order == turn * (80 + 1)
+    assert page is not None
+    text = page.read_text()
+    assert "again" in text
+    assert len(re.findall(rf"\n\| \[{CASE.name}\]\(\.\./{CASE.name}/report\.md\) \| [369] \| 1e-", text)) == 1
+    listed = index.write_index(tmp_path).read_text()
+    assert "](rivals/README.md)" in listed
+    # By the report's own times it was `henon`.
+    assert "| `heyoka` | 1 | 1 | 1 | 1 | 1 | 1 |  |" in (tmp_path / MATRIX_PAGE).read_text()
+
+
+def test_the_index_counts_the_readings_that_one_solver_alone_gets(tmp_path: Path) -> None:
+    """Who is the cheapest how often adds up to all readings; those that nobody else gets so far can be told apart."""
+    alone = [row("henon", 1e-12, 13.0, 1e-4), row("heyoka", 1e-12, 2.0, 1e-5)]
+    reported(tmp_path, [*ROWS, *(replace(entry, reading="alone") for entry in alone)])
+    index.write_index(tmp_path)
+    lines = [line[2:-2].split(" | ") for line in (tmp_path / MATRIX_PAGE).read_text().splitlines()]
+    counts = {line[0]: line[4:] for line in lines if len(line) == 8}
+    assert counts["`henon`"] == ["2", "2", "2", "1"]
+    assert counts["`heyoka`"] == ["", "", "", ""]
+    assert counts["all readings"] == ["2", "2", "2", "1"]
+    assert counts["of these, another solver gets there, too"] == ["1", "1", "1", "0"]
+
+
+def test_a_reading_that_cannot_be_timed_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    sleepers = {name: Sleeper(name, log=str(tmp_path / "log")) for name in ("henon", "henon-rk4")}
+    monkeypatch.setattr(registry, "solver", (sleepers | {"heyoka": Sleeper("heyoka", "dies")}).__getitem__)
+    reported(tmp_path, ROWS)
+    page = run_paired_times([CASE], Options(), provenance("again"), tmp_path, Silent())
+    assert page is not None
+    assert (
+        f"- {CASE.name}, {READING.name}, against heyoka, {OTHERS}: the library was ended by signal SIGABRT"
+        in page.read_text()
+    )
+    assert read_ratios(tmp_path) == []
+    assert "rivals/README.md" in index.write_index(tmp_path).read_text()
+
+
+def test_readings_with_nobody_to_time_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that nobody else gets to 3 digits, one that the reference does not, one that is idle and timed."""
+    idle = [replace(entry, reference_transitions=0, digits=None) for entry in ROWS]
+    kinds = {"alone": [*ROWS[:3], row("heyoka", 1e-6, 2.0, 1e-5)], "lost": ROWS[3:], "idle": idle}
+    others = [replace(entry, reading=reading) for reading, entries in kinds.items() for entry in entries]
+    sleepers = {name: Sleeper(name, log=str(tmp_path / "log")) for name in ("henon", "heyoka", "henon-rk4")}
+    monkeypatch.setattr(registry, "solver", sleepers.__getitem__)
+    monkeypatch.setattr(report_pairs, "SECONDS", 0.01)
+    reported(tmp_path, [*ROWS[:5], *others])
+    page = run_paired_times([CASE], Options(), provenance("again"), tmp_path, Silent())
+    assert page is not None
+    text = page.read_text()
+    left = text.partition("## Left out")[2].partition("##")[0]
+    assert f"- of any other solver: [{CASE.name}, alone](../{CASE.name}/report.md#alone)\n" in left
+    assert f"- of `henon`: [{CASE.name}, lost](../{CASE.name}/report.md#lost)\n" in left
+    assert "idle" not in left
+    assert "on 1 of 4\nreadings" in text
+
+
+def test_no_rival_no_page(tmp_path: Path) -> None:
+    reported(tmp_path, ROWS[:3])
+    assert run_paired_times([CASE], Options(), provenance("again"), tmp_path, Silent()) is None
+    assert not (tmp_path / "rivals").exists()
+
+
+def test_ratios_are_told_by_rival_and_digits() -> None:
+    def ratio(case: str, reading: str, digits: int | None, rival: str, against: str, value: float) -> PairRow:
+        settings = {"rtol": 1e-6, "rival": rival, "rival_rtol": 1e-9, "rival_step_s": None, "rounds": 9}
+        times = {"wall_s": 1.2e-4, "rival_wall_s": 6e-5, "ratio": value, "ratio_low": value, "ratio_high": value}
+        return PairRow(case, reading, digits, against, **settings, **times)
+
+    rows = [
+        ratio("a", "default", 6, "heyoka", "heyoka", 0.25),
+        ratio("a", "default", 6, "henon-rk4", OTHERS, 0.5),
+        ratio("b", "late", 6, "heyoka", "heyoka", 0.75),
+        ratio("b", "late", 6, "heyoka", OTHERS, 0.75),
+        ratio("b", "idle", None, "heyoka", "heyoka", 2.0),
+        ratio("b", "idle", None, "heyoka", OTHERS, 2.0),
+        ratio("c", "default", 12, "scipy-rk45", OTHERS, 1.5),
+        ratio("c", "default", 3, "scipy-rk45", OTHERS, 1.25),
+        ratio("c", "default", 9, "cvode-c-bdf", FROM_C, 0.5),
+    ]
+    assert [line[:4] + line[-2:] for line in spread_table(rows).rows] == [
+        ("`heyoka`", "6", "2", "1.33", "4", "0"),
+        ("`heyoka`", "no transition", "1", "0.5", "0.5", "1"),
+        (FROM_C, "9", "1", "2", "2", "0"),
+        (OTHERS, "3", "1", "0.8", "0.8", "1"),
+        (OTHERS, "6", "2", "1.33", "2", "0"),
+        (OTHERS, "12", "1", "0.667", "0.667", "1"),
+        (OTHERS, "no transition", "1", "0.5", "0.5", "1"),
+    ]
+    runs = [
+        row("henon", 1e-6, 12.5, 1.0, case="c", reading="default", steps=1074),
+        row("henon", 1e-9, 14.5, 1.0, case="c", reading="default", steps=9),
+        replace(row("henon", 1e-6, 0.0, 1.0, case="b", reading="idle", steps=3), digits=None),
+        row("scipy-rk45", 1e-9, 12.0, 1.0, case="c", reading="default", steps=112),
+    ]
+    own, rival = ("1e-6", "12.5", "1074", "0.12 ms"), ("1e-9", "12", "112", "60 µs")
+    assert slower_table(rows, runs).rows == [
+        ("[b, idle](../b/report.md#idle)", "no transition", "1e-6", "", "3", "0.12 ms",
+         "`heyoka`", "1e-9", "", "", "60 µs", "2"),
+        ("[c](../c/report.md)", "12", *own, "`scipy-rk45`", *rival, "1.5"),
+    ]  # fmt: skip
+    assert cheapest(rows) == {
+        ("a", "default", 6): "henon",
+        ("b", "late", 6): "henon",
+        ("c", "default", 12): "scipy-rk45",
+        ("c", "default", 3): "scipy-rk45",
+    }
+
+
+@pytest.mark.parametrize("text", ["", "case,reading\na,b\n", "case,reading\na,b,c\n"])
+def test_what_is_no_list_of_ratios_is_none(text: str, tmp_path: Path) -> None:
+    (tmp_path / "rivals").mkdir()
+    (tmp_path / "rivals" / "ratios.csv").write_text(text)
+    assert read_ratios(tmp_path) == []
+
+
+def test_a_reading_is_set_against_rows_of_its_own() -> None:
+    assert chosen([replace(entry, reading="other") for entry in ROWS]) == []

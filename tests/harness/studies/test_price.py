@@ -1,0 +1,337 @@
+"""The price list: what an absent effect leaves behind, long runs, landings, and how prices are read from rows."""
+
+from __future__ import annotations
+
+import math
+import os
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+import sympy as sp
+
+from baselines.henon import HENON_SOLVER
+from henon_ref.casefile.case import load_case
+from henon_ref.errors import CaseError
+from henon_ref.filippov.problem import Problem
+from henon_ref.harness.campaign import timing
+from henon_ref.harness.campaign.interleaved import MOST, Turns, interleaved
+from henon_ref.harness.campaign.options import Options, Silent
+from henon_ref.harness.cli import price as cli_price
+from henon_ref.harness.report.text.paired_times import PairRow
+from henon_ref.harness.rows import RunRow
+from henon_ref.harness.studies.price import compiling, effects
+from henon_ref.harness.studies.price.compiling import Ready, paid_after, readiness
+from henon_ref.harness.studies.price.fit import power
+from henon_ref.harness.studies.price.growth import STICKS, Horizon, exponent, horizons
+from henon_ref.harness.studies.price.ladder import WHEN_NAMED, solvers
+from henon_ref.harness.studies.price.ladder_pairs import samples_of, time_ladder_pairs
+from henon_ref.harness.studies.price.landings import crest_crossings, landings
+from henon_ref.harness.studies.price.operations import count, work
+from henon_ref.harness.studies.price.orbit import orbit_problem
+from henon_ref.harness.studies.price.run import truths_of
+from henon_ref.harness.studies.price.states import Size, fitted, sizes
+from henon_ref.harness.studies.price.tables import (
+    callback_costs,
+    landing_table,
+    mean_costs,
+    price_table,
+    ready_table,
+    rival_table,
+    why_not,
+)
+from henon_ref.jit.cache_folder import VARIABLE
+from henon_ref.taylor.tape import TIME
+
+CASES = Path(__file__).parents[3] / "cases"
+ADDITIONS = [
+    pytest.param(own, carried, by_hand, id=f"{body.name}: {effect}")
+    for body in effects.BODIES
+    for effect, own, carried, by_hand in effects.additions(body)
+]
+STUCK = [
+    pytest.param(effects.scene(body, body.stuck), None, effects.written(body, *body.stuck_by_hand), id=body.name)
+    for body in effects.BODIES
+]
+
+
+@pytest.mark.parametrize(("problem", "carried", "written"), [*ADDITIONS, *STUCK])
+def test_a_scene_is_the_field_that_is_written_by_hand(problem: Problem, carried: object, written: Problem) -> None:
+    assert problem.until == written.until
+    at = {x: sp.Rational(k + 2, 7) for k, x in enumerate(problem.system.states)} | {TIME: sp.Rational(1, 3)}
+    for mode in ((-1,), (0,), (1,)):
+        ours, theirs = (
+            [sp.simplify(p.system.numeric(f).xreplace(at)) for f in p.system.equations(mode).field]
+            for p in (problem, written)
+        )
+        assert ours == theirs
+
+
+@pytest.mark.parametrize(("problem", "carried", "written"), [*ADDITIONS[:-1], *STUCK])
+def test_what_a_scene_does_not_name_is_not_in_its_tape(problem: Problem, carried: object, written: Problem) -> None:
+    """The same operations as without it (all but the last: there a number multiplies a sum, and SymPy expands it)."""
+    assert effects.slip_tape(problem.system).counts == effects.slip_tape(written.system).counts
+
+
+@pytest.mark.parametrize(("problem", "carried", "written"), ADDITIONS)
+def test_effects_that_are_named_cost_operations_even_at_zero(
+    problem: Problem, carried: Problem, written: Problem
+) -> None:
+    last = {effects.operations(body_last(body).system) for body in effects.BODIES}
+    assert effects.operations(carried.system) in last
+    assert effects.operations(problem.system) <= effects.operations(carried.system)
+
+
+def body_last(body: effects.Body) -> Problem:
+    *_, (_, problem, _, _) = effects.additions(body)
+    return problem
+
+
+def test_runs_of_added_effects_have_no_transition_and_those_that_stick_have() -> None:
+    for body in effects.BODIES:
+        problems = [own for _, own, _, _ in effects.additions(body)]
+        counts = [
+            len(HENON_SOLVER.prepare(p, rtol=1e-6)().transitions) for p in (*problems, effects.scene(body, body.stuck))
+        ]
+        assert not any(counts[:-1])
+        assert counts[-1] > 10
+
+
+def test_no_dense_output_is_made_unless_samples_are_asked_for() -> None:
+    assert HENON_SOLVER.prepare(orbit_problem(), rtol=1e-9)().samples is None
+
+
+def test_the_orbit_of_long_runs_is_that_of_the_case_file() -> None:
+    (reading,) = [r for r in load_case(CASES / "fig8.yaml").readings if r.name == "listing_limit"]
+    theirs, ours = reading.problem, orbit_problem()
+    for mode in ((-1,), (0,), (1,)):
+        fields = [p.system.equations(mode).field for p in (theirs, ours)]
+        for a, b in zip(*fields, strict=True):
+            assert (theirs.system.numeric(a) - ours.system.numeric(b)).simplify() == 0
+
+
+def test_long_runs_hand_out_every_transition_and_keep_their_sticks() -> None:
+    found = horizons(orbit_problem(), {"henon": (70.0, 7000.0), "heyoka": (70.0, 700.0)})
+    assert [(own.solver, own.until) for own in found] == [
+        ("henon", 70.0), ("henon", 7000.0), ("heyoka", 70.0), ("heyoka", 700.0)
+    ]  # fmt: skip
+    short, long, other_short, other_long = found
+    assert short.transitions == other_short.transitions == 126
+    assert long.transitions > 100 * short.transitions - 200
+    assert long.stick_error_s < 1e-11
+    assert other_long.stick_error_s < 1e-9
+    assert all(own.stick_error_s != own.stick_error_s for own in (short, other_short))
+    assert STICKS[0] > STICKS[1]
+
+
+def test_powers_are_fitted_with_their_errors() -> None:
+    assert str(power([1, 10, 100], [2, 200, 20000])) == "2.00 ± 0.00"
+    tilted = power([1, 10, 100], [1, 10 * 2, 100])  # the middle one is off by log10(2)
+    assert (tilted.power, tilted.error) == pytest.approx((1.0, math.log10(2) * math.sqrt(2 / 3) / math.sqrt(2)))
+    runs = [Horizon("a", t, 1, 1e-6 * t, 0.0, 0.0) for t in (1e2, 1e3, 1e4, 1e5)]
+    assert exponent([replace(runs[0], wall_s=1.0), *runs[1:]], "a").power == pytest.approx(1.0)
+
+
+def test_landings_find_the_same_and_the_swap_takes_fewest_evaluations() -> None:
+    case = load_case(CASES / "free_coulomb.yaml")
+    found = {own.solver: own for own in landings([case], truths_of([case]))}
+    assert set(found) == {"henon", "henon-newton", "henon-brent"}
+    assert all(own.error_s < 1e-12 for own in found.values())
+    assert found["henon"].evaluations < found["henon-newton"].evaluations < found["henon-brent"].evaluations
+
+
+def row(solver: str, wall: float, digits: float, **values: object) -> RunRow:
+    names = {"case": "c", "reading": "default", "solver": solver, "verdict": "right", "digits": digits}
+    return RunRow(**names | {"wall_s": wall, "compile_s": 0.0, "max_time_error_s": 10.0**-digits} | values)
+
+
+def pair(rival: str, ratio: float, digits: int = 6, **values: object) -> PairRow:
+    found = {
+        "case": "c", "reading": "default", "digits": digits, "against": rival, "rtol": 1e-9, "rival": rival,
+        "rival_rtol": 1e-8, "rival_step_s": None, "rounds": 9,
+        "wall_s": ratio, "rival_wall_s": 1.0, "ratio": ratio, "ratio_low": ratio, "ratio_high": ratio,
+    }  # fmt: skip
+    return PairRow(**found | values)
+
+
+def test_mean_costs_are_over_all_readings_and_in_turn() -> None:
+    found = [
+        pair("b", 1 / 4), pair("c", 1 / 3),
+        pair("b", 1 / 9, case="d"),
+        pair("b", 1 / 2, digits=9), pair("c", 2.0, digits=9),
+    ]  # fmt: skip
+    assert mean_costs(found, 6) == pytest.approx({"henon": 1.0, "b": 6.0})
+    assert mean_costs(found, 9) == pytest.approx({"henon": 1.0, "b": 2.0, "c": 0.5})
+    rows = [row("henon", 1.0, 12), row("c", 1.0, 12), row("henon", 1.0, 12, case="d"), row("c", 1.0, 3, case="d")]
+    assert why_not(rows, "c", 6) == "not reached"
+    rows[-1] = replace(rows[-1], status="timeout")
+    assert why_not(rows, "c", 6) == "over 4 s"
+    assert why_not([*rows[:-1], row("c", 1.0, 9, case="d")], "c", 6) == ""
+    table = price_table(found, ("c", "default")).rows
+    assert table[0] == ("6", "`henon`", "1e-9", "333 ms", "`c`", "1e-8", "1 s", "3", "")
+    assert table[1] == ("9", "`c`", "1e-8", "1 s", "`henon`", "1e-9", "2 s", "2", "")
+
+
+def test_others_are_said_to_take_so_many_times_as_long() -> None:
+    """Never as a fraction: 0.00056 is 1800 times as long."""
+    slow = pair("cvode-adams", 1 / 1000, ratio_low=0.00056, ratio_high=1 / 900)
+    (cells,) = rival_table([slow, pair("heyoka", 1 / 8)]).rows
+    assert "1000 (900 to 1800)" in cells
+    assert "8 (8 to 8)" in cells
+
+
+def test_a_peer_that_ran_has_a_column() -> None:
+    columns = rival_table([pair("heyoka", 1 / 8), pair("diffsol-tsit45", 1 / 70)])
+    assert columns.headings[-1] == "`diffsol-tsit45`"
+    assert columns.rows[0][-1].startswith("70 ")
+    assert "`diffsol-tsit45`" not in rival_table([pair("heyoka", 1 / 8)]).headings
+    assert "`scipy-dop853+numba`" not in columns.headings
+
+
+def test_right_hand_sides_are_priced_of_solvers_that_ran() -> None:
+    table = callback_costs([row("cvode-c-adams", 1e-3, 9.5, rhs_evaluations=100), row("henon", 1e-5, 12.0)])
+    assert (table.headings, [cells[1] for cells in table.rows]) == (("reading", "`cvode-c-adams`"), ["10 µs"])
+
+
+def test_the_ladder_has_cvode_from_c_and_those_that_are_asked_for_beside_the_reference() -> None:
+    assert {"henon", "heyoka", "cvode-c-adams", "cvode-c-bdf", "cvode-adams+numba"} <= set(solvers())
+    assert "diffrax-dopri8" not in solvers()
+    assert solvers(["diffrax-dopri8", "heyoka"]) == ("henon", "diffrax-dopri8", "heyoka")
+    assert solvers(["all"])[0] == "henon"
+    assert {"scipy-dop853+numba", *solvers()} - set(WHEN_NAMED) <= set(solvers(["all"]))
+    with pytest.raises(CaseError, match="unknown solver 'heyokka'"):
+        solvers(["heyokka"])
+
+
+def test_pairs_run_in_turn_at_the_cheapest_settings_for_the_same_digits() -> None:
+    pytest.importorskip("heyoka")
+    case = load_case(CASES / "free_coulomb.yaml")
+    ladder = [
+        row(solver, wall, digits, case=case.name, rtol=rtol, atol=rtol, status="ok")
+        for solver, rtol, wall, digits in [
+            ("henon", 1e-6, 1e-5, 5), ("henon", 1e-9, 3e-5, 10), ("henon", 1e-12, 2e-5, 13), ("henon", 1e-13, 4e-5, 14),
+            ("heyoka", 1e-9, 5e-5, 9.5), ("heyoka", 1e-12, 6e-5, 11),
+        ]
+    ]  # fmt: skip
+    found, failed = time_ladder_pairs([case], ladder, Options(processes=1), Silent(), seconds=0.1)
+    assert (len(found), failed) == (3, [])
+    for pair, digits in zip(found[1:], (6, 9), strict=True):
+        assert (pair.rival, pair.digits) == ("heyoka", digits)
+        assert pair.rtol in (1e-9, 1e-12, 1e-13)
+        assert pair.rival_rtol in (1e-9, 1e-12)
+        assert pair.rounds == 16
+        assert 0 < pair.ratio_low <= pair.ratio <= pair.ratio_high
+        assert 0 < pair.wall_s not in (2e-5, 3e-5, 4e-5)
+        assert pair.rival_wall_s > 0
+    table = rival_table(found).rows
+    assert [cells[:2] for cells in table] == [(case.name, "3"), (case.name, "6"), (case.name, "9")]
+    samples = samples_of(found)
+    assert [(own.solver, own.digits) for own in samples[:2]] == [("henon", 3), ("heyoka", 3)]
+    assert all(len(own.samples_us.split()) == found[0].rounds for own in samples)
+
+
+def test_a_change_of_the_machines_pace_does_not_change_a_ratio() -> None:
+    """The pace changes within a round: one median comes from before, the other from after."""
+    times = Turns({"a": [1.0, 1.0, 1.0, 3.0, 3.0], "b": [2.0, 2.0, 6.0, 6.0, 6.0]})
+    assert times.median("a") / times.median("b") == pytest.approx(1 / 6)
+    assert times.ratio("a", "b") == pytest.approx(1 / 2)
+
+
+def test_a_short_run_is_repeated_within_its_turn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By a clock that the runs alone move: how busy the machine is does not count."""
+    calls = {"shortest": 0, "short": 0, "long": 0}
+    now = 0
+
+    def run(key: str, microseconds: int) -> None:
+        nonlocal now
+        calls[key] += 1
+        now += 1000 * microseconds
+
+    monkeypatch.setattr(timing, "time", SimpleNamespace(perf_counter_ns=lambda: now))
+    lengths = {"shortest": 10, "short": 400, "long": 5000}
+    found = interleaved({key: partial(run, key, length) for key, length in lengths.items()}, rounds=3, turn=4.1e-3)
+    assert calls == {"shortest": 4 * MOST, "short": 4 * 10, "long": 4}
+    assert {key: found.median(key) for key in lengths} == pytest.approx({"shortest": 1e-5, "short": 4e-4, "long": 5e-3})
+
+
+def test_crossings_near_a_crest_are_found_by_every_landing() -> None:
+    found = crest_crossings(("1", "1e-7"))
+    assert [one.transitions for one in found] == [2] * 6
+    assert max(one.error_s for one in found[:3]) < 1e-14
+    assert max(one.error_s for one in found[3:]) < 1e-11
+    assert found[3].evaluations <= 4 < found[5].evaluations < found[4].evaluations
+    timed = [replace(one, to_bracketing=1.1 if "-7" in one.reading else 0.9) for one in found]
+    assert [line[-2:] for line in landing_table(timed).rows] == [("0.90", ""), ("1.10", "bracketing is quicker")]
+
+
+def test_operations_are_counted_by_lane_and_fused_ones_twice() -> None:
+    ir = """\
+declare <4 x double> @llvm.fma.v4f64(<4 x double>, <4 x double>, <4 x double>)
+  %a = fmul double %x, %y
+  %b = fadd <4 x double> %v, %w
+  %c = call <4 x double> @llvm.fma.v4f64(<4 x double> %v, <4 x double> %w, <4 x double> %b)
+  %d = call double @llvm.fma.f64(double %a, double %x, double %y)
+  %e = fcmp ogt double %a, %x
+"""
+    assert count(ir) == 1 + 4 + 8 + 2
+
+
+def test_expansions_are_counted_by_mode() -> None:
+    """Each stick has some, and slip far more; both together are all."""
+    found = work(orbit_problem())
+    assert 6 <= found.in_stick < found.expansions / 3
+    everything = found.expansions * found.expansion + found.steps * found.closing + 2 * found.order * found.landed
+    assert found.total == everything - found.in_stick * (found.expansion - found.stick)
+
+
+def test_chains_of_every_length_agree() -> None:
+    found = sizes((1, 3), ("henon", "scipy-dop853"))
+    assert [size.states for size in found] == [2, 2, 6, 6]
+    assert all(size.agrees and size.transitions > 5 for size in found)
+    same = [Size(n, "a", 1, n**1.5, 1.0, 1.0, 10, n**2.0, 1.0, True) for n in (2, 16, 64)]
+    assert fitted(same, "a", "per_second").power == pytest.approx(2.0)
+    assert fitted(same, "a", "ready_s").power == pytest.approx(1.5)
+
+
+def test_compiling_is_paid_for_after_so_many_runs() -> None:
+    fast = Ready("c", "default", "henon", 1e-9, wall_s=1.0, cold_s=5.0, kept_s=1.5)
+    slow = Ready("c", "default", "heyoka", 1e-9, wall_s=3.0, cold_s=1.0, kept_s=1.0)
+    assert (paid_after(fast, slow, cold=True), paid_after(fast, slow, cold=False)) == (2, 1)
+    assert paid_after(slow, fast, cold=True) == math.inf
+    assert ready_table([fast, slow]).rows[0][-1] == "2 / 1 against `heyoka`"
+
+
+def test_getting_ready_is_measured_twice_in_new_processes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With an empty folder of compiled code, and with what the first process has left there."""
+    seen: list[tuple[str, Path]] = []
+
+    def measured(function: object, problem: Problem, solver: str, setting: object) -> float:
+        seen.append((solver, Path(os.environ[VARIABLE])))
+        return float(len(seen))
+
+    monkeypatch.setattr(compiling, "in_fresh_process", measured)
+    own = [pair("heyoka", 0.1, 9, case="free_coulomb"), pair("scipy-rk45", 0.1, 9, case="free_coulomb")]
+    first, other = readiness([load_case(CASES / "free_coulomb.yaml")], own)
+    assert [(ready.solver, ready.rtol, ready.cold_s, ready.kept_s) for ready in (first, other)] == [
+        ("henon", 1e-9, 1.0, 2.0), ("heyoka", 1e-8, 3.0, 4.0),
+    ]  # fmt: skip
+    assert [solver for solver, _ in seen] == ["henon", "henon", "heyoka", "heyoka"]
+    places = [place for _, place in seen]
+    assert places[0] == places[1] != places[2] == places[3]
+
+
+@pytest.mark.slow  # daily: the one above, where nothing is compiled
+def test_getting_ready_is_timed_in_new_processes() -> None:
+    case = load_case(CASES / "free_coulomb.yaml")
+    first, own = readiness([case], [pair("heyoka", 0.1, 9, case=case.name), pair("scipy-rk45", 0.1, 9, case=case.name)])
+    assert (own.solver, own.rtol, own.wall_s) == ("heyoka", 1e-8, 1.0)
+    assert (first.solver, first.rtol) == ("henon", 1e-9)
+    assert min(first.cold_s, first.kept_s, own.cold_s, own.kept_s) > 0
+
+
+def test_an_unknown_case_is_one_clear_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli_price.command([str(tmp_path / "no.yaml"), "--out", str(tmp_path / "out")]) == 2
+    assert "no.yaml" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()

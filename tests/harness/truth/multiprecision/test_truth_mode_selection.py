@@ -1,0 +1,116 @@
+"""Modes decided in balls: what Filippov's rules say, tangencies included."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+import sympy as sp
+from flint import arb, ctx
+
+from henon_ref.filippov.equations import Guard
+from henon_ref.filippov.overrides import SlidingOverride
+from henon_ref.filippov.system import FilippovSystem
+from henon_ref.harness.truth.multiprecision.mode_selection import ModeSelection, Point
+from henon_ref.taylor.tape import TIME
+
+X, V, S, U = sp.symbols("x v s u", real=True)
+ZERO = sp.Integer(0)
+
+
+@pytest.fixture(autouse=True)
+def _precision() -> Iterator[None]:
+    with ctx.workprec(160):
+        yield
+
+
+def initial(system: FilippovSystem, *state: sp.Expr, given: dict[int, int] | None = None) -> tuple[str, object]:
+    decision = ModeSelection(system, 128).initial_mode(ZERO, [sp.sympify(v) for v in state], given or {})
+    return decision.status, decision.mode
+
+
+def line(field: sp.Expr) -> FilippovSystem:
+    return FilippovSystem((X,), (S,), (X,), (field,))
+
+
+def test_fields_that_point_at_the_surface_hold_the_state() -> None:
+    assert initial(line(-S), ZERO) == ("unique", (0,))
+
+
+def test_fields_that_point_away_leave_the_future_open() -> None:
+    assert initial(line(S), ZERO) == ("nonunique", None)
+
+
+def test_a_given_mode_settles_an_open_start() -> None:
+    assert initial(line(S), ZERO, given={0: -1}) == ("unique", (-1,))
+
+
+def test_a_given_mode_off_the_surface_is_refused() -> None:
+    assert initial(line(S), 1, given={0: -1}) == ("invalid", None)
+
+
+def test_fields_that_point_the_same_way_cross() -> None:
+    assert initial(line(2 - S), ZERO) == ("unique", (1,))
+
+
+def test_a_tangency_is_decided_by_the_next_derivative() -> None:
+    # below: h' = 0, h'' = 1 at t = 0: the field below turns towards the surface; above it points at it
+    assert initial(line(-1 - S + TIME), ZERO) == ("unique", (0,))
+    # below: h'' = -1: it leaves downwards
+    assert initial(line(-1 - S - TIME), ZERO) == ("unique", (-1,))
+
+
+def test_rest_at_the_very_limit_of_friction_is_rest() -> None:
+    """At x = F the equivalent sign stays -1: neither slip ever leaves, and sliding holds."""
+    coulomb = FilippovSystem((X, V), (S,), (V,), (V, -X - S))
+    assert initial(coulomb, 1, ZERO) == ("unique", (0,))
+    assert initial(coulomb, 1 + sp.Rational(1, 10**30), ZERO) == ("unique", (-1,))
+
+
+def test_a_tie_within_the_radius_counts_as_a_tie() -> None:
+    selection = ModeSelection(line(2 - S), 128)
+    guard = Guard("surface", 0, -1, X)
+    within = Point(arb(0), (arb("1e-35", arb("1e-30")),))
+    assert selection.after_event(within, (1,), [guard]).mode == (1,)
+
+
+@pytest.mark.parametrize("surface", [(X - 1) ** 3, X - 1 - sp.sin(X - 1), (X - 1) ** 5 * (1 + X)])
+def test_where_the_gradient_vanishes_fields_that_lead_through_the_surface_cross(surface: sp.Expr) -> None:
+    """x' = 2 + s: x(t) is one and only, whatever expression's sign s is. A slide would have the sign -2 (0/0 here)."""
+    for field, mode in ((2 + S, (1,)), (-S, (0,))):
+        selection = ModeSelection(FilippovSystem((X,), (S,), (surface,), (field,)), 128)
+        decision = selection.after_event(Point(arb(1), (arb(1),)), (-1,), [Guard("surface", 0, 1, -surface)])
+        assert (decision.status, decision.mode) == ("unique", mode)
+
+
+def test_two_surfaces_at_once() -> None:
+    system = FilippovSystem((X, V), (S, U), (X, V), (-S, 2 - U))
+    assert initial(system, ZERO, ZERO) == ("unique", (0, 1))
+
+
+def test_an_overridden_stick_begins_where_both_fields_point_in() -> None:
+    override = SlidingOverride((V, ZERO), ())
+    belt = FilippovSystem((X, V), (S,), (V,), (V, -X - S), overrides={0: override})
+    assert initial(belt, sp.Rational(1, 2), ZERO) == ("unique", (0,))
+    assert initial(belt, 2, ZERO) == ("unique", (-1,))
+
+
+def test_a_field_that_is_not_finite_has_no_mode() -> None:
+    assert initial(line(-S / X), ZERO)[0] == "none"
+
+
+def test_the_end_of_the_model_is_invalid() -> None:
+    system = FilippovSystem((X,), (S,), (X - 5,), (S,), valid=(X,))
+    assert initial(system, -1) == ("invalid", None)
+    guard = Guard("valid", 0, 0, X, ends="invalid")
+    assert ModeSelection(system, 128).after_event(Point(arb(0), (arb(0),)), (-1,), [guard]).status == "invalid"
+
+
+def test_more_surfaces_than_are_tried_exhaustively_are_searched() -> None:
+    count = 6
+    states = sp.symbols(f"x0:{count}", real=True)
+    signs = sp.symbols(f"s0:{count}", real=True)
+    pushes = [0, 2, -2, 0, 3, 0]
+    field = tuple(p - s for p, s in zip(pushes, signs, strict=True))
+    system = FilippovSystem(states, signs, states, field)
+    assert initial(system, *[0] * count) == ("unique", (0, 1, -1, 0, 1, 0))

@@ -1,0 +1,65 @@
+"""Digits on the way between SymPy, heyoka and balls: none lost, none made up."""
+
+from __future__ import annotations
+
+from decimal import Decimal
+from fractions import Fraction
+
+import pytest
+import sympy as sp
+from flint import arb, ctx
+from hypothesis import given
+from hypothesis import strategies as st
+
+from henon_ref.errors import ModelError
+from henon_ref.harness.truth.multiprecision.numbers import ball_text, exact_ball, exact_text, to_ball
+from henon_ref.harness.truth.reference import split_double
+
+
+def test_exact_text_has_the_digits_of_the_exact_number() -> None:
+    digits = Decimal(exact_text(sp.sqrt(3) / 9, 256))
+    assert abs((9 * digits) ** 2 - 3) < Decimal("1e-26")  # Decimal's own default precision
+    assert exact_text(sp.Rational(1, 3), 256).startswith("0." + "3" * 80)
+
+
+def test_exact_text_refuses_what_is_no_real_number() -> None:
+    with pytest.raises(ModelError, match="not a real number"):
+        exact_text(sp.sqrt(-2), 128)
+
+
+def test_heyoka_numbers_and_balls_convert_without_loss() -> None:
+    hy = pytest.importorskip("heyoka")
+    from henon_ref.harness.truth.multiprecision.heyoka import to_real
+
+    with ctx.workprec(288):
+        third = to_ball(to_real(exact_ball(sp.Rational(1, 3), 256), 256))
+        assert to_real(third, 256) == hy.real("1", 256) / hy.real("3", 256)
+        assert abs(3 * third - 1) < arb(2) ** -255
+
+
+def test_no_double_is_on_the_way_of_a_tenth() -> None:
+    with ctx.workprec(288):
+        assert abs(exact_ball(sp.Rational(1, 10), 256) * 10 - 1) < arb(2) ** -280
+
+
+@pytest.mark.parametrize(
+    ("number", "radius", "text"),
+    [
+        ("2/3", 1e-5, "0.6666667"),
+        ("0", 1e-3, "0.00000"),
+        ("-1/3", 1e-2, "-0.3333"),
+        ("1000000000/7", 1.0, "142857142.86"),
+        ("1/3000000000000", 1e-15, "3.3333e-13"),
+    ],
+)
+def test_digits_are_written_as_far_as_the_radius_goes(number: str, radius: float, text: str) -> None:
+    with ctx.workprec(200):
+        assert ball_text(exact_ball(sp.Rational(number), 128), radius) == text
+
+
+@given(st.decimals(min_value=-1e12, max_value=1e12, allow_nan=False, places=40))
+def test_a_double_and_what_it_lost_make_up_the_number(number: Decimal) -> None:
+    high, low = split_double(str(number))
+    assert high == float(number)
+    exact = Fraction(number)
+    assert abs(Fraction(high) + Fraction(low) - exact) <= abs(exact) / 2**104

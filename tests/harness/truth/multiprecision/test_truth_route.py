@@ -1,0 +1,104 @@
+"""What two precisions agree on, and what happens where they do not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+import systems
+from flint import arb
+
+pytest.importorskip("heyoka")
+
+from henon_ref.harness.truth.multiprecision import route as multiprecision
+from henon_ref.harness.truth.multiprecision.route import multiprecision as route
+from henon_ref.harness.truth.multiprecision.run import Event, Run
+from henon_ref.harness.truth.multiprecision.stepper import _integrator
+from henon_ref.harness.truth.proofs import prove
+
+
+def event(time: str, after: int = 1) -> Event:
+    return Event(arb(time), (arb(0),), (-1,), (after,), (0,), 1.0)
+
+
+def run(bits: int, *events: Event) -> Run:
+    return Run(bits, events=list(events), end_time=arb(3))
+
+
+def test_the_radius_holds_the_closed_form_and_is_small() -> None:
+    found = route(systems.leaving_slide())
+    (release,) = found.transitions
+    assert found.status == "ok"
+    assert release.kind == "release"
+    assert abs(release.time - 1) <= release.radius < 1e-60
+    assert not release.proven
+
+
+def test_fields_that_differ_in_their_numbers_alone_are_compiled_once() -> None:
+    """And what one run leaves in an integrator does not reach the next one."""
+    problems = [systems.free_coulomb(friction=friction) for friction in ("0.6", "0.7")]
+    alone = []
+    for problem in problems:
+        _integrator.cache_clear()
+        alone.append(route(problem).transitions)
+        made = _integrator.cache_info().misses
+    assert len(alone[0]) > 2
+    assert alone[0] != alone[1]
+    _integrator.cache_clear()
+    assert [route(problem).transitions for problem in (*problems, problems[0])] == [*alone, alone[0]]
+    assert _integrator.cache_info().misses == made
+
+
+def test_the_radius_is_the_difference_of_the_two_runs() -> None:
+    late = run(224, event("1.0000000000000000000000000000000001"))
+    agreed = multiprecision._agreed(systems.leaving_slide(), run(256, event("1")), late, seconds=0)
+    assert agreed.undecided == ""
+    assert agreed.transitions[0].radius == pytest.approx(2.2e-34, rel=0.05)
+
+
+def test_times_known_too_roughly_are_left_out() -> None:
+    agreed = multiprecision._agreed(
+        systems.leaving_slide(),
+        run(256, event("1"), event("2", -1)),
+        run(224, event("1"), event("2.000000000001", -1)),
+        seconds=0,
+    )
+    assert len(agreed.transitions) == 1
+    assert agreed.status == "failed"
+    assert "too roughly" in agreed.undecided
+    assert agreed.end_digits.startswith("1.000")
+
+
+def test_runs_that_see_different_events_end_where_they_part() -> None:
+    agreed = multiprecision._agreed(
+        systems.leaving_slide(), run(256, event("1"), event("2", 0)), run(224, event("1"), event("2", -1)), seconds=0
+    )
+    assert len(agreed.transitions) == 1
+    assert "different events" in agreed.undecided
+
+
+def test_runs_that_end_differently_are_undecided() -> None:
+    high, low = run(256), replace(run(224), status="nonunique")
+    assert "end differently" in multiprecision._agreed(systems.leaving_slide(), high, low, seconds=0).undecided
+
+
+def test_precision_is_raised_until_it_suffices(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(multiprecision, "LADDER", ((96, 64), (192, 160)))
+    found = route(systems.leaving_slide())
+    assert found.bits == (192, 160)
+    assert not found.undecided
+
+
+def test_states_below_the_smallest_double_have_a_radius() -> None:
+    tiny = [replace(event("1"), state=(arb("5e-320"),)) for _ in range(2)]
+    agreed = multiprecision._agreed(systems.leaving_slide(), run(256, tiny[0]), run(224, tiny[1]), seconds=0)
+    assert 0 < agreed.transitions[0].state_radius < 1e-300
+
+
+@pytest.mark.parametrize(("start", "until"), [("1", "1.00000000000000001"), ("0", "1e-300")])
+def test_a_run_shorter_than_any_double_tells_is_proven_to_have_no_event_or_left_undecided(
+    start: str, until: str
+) -> None:
+    problem = replace(systems.free_coulomb(), start=systems.number(start), until=systems.number(until))
+    found = prove(problem, seconds=5)
+    assert found.transitions == ()
