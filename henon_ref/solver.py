@@ -54,8 +54,8 @@ class Solver(Protocol):
       less than 2^-26 of the run; their limit is a ``stick`` on that surface (:mod:`henon_ref.filippov.resting`).
     * What the run returns is checked (:mod:`henon_ref.harness.campaign.contract_check`): a :class:`Trajectory`, an
       entry a state and a surface, times in order and from the start to the horizon; with status ``ok`` the end at the
-      horizon and finite states; no more transitions than ten times the truth's and 100000. NumPy's numbers will do, and words
-      are cut to one line. What fails the check is a row ``failed``.
+      horizon and finite states; no more transitions than ten times the truth's and 100000. NumPy's numbers will do,
+      and words are cut to one line. What fails the check is a row ``failed``.
     * ``UnsupportedError`` from ``prepare`` where the solver cannot do the problem; ``UnavailableError``
       where its library is missing. Other failures of a library are status ``failed`` with the reason.
     * The docstring says what ``steps``, ``rhs_evaluations`` and ``event_evaluations`` count.
