@@ -85,23 +85,21 @@ static void mark_faint(const struct work *w)
 }
 
 /* The same where guards have more than two known zeros, or nothing but their own rounding: what follows the zeros tells
- * the size of such a guard, and what is rounding's limits no step. */
+ * the size of such a guard, and it counts as no smaller than what rounding makes of it. */
 static double flat_step_size(const struct work *w, int64_t rows)
 {
     const struct run *run = w->run;
     int64_t n = run->states, order = run->order;
     double shortest = smaller(row_of(w, rows)[3], UNLIMITED);
-    mark_faint(w);
+    w->mode->rounding(run->time, run->time_low, OWN_ROUNDING, w->x, w->constants, w->ahead);
     for (int64_t r = 0; r < rows; r++) {
         const double *row = row_of(w, r);
         int64_t first = r >= n ? w->known_zeros[r - n] : 0;
-        if (r >= n && w->faint[r - n] != 0)
-            continue;
-        double theta = 1.0;
+        double theta = 1.0, least = r >= n && w->ahead[r] < INFINITY ? w->ahead[r] : 0.0;
         for (int step = 0; step < 4; step++) {
             double size = fabs(row[first]) + theta * (fabs(row[first + 1]) + theta * fabs(row[first + 2]));
             double new = UNLIMITED;
-            size = size * whole_power(theta, first) + 1e-300;
+            size = larger(size * whole_power(theta, first), least) + 1e-300;
             for (int64_t k = order - 1; k <= order; k++)
                 if (row[k] != 0.0)
                     new = smaller(new, pow(run->tolerance * size / fabs(row[k]), 1.0 / (double)k));
