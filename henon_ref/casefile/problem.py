@@ -162,7 +162,10 @@ def unused_at_start(problem: Problem, surface: sp.Expr) -> bool:
 
 def with_open_kinks(problem: Problem) -> Problem:
     """The problem with kinks open that have no value at the start, in a branch that is not in use there."""
-    system, mode = problem.system, _sides(problem)
+    system = problem.system
+    if not system.kinks:
+        return problem
+    mode = _sides(problem)
     without = (i for i in system.kinks if _without_value(problem, system.surfaces[i]))
     found = {i for i in without if i not in system.unused_kinks(mode) and system.hides(i, mode)}
     return replace(problem, system=replace(system, open_kinks=frozenset(found))) if found else problem

@@ -29,7 +29,7 @@ from henon_ref.errors import ModelError
 from henon_ref.filippov.affine import constant_slope
 from henon_ref.filippov.algebra import cancelled
 from henon_ref.filippov.bounds import put
-from henon_ref.filippov.decoupled_contacts import Contact, Contacts, SwitchedEquations, indicators
+from henon_ref.filippov.decoupled_contacts import Contact, Contacts, SwitchedEquations, common_to_all, indicators
 from henon_ref.filippov.equations import Guard, along
 from henon_ref.filippov.sampling import sample
 from henon_ref.filippov.switched_field import SwitchedField
@@ -72,11 +72,23 @@ def coupled_equations(system: SwitchedField, contacts: Contacts) -> SwitchedEqua
         return None
     try:
         own, forces = _own_states(system), _forces(system)
-        if own is None or forces is None or not _definite(system, own, forces):
+        if own is None or forces is None or not (_common(system, own) and _definite(system, own, forces)):
             return None
-        return _equations(system, contacts, own, forces)
+        made = _equations(system, contacts, own, forces)
+        return None if made is None or any(e.has(sp.zoo, sp.nan) for e in made.outputs) else made
     except ModelError:
         return None
+
+
+def _common(system: SwitchedField, own: Mapping[int, int]) -> bool:
+    """Whether all rates have values in every mode."""
+    moving = {TIME, *system.states}
+    return all(
+        common_to_all(rate, system.states[k], system.signs[i], moving)
+        for i, k in own.items()
+        for rate in system.field
+        if rate.has(system.signs[i])
+    )
 
 
 def _ends_known(system: Contacts, index: int) -> bool:

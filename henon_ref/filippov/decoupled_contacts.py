@@ -253,7 +253,7 @@ def _contact(system: Contacts, index: int, acting: Sequence[int], places: Mappin
     if row is None or acting != [row]:
         return None
     x, rate = system.states[row], system.field[row]
-    if not _common_to_all(rate, x, sign, {TIME, *places}):
+    if not common_to_all(rate, x, sign, {TIME, *places}):
         return None
     slope = sp.diff(h, x)
     there = sp.expand(x - h / slope)
@@ -266,7 +266,7 @@ def _contact(system: Contacts, index: int, acting: Sequence[int], places: Mappin
     return Contact(row, rate, speed, (Guard("release", index, 1, -beyond), Guard("release", index, -1, before)))
 
 
-def _common_to_all(rate: sp.Expr, x: sp.Symbol, sign: sp.Symbol, moving: set[sp.Symbol]) -> bool:
+def common_to_all(rate: sp.Expr, x: sp.Symbol, sign: sp.Symbol, moving: set[sp.Symbol]) -> bool:
     """Whether a rate has values in every mode: no branch of its own, nor a branch point that the surface may be on."""
     sides = [{sign: sp.Integer(side)} for side in (-1, 1)]
     branching = (e for e in rate.atoms(sp.Pow, sp.log, sp.asin, sp.acos) if not (e.is_Pow and e.exp.is_Integer))

@@ -87,7 +87,7 @@ def test_a_chain_runs_on_one_machine_code_as_on_one_a_mode(monkeypatch: pytest.M
     ours, one = run(chain().system)
     mine = ours.to_horizon()
     assert len(one.mode_table._codes) == 1
-    assert len({t.to_mode for t in mine.transitions}) >= 6
+    assert len({t.to_mode for t in mine.transitions}) >= 5
     monkeypatch.setattr(systems, "FEW", 8)
     theirs, many = run(parse_case(text("11")).readings[0].problem.system)
     other = theirs.to_horizon()
@@ -132,5 +132,5 @@ def test_conditioning_of_a_chain_is_that_of_its_modes_one_by_one(monkeypatch: py
     ],
 )
 def test_contacts_that_act_on_each_other_have_no_common_equations(change: tuple[str, str]) -> None:
-    assert parse_case(text("1")).readings[0].problem.system.switched is not None
-    assert parse_case(text("1").replace(*change)).readings[0].problem.system.switched is None
+    assert parse_case(text("1")).readings[0].problem.system.shared is not None
+    assert parse_case(text("1").replace(*change)).readings[0].problem.system.shared is None
