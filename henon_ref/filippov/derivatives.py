@@ -59,9 +59,3 @@ def leading(series: Sequence[float], first: int, rate: float, size: float, zero:
         if abs(terms[k]) > zero * unit:
             return k
     return None
-
-
-def leading_sign(series: Sequence[float], first: int, rate: float, size: float, zero: float) -> int:
-    """Sign of the first coefficient from ``first`` on that is not zero; 0 if there is none."""
-    k = leading(series, first, rate, size, zero)
-    return 0 if k is None else (1 if series[k] > 0 else -1)

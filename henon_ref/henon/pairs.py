@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from fractions import Fraction
 from functools import lru_cache
 from typing import Any
@@ -95,12 +94,6 @@ def threes(pairs: NDArray[np.float64]) -> NDArray[np.float64]:
     """:func:`three_of` of each pair of an array, shape (..., 3)."""
     bounds = np.where(pairs[..., 1] != 0.0, LEVELS.operation_error * np.abs(pairs[..., 0]), 0.0)
     return np.concatenate([pairs, bounds[..., None]], axis=-1)
-
-
-def rational_pairs(numbers: Sequence[Fraction]) -> NDArray[np.float64]:
-    """Rational numbers as pairs, shape (k, 2); NaN for one that is no double."""
-    nothing = (float("nan"), 0.0)
-    return np.array([_rational(n.numerator, n.denominator) or nothing for n in numbers]).reshape(-1, 2)
 
 
 def _rational(numerator: int, denominator: int) -> Pair | None:

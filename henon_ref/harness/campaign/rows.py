@@ -20,9 +20,6 @@ from henon_ref.harness.score.verdict import granted_error, graze_distance, misse
 from henon_ref.text import short_line
 from henon_ref.trajectory import Counts, Stick, Trajectory, sticks
 
-SCORED = ("ok", "wrong", "diverged", "nonunique", "invalid", "timeout", "failed")
-"""Statuses of runs that have an answer, whole or in part."""
-
 FAILURES = {"unsupported": "not run", "unavailable": "not run", "timeout": "not judged"}
 """Verdicts on runs without an answer, by status; any other is the solver's fault, and so is an ignored deadline."""
 

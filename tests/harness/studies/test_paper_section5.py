@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from henon_ref.analysis.rig import rig_problem
 from henon_ref.casefile.case import load_case
 from henon_ref.harness.studies.paper import belt, section5
+from henon_ref.harness.studies.paper.rig import rig_problem
 
 CASES = Path(__file__).parents[3] / "cases"
 

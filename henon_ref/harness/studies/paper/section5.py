@@ -16,14 +16,14 @@ from numpy.typing import NDArray
 from baselines.henon import HENON_SOLVER
 from henon_ref.analysis.lyapunov import Spectrum, lyapunov_spectrum
 from henon_ref.analysis.periodic import measured_period
-from henon_ref.analysis.rig import SPEEDS, eq27, frictionless_eigenvalues, rig_problem
-from henon_ref.analysis.timeseries import Settings, TimeSeriesSpectrum, time_series_spectrum
 from henon_ref.figures import style
 from henon_ref.harness.registry import solver
 from henon_ref.harness.report.files.svg import svg
 from henon_ref.harness.studies.paper.belt import moving_belt
 from henon_ref.harness.studies.paper.claims import Claim, Section, checked, picture
 from henon_ref.harness.studies.paper.exact import same
+from henon_ref.harness.studies.paper.rig import SPEEDS, eq27, frictionless_eigenvalues, rig_problem
+from henon_ref.harness.studies.paper.timeseries import Settings, TimeSeriesSpectrum, time_series_spectrum
 from henon_ref.trajectory import Trajectory
 
 SETS = ("periodic", "quasi-periodic", "chaotic")

@@ -8,7 +8,6 @@ periodic, quasi-periodic or chaotic. Time is the paper's dimensionless tau = ome
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 import sympy as sp
@@ -70,11 +69,6 @@ def rig_problem(speed: str, *, until: str | float = 100, printed: bool = False, 
         sign="+" if printed else "-",
     )
     return parse_case(text).readings[0].problem
-
-
-def without_limit(problem: Problem) -> Problem:
-    """The same problem, the loss of contact (y <= 0) ignored."""
-    return replace(problem, system=replace(problem.system, valid=()))
 
 
 def parameters_of_eq27(system: FilippovSystem) -> dict[sp.Symbol, sp.Expr]:
