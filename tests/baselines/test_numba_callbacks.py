@@ -56,7 +56,7 @@ def test_the_jacobian_is_that_of_plain_python() -> None:
 
 def test_numba_is_imported_for_them_only() -> None:
     code = (
-        "import sys; from henon_ref import load_case, registry; "
+        "import sys; from henon_ref import load_case; from henon_ref.harness import registry; "
         f"problem = load_case({str(CASES / 'free_coulomb.yaml')!r}).readings[0].problem\n"
         "for name in ('henon', 'henon-rk4', 'scipy-dop853', 'scipy-dop853+numba'):\n"
         "    setting = {'step': 0.01} if name == 'henon-rk4' else {'rtol': 1e-6, 'atol': 1e-6}\n"
