@@ -7,7 +7,7 @@ used, under the same rules. Each file is looked at again when it is read (:mod:`
 
 A folder that is refused, or cannot be written, is replaced by a private temporary one: for this process and those that
 it begins, until it ends. A cache never decides whether a run succeeds. What was refused or set aside is logged as a
-warning, and told on standard error by a command (:func:`watched_cache`, :mod:`henon_ref.harness.cli.exit_status`).
+warning, and told on standard error by a command (:func:`watched_cache`).
 """
 
 from __future__ import annotations

@@ -31,7 +31,7 @@ _LOG = logging.getLogger(__name__)
 
 MANIFEST = "manifest.json"
 PAGE = "index.html"
-"""The page of a finished sweep, which :mod:`henon_ref.harness.report` writes."""
+"""The page of a finished sweep."""
 KEY = "henon_ref_sweep"
 """Of the manifest: what in the folder is the sweep's."""
 KEPT = "finished chunks are kept: --resume (resume=True) goes on from them"

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from henon_ref.figures import style
 from henon_ref.figures.description import describe
-from henon_ref.figures.labels import label_ends
+from henon_ref.harness.figures.labels import label_ends
 from henon_ref.harness.rows import RunRow, TransitionRow
 from henon_ref.harness.score.reference import Expected
 

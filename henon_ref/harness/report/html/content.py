@@ -110,7 +110,7 @@ def details_of(folder: Path) -> Details | None:
         **{key: told[key] for key in ("tags", "source") if told.get(key)},
         "files": sorted(one_line(path.name) for path in folder.iterdir() if path.suffix in SHOWN_FILES),
         "readings": {
-            reading: _told_of(reading, _mapping(known.get(reading)), told, own)
+            reading: _details_of(reading, _mapping(known.get(reading)), told, own)
             for (_, reading), own in readings_of(rows).items()
         },
     }
@@ -121,7 +121,7 @@ def _mapping(value: object) -> Mapping[str, Any]:
     return value if isinstance(value, dict) else {}
 
 
-def _told_of(reading: str, manifest: Mapping[str, Any], words: Mapping[str, Any], rows: Sequence[RunRow]) -> Details:
+def _details_of(reading: str, manifest: Mapping[str, Any], words: Mapping[str, Any], rows: Sequence[RunRow]) -> Details:
     """What its manifest, the words of the case's file and its rows say of a reading."""
     truth = _mapping(manifest.get("truth"))
     told = {

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from henon_ref.figures import style
 from henon_ref.figures.description import describe
-from henon_ref.figures.labels import label_column
+from henon_ref.harness.figures.labels import label_column
 from henon_ref.harness.registry import COMPILED
 from henon_ref.harness.report.text.ranking import by_solver, right
 from henon_ref.harness.rows import RunRow, number

@@ -9,8 +9,8 @@ import pytest
 from matplotlib.lines import Line2D
 
 from henon_ref.figures import style
-from henon_ref.figures.labels import label_column, label_ends, spread
 from henon_ref.figures.style import line_of
+from henon_ref.harness.figures.labels import label_column, label_ends, spread
 
 SOLVERS = ("henon", "heyoka", "cvode-adams", "cvode-bdf", "ida", "scipy-rk45", "scipy-dop853", "scipy-radau")
 
