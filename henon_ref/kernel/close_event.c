@@ -246,7 +246,7 @@ static int64_t settle(struct work *w, struct pair_expansion *e, int64_t g, doubl
     struct bounded time = {end.high, end.low, 0.0};
     double left = (run->horizon - end.high) + (run->horizon_low - end.low), nothing = TIME_ROUNDING * fabs(run->horizon);
     bool event = near.what == FALLING || near.what == TOUCHING, late = left < (event ? -nothing : nothing);
-    struct change found;
+    struct change found = {0};
     if (event && !late && !change_at(w, e, g, near, time, state, &found))
         return UNDECIDED_EVENT;
     step_to(w, time, state, step.high);

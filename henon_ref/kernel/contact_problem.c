@@ -98,7 +98,7 @@ static void solve_factorised(const struct held_part *held, const double *right, 
 static bool balanced(const struct contact_problem *p, struct accelerations *s, struct held_part *held)
 {
     int64_t count = p->count;
-    double right[SURFACES_IN_TABLE], found[SURFACES_IN_TABLE];
+    double right[SURFACES_IN_TABLE] = {0.0}, found[SURFACES_IN_TABLE];
     if (!factorised(p, s->entry, held))
         return false;
     for (int64_t k = 0; k < count; k++)
