@@ -14,7 +14,7 @@ from setuptools.build_meta import (
     prepare_metadata_for_build_wheel,
 )
 
-from build_backend.compilers import ZIGLANG, CompilerError
+from build_backend.compilers import PLATFORM_VARIABLE, ZIGLANG, CompilerError
 from build_backend.libraries import compiler
 
 __all__ = [
@@ -64,7 +64,8 @@ def compiler_package() -> list[str]:
     try:
         return [ZIGLANG] if compiler().is_ziglang else []
     except CompilerError:
-        return [] if os.environ.get("CC") not in (None, "", "ziglang") else [ZIGLANG.replace("==", f"[{WHY}]==")]
+        asked = None if os.environ.get(PLATFORM_VARIABLE) else os.environ.get("CC")
+        return [] if asked not in (None, "", "ziglang") else [ZIGLANG.replace("==", f"[{WHY}]==")]
 
 
 def require_compiler() -> None:

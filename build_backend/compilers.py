@@ -18,12 +18,35 @@ ZIGLANG = "ziglang==0.17.0"
 environment that pip builds in."""
 GLIBC = "2.28"
 """The oldest glibc that what ``ziglang`` compiles runs with: manylinux_2_28."""
+PLATFORM_VARIABLE = "HENON_REF_PLATFORM"
+"""Environment variable: the platform of ``PLATFORMS`` to build a wheel for; without it, the machine's own."""
 COMMANDS = ("cc", "gcc", "clang")
 TRIAL = """#include <math.h>
 #include <stdint.h>
 double trial(double x, int32_t n) { return pow(x, n) + __builtin_fma(x, x, 1.0); }
 """
 """A file that compiles where there are the headers and the C library, too."""
+
+
+class Platform(NamedTuple):
+    """What wheels are built for."""
+
+    machine: str
+    """As ``platform.machine`` says it there."""
+    target: str
+    """As ``ziglang`` says it."""
+    wheel: str
+    """As the name of a wheel says it."""
+
+
+PLATFORMS = {
+    "linux-x86_64": Platform("x86_64", f"x86_64-linux-gnu.{GLIBC}", f"manylinux_{GLIBC.replace('.', '_')}_x86_64"),
+    "linux-aarch64": Platform("aarch64", f"aarch64-linux-gnu.{GLIBC}", f"manylinux_{GLIBC.replace('.', '_')}_aarch64"),
+    "macos-arm64": Platform("arm64", "aarch64-macos.11.0", "macosx_11_0_arm64"),
+    "macos-x86_64": Platform("x86_64", "x86_64-macos.11.0", "macosx_11_0_x86_64"),
+    "windows-x86_64": Platform("AMD64", "x86_64-windows-gnu", "win_amd64"),
+}
+"""``ziglang`` compiles for each of them on any machine."""
 
 
 class CompilerError(Exception):
@@ -37,14 +60,29 @@ class Compiler(NamedTuple):
     wheel_platform: str | None = None
     """Platform tag of a wheel with what it compiles, where that is not this machine's."""
     is_ziglang: bool = False
+    for_linux: bool = sys.platform == "linux"
 
     def line(self, flags: tuple[str, ...], architecture: str | None, source: str, library: str) -> list[str]:
         """The command line that compiles a source to a library for a processor's architecture."""
-        further = ["-Wl,--build-id=none"] if sys.platform == "linux" else []
+        further = ["-Wl,--build-id=none"] if self.for_linux else []
         if architecture is not None:
             spelt = architecture.replace("-", "_") if self.is_ziglang else architecture
             further.append(f"-march={spelt}")
         return [*self.command, *flags, *further, source, "-o", library, "-lm"]
+
+
+def platform_asked() -> Platform | None:
+    """The platform that a wheel is asked for; None where it is for the machine that builds it.
+
+    Raises
+    ------
+    CompilerError
+        For a name that is none of ``PLATFORMS``.
+    """
+    name = os.environ.get(PLATFORM_VARIABLE)
+    if name and name not in PLATFORMS:
+        raise CompilerError(f"{PLATFORM_VARIABLE} is {name!r}; it may be {', '.join(PLATFORMS)}")
+    return PLATFORMS[name] if name else None
 
 
 def choose(flags: tuple[str, ...], architectures: list[str | None]) -> Compiler:
@@ -57,7 +95,7 @@ def choose(flags: tuple[str, ...], architectures: list[str | None]) -> Compiler:
     CompilerError
         Where neither is there.
     """
-    asked = os.environ.get("CC", "").strip()
+    asked = "ziglang" if platform_asked() else os.environ.get("CC", "").strip()
     if asked != "ziglang":
         for text in [asked] if asked else COMMANDS:
             found = Compiler(tuple(shlex.split(text)))
@@ -86,10 +124,9 @@ def _works(compiler: Compiler, flags: tuple[str, ...], architecture: str | None)
 
 
 def _ziglang() -> Compiler:
-    """The package's compiler: on Linux for the oldest glibc that wheels are made for, elsewhere for this system."""
+    """The package's compiler: for the platform asked for, or else this system, on Linux with the oldest glibc."""
     command = (sys.executable, "-m", "ziglang", "cc")
-    if sys.platform != "linux":
+    wanted = platform_asked() or PLATFORMS.get(f"{sys.platform}-{platform.machine()}")
+    if wanted is None:
         return Compiler(command, is_ziglang=True)
-    machine = platform.machine()
-    target = ("-target", f"{machine}-linux-gnu.{GLIBC}")
-    return Compiler((*command, *target), f"manylinux_{GLIBC.replace('.', '_')}_{machine}", is_ziglang=True)
+    return Compiler((*command, "-target", wanted.target), wanted.wheel, True, "linux" in wanted.target)

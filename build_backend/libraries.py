@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import platform
 import runpy
 import shlex
 import subprocess
@@ -14,7 +15,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-from build_backend.compilers import Compiler, CompilerError, choose
+from build_backend.compilers import Compiler, CompilerError, choose, platform_asked
 
 ROOT = Path(__file__).parents[1]
 SOURCES = ("henon_ref/kernel/kernel.c", "baselines/paper/paper.c")
@@ -22,19 +23,28 @@ SOURCES = ("henon_ref/kernel/kernel.c", "baselines/paper/paper.c")
 _RECIPE: dict[str, Any] = runpy.run_path(str(ROOT / "henon_ref/kernel/compilation.py"))
 """Flags, processors and hash, which the loader needs, too; by path: the package itself cannot be imported yet."""
 FLAGS: tuple[str, ...] = _RECIPE["FLAGS"]
-VARIANTS: tuple[Any, ...] = _RECIPE["variants"]()
-_LIBRARIES = list(product(SOURCES, VARIANTS))
 
 
 @cache
 def compiler() -> Compiler:
     """The compiler that builds here."""
-    return choose(FLAGS, [variant.architecture for variant in VARIANTS])
+    return choose(FLAGS, [variant.architecture for variant in _RECIPE["variants"](_machine())])
+
+
+def _machine() -> str:
+    """The kind of machine that the libraries are for."""
+    wanted = platform_asked()
+    return wanted.machine if wanted else platform.machine()
+
+
+def _libraries() -> list[tuple[str, Any]]:
+    """Each source with each variant that it is compiled to."""
+    return list(product(SOURCES, _RECIPE["variants"](_machine())))
 
 
 def library_files() -> list[Path]:
     """The libraries, relative to the tree's root."""
-    return [_RECIPE["library_file"](Path(source), variant) for source, variant in _LIBRARIES]
+    return [_RECIPE["library_file"](Path(source), variant) for source, variant in _libraries()]
 
 
 def compile_all(into: Path = ROOT, *, root: Path = ROOT, extra: tuple[str, ...] = ()) -> None:
@@ -60,11 +70,11 @@ def compile_all(into: Path = ROOT, *, root: Path = ROOT, extra: tuple[str, ...] 
 
         def compile_one(library: tuple[str, Any]) -> None:
             source, variant = library
-            given = f'-DHENON_SOURCES="{_RECIPE["sources_hash"](root / source)}"'
+            given = f'-DHENON_SOURCES="{_RECIPE["sources_hash"](root / source, _machine())}"'
             file = _RECIPE["library_file"](into / source, variant)
             _compile(chosen, (*FLAGS, given, *extra), variant.architecture, root, source, file, environment)
 
-        list(pool.map(compile_one, _LIBRARIES))
+        list(pool.map(compile_one, _libraries()))
 
 
 def _compile(

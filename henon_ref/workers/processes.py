@@ -29,6 +29,9 @@ TRIES = 3
 ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 """A worker is one thread: those of linear algebra would only get in the way of the others."""
 
+START_VARIABLE = "HENON_REF_START"
+"""Environment variable: with ``spawn`` no copy of this process is made where one could be, as on other systems."""
+
 KILL = getattr(signal, "SIGKILL", signal.SIGTERM)
 """The signal that nothing outlives: loky's processes have no method for it."""
 
@@ -76,8 +79,8 @@ class Worker:
 
 
 def may_fork() -> bool:
-    """Whether a copy of this process holds no lock of a thread that it does not have."""
-    return sys.platform == "linux" and threading.active_count() == 1
+    """Whether a copy of this process may be made: it holds no lock of a thread that the copy does not have."""
+    return sys.platform == "linux" and threading.active_count() == 1 and os.environ.get(START_VARIABLE) != "spawn"
 
 
 def finished_by_workers(function: Callable[..., Any], tasks: Iterator[Task], jobs: int) -> Iterator[tuple[int, Any]]:

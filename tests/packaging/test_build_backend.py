@@ -15,14 +15,16 @@ import pytest
 from packaging.requirements import Requirement
 from small_tree import small_tree
 
-from build_backend.compilers import COMMANDS, ZIGLANG, Compiler, CompilerError, choose
-from build_backend.libraries import FLAGS, VARIANTS, compiler, library_files
+from build_backend.compilers import COMMANDS, PLATFORM_VARIABLE, PLATFORMS, ZIGLANG, Compiler, CompilerError, choose
+from build_backend.libraries import FLAGS, compiler, library_files
+from henon_ref.kernel.compilation import variants
 
 PATH = os.environ["PATH"]
 try:
     HERE = shutil.which(compiler().command[0])
 except CompilerError:
     HERE = None
+VARIANTS = variants()
 COMPILES = f'PATH="{PATH}" exec "{HERE}" "$@"'
 """A script that is this machine's compiler."""
 WITH_COMPILER = pytest.mark.skipif(HERE is None, reason="no C compiler works here")
@@ -73,6 +75,29 @@ def test_a_command_that_does_not_compile_is_passed_over(path: Path, broken: str)
         chosen()
     write_command(path / "clang", COMPILES)
     assert chosen() == Compiler(("clang",))
+
+
+@pytest.mark.parametrize("name", PLATFORMS)
+def test_a_wheel_for_another_platform_is_compiled_by_ziglang(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(PLATFORM_VARIABLE, name)
+    monkeypatch.setattr("build_backend.compilers.find_spec", lambda _: True)
+    found = chosen()
+    assert found.is_ziglang
+    assert found.wheel_platform == PLATFORMS[name].wheel
+    line = found.line(FLAGS, None, "kernel.c", "kernel.so")
+    assert line[line.index("-target") + 1] == PLATFORMS[name].target
+    assert ("-Wl,--build-id=none" in line) == ("linux" in name)  # what links for other systems does not know it
+    assert {each.name for each in variants(PLATFORMS[name].machine)} in (
+        {"x86-64", "x86-64-v3"},
+        {"arm64"},
+        {"aarch64"},
+    )
+
+
+def test_a_platform_that_is_not_known_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(PLATFORM_VARIABLE, "sparc")
+    with pytest.raises(CompilerError, match=r"^HENON_REF_PLATFORM is 'sparc'; it may be linux-x86_64, "):
+        chosen()
 
 
 def test_without_a_compiler_one_sentence_names_what_to_install(path: Path) -> None:

@@ -20,7 +20,6 @@ import signal
 import socket
 import struct
 import sys
-import threading
 import time
 import traceback
 import warnings
@@ -32,6 +31,7 @@ from typing import Any, NoReturn
 
 from henon_ref.errors import CaseError, HenonRefError
 from henon_ref.jit.processor_time import waited_seconds
+from henon_ref.workers.processes import may_fork
 from henon_ref.workers.procfs import adopt_orphans, children, family, is_at_work, kill_family, signal_with_parent
 
 WORKERS_NEED = (
@@ -80,7 +80,7 @@ class ForkServer:
     @classmethod
     def of_caller(cls, *, main: bool = False) -> ForkServer:
         """One that has what this process has; a fresh one has its main module only where it is needed (``main``)."""
-        if sys.platform != "linux" or threading.active_count() > 1:
+        if not may_fork():
             return cls.fresh(caller=True) if main else cls.fresh(*WORKERS_NEED)
         ours, theirs = socket.socketpair()
         for stream in (sys.stdout, sys.stderr):

@@ -1,0 +1,88 @@
+"""Where a run may be started: folders with spaces and Unicode, no locale, no home, nothing that can be written, no fork."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PROGRAM = """
+import henon_ref as hr
+
+def main():
+    belt = hr.System(state=["x", "v"], parameters={"vb": 0.5}, surfaces={"s": "v - vb"},
+                     field=["v", "-x - s/(1 + 3*s*(v - vb))"])
+    run = hr.simulate(belt, {"x": 1.5, "v": 0}, until=20)
+    table = hr.sweep(belt, {"x": 1.5, "v": 0}, until=20, grid={"vb": [0.25, 0.5]}, observe=[hr.observe.final_state()],
+                     jobs=2, chunk=1)
+    print([float(v).hex() for v in run.y[:, -1]] == [float(v).hex() for v in table[["final_x", "final_v"]].iloc[1]])
+
+if __name__ == "__main__":
+    main()
+"""
+CHECKOUT = Path(__file__).parents[1]
+
+
+def python(tmp_path: Path, *arguments: str, cwd: Path | None = None, **environment: str | None) -> str:
+    """What a program prints in a process with nothing in its environment but what it is given."""
+    given = {"PATH": os.environ["PATH"], "PYTHONPATH": str(CHECKOUT), "HENON_REF_CACHE_DIR": str(tmp_path / "cache")}
+    given |= environment  # type: ignore[arg-type]
+    given = {name: value for name, value in given.items() if value is not None}
+    done = subprocess.run(
+        [sys.executable, *arguments], cwd=cwd or tmp_path, env=given, capture_output=True, timeout=300, check=False
+    )
+    assert done.returncode == 0, done.stderr.decode(errors="replace")
+    return done.stdout.decode()
+
+
+@pytest.fixture
+def program(tmp_path: Path) -> Path:
+    folder = tmp_path / "Reibung und Stöße – µ"
+    folder.mkdir()
+    file = folder / "mein Lauf.py"
+    file.write_text(PROGRAM, encoding="utf-8")
+    return file
+
+
+def test_a_run_and_a_sweep_without_home_and_locale_in_a_folder_that_cannot_be_written(
+    program: Path, tmp_path: Path
+) -> None:
+    # Nobody can write below /proc, the superuser neither; HENON_REF_CACHE_DIR is unset: the cache finds its own place.
+    environment = {"LANG": "C", "LC_ALL": "C", "PYTHONUTF8": "0", "HENON_REF_CACHE_DIR": None}
+    assert python(tmp_path, str(program), cwd=Path("/proc"), **environment) == "True\n"
+
+
+def test_a_sweep_whose_workers_are_spawned(program: Path, tmp_path: Path) -> None:
+    assert python(tmp_path, str(program), HENON_REF_START="spawn") == "True\n"
+
+
+def test_a_comparison_in_a_folder_with_spaces_and_unicode(program: Path, tmp_path: Path) -> None:
+    case = program.with_name("Mein Fall.yaml")
+    case.write_text((CHECKOUT / "cases" / "leaving_slide.yaml").read_text(encoding="utf-8"), encoding="utf-8")
+    out = program.parent / "Ergebnis 1"
+    line = [
+        "-m",
+        "henon_ref.compare",
+        case.name,
+        "--solvers",
+        "henon",
+        "--repeats",
+        "1",
+        "--no-figures",
+        "--out",
+        out.name,
+    ]
+    python(tmp_path, *line, cwd=program.parent, LANG="C", LC_ALL="C", HOME=None)
+    assert (out / "leaving_slide" / "runs.csv").stat().st_size > 0
+
+
+def test_a_case_insensitive_folder_has_no_two_files_of_one_name() -> None:
+    """As on macOS and Windows: a clone there would lose one of them."""
+    names = subprocess.run(["git", "ls-files"], cwd=CHECKOUT, capture_output=True, text=True, check=False).stdout.split(
+        "\n"
+    )
+    folded = [name.casefold() for name in names]
+    assert len(set(folded)) == len(folded)
