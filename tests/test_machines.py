@@ -1,4 +1,4 @@
-"""Where a run may be started: folders with spaces and Unicode, no locale, no home, nothing that can be written, no fork."""
+"""Where a run may start: folders with spaces and Unicode, no locale, no home, nothing that can be written, no fork."""
 
 from __future__ import annotations
 
