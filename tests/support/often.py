@@ -15,7 +15,7 @@ EVERY_PYTHON = (
     "harness/score/test_sticks.py", "harness/studies/test_page.py", "harness/test_registry.py",
     "harness/truth/test_truth_store.py", "henon/test_henon.py", "jit/", "kernel/", "packaging/test_metadata.py",
     "roots/", "simulation/test_simulate.py", "simulation/test_system_from_python.py",
-    "sweeps/test_own_functions.py", "sweeps/test_storage.py", "taylor/test_rules.py", "test_package.py",
+    "sweeps/test_storage.py", "taylor/test_rules.py", "test_package.py",
     "workers/test_executors.py",
 )  # fmt: skip
 """What a version of Python may change, a file or two a room: processes, pickles, syntax trees, warnings (errors here).
