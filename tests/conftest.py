@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import os
 import signal
+import sys
 from collections.abc import Generator
 from importlib.util import find_spec
 from pathlib import Path
@@ -15,6 +16,7 @@ import matplotlib
 import pytest
 from commands import SOLVERS, Drawing
 from fakes import CASE, statement
+from often import EVERY_PYTHON
 from problems import make_problem
 
 from henon_ref.errors import UnavailableError
@@ -31,21 +33,11 @@ ABSENT = {f"{package} is not installed" for package, module in LIBRARIES.items()
 """What their solvers say then."""
 hypothesis.settings.register_profile("busy", deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow])
 hypothesis.settings.load_profile("busy")  # no example has a time limit: the machine may do other things
+sys.dont_write_bytecode = False  # whatever the environment says: hundreds of processes that tests begin would compile
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # all that they import, each anew
 os.environ[VARIABLE] = str(cache_root())  # for processes that tests begin with another cache of truths, too
 os.environ.setdefault("MPLCONFIGDIR", matplotlib.get_cachedir())  # so that they need not look for fonts
 collect_seldom()
-
-EVERY_PYTHON = (
-    "baselines/protocol/test_exchange.py", "baselines/test_base.py", "campaign/test_from_python.py",
-    "campaign/test_pool.py", "casefile/test_case.py", "casefile/test_expressions.py", "casefile/test_yaml_file.py",
-    "cli/test_compare_command.py", "cli/test_main.py", "figures/test_figures.py", "filippov/test_system.py",
-    "henon/test_henon.py", "jit/", "kernel/", "packaging/test_metadata.py", "report/test_report.py",
-    "score/test_matching.py", "simulation/test_simulate.py", "simulation/test_system_from_python.py",
-    "sweeps/test_own_functions.py", "sweeps/test_storage.py", "taylor/test_rules.py", "test_package.py",
-    "test_registry.py", "truth/test_truth_store.py",
-)  # fmt: skip
-"""What a version of Python may change, a file or two a room: processes, pickles, syntax trees, warnings (errors here).
-All others are ``long``: .ci/pythons collects them, so that each is imported, and leaves them out."""
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -9,15 +9,19 @@ import pytest
 from doc_pages import PICTURES, ROOT, blocks, pictures, run_page
 from matplotlib import pyplot as plt
 from matplotlib.testing.compare import compare_images
+from often import daily
 
 from henon_ref.harness.truth import store
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+NAMES = "add_a_solver compare first_case own_friction read_a_report simulate start three_blocks"
+COMPARE = [ROOT / "docs" / f"{name}.md" for name in NAMES.split()]
+"""Pages that compare solvers by a process each: 7 to 16 s of processor time; daily: .ci/run runs them."""
 SAME = 10
 """Root mean square of what a picture may differ by, of 255: fonts and line ends, no other curve."""
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", daily(PAGES, slow=COMPARE), ids=lambda page: page.name)
 def test_every_block_runs_and_prints_what_the_page_shows(
     page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

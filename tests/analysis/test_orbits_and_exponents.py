@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 
 import pytest
+from often import daily
 
 import henon_ref as hr
 from henon_ref.casefile.case import load_case
@@ -24,19 +25,19 @@ PERIOD = "3091/1875"
 ORBITS = [
     ("classic/nonstop_coulomb", None, "100*pi", "2*pi"),
     ("classic/rimless_wheel", None, 30, None),
-    ("fig8", "equations", f"60*{PERIOD}", PERIOD),
     ("hard/forced_switching", None, "20*pi", "2*pi"),
     ("hard/static_entry", "from_below", 100, None),
-    ("scenes/belt_leine", None, 100, None),
     ("scenes/bouncing_table", None, 40, 1),
-    ("scenes/bowed_string", None, "1/2", None),
     ("scenes/friction_bstab", "stick_slip", 200, None),
     ("scenes/impact_oscillator", "deep", "300*20*pi/27", "3*20*pi/27"),
-    ("scenes/inelastic_ball", None, 10, 1),
     ("static_belt", None, 100, None),
     ("stribeck_belt", None, 100, None),
 ]
 LONG_ONES = [  # slow; daily: the others
+    ("fig8", "equations", f"60*{PERIOD}", PERIOD),
+    ("scenes/belt_leine", None, 100, None),
+    ("scenes/bowed_string", None, "1/2", None),
+    ("scenes/inelastic_ball", None, 10, 1),
     ("hard/units", "plain", 100, None),
     ("hard/stick_zones_merge", "eq13", 100, None),
     ("hard/static_entry", "written_out", 100, None),
@@ -53,7 +54,7 @@ LONG_ONES = [  # slow; daily: the others
 
 @pytest.mark.parametrize(
     ("name", "reading", "until", "period"),
-    [*ORBITS, *(pytest.param(*orbit, marks=pytest.mark.slow) for orbit in LONG_ONES)],
+    daily([*ORBITS, *LONG_ONES], slow=LONG_ONES),
 )
 def test_exponents_are_those_of_the_proven_multipliers(
     name: str, reading: str | None, until: object, period: object

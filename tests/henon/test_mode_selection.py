@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import sympy as sp
+from often import daily
 
 from baselines.henon import HENON_SOLVER
 from henon_ref.casefile.case import load_case, parse_case
@@ -275,8 +276,8 @@ class Corner:
 
 @pytest.mark.parametrize(
     ("surfaces", "coupled"),
-    # Six are slow: 729 modes, whose equations take as long as all the rest; daily: up to five.
-    [(2, False), (3, False), (5, False), pytest.param(6, False, marks=pytest.mark.slow), (2, True), (3, True)],
+    # 243 and 729 modes, whose equations take as long as all the rest; daily: up to three.
+    daily([(2, False), (3, False), (5, False), (6, False), (2, True), (3, True)], slow=[(5, False), (6, False)]),
 )
 def test_any_corner_is_decided_as_in_python(surfaces: int, coupled: bool) -> None:
     every = range(surfaces)

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import sympy as sp
+from often import daily
 from problems import make_problem
 from shipped import CASES, paths, read
 
@@ -44,14 +45,11 @@ def both(problem: Problem) -> tuple[Start, Start, Integrator]:
     return fast, integrator.start(exact, **settings), integrator
 
 
-LARGE = "burridge_knopoff"
-"""It takes seconds for the equations of its many blocks; daily: block_chain, which has eight."""
+OTHERS = [path for number, path in enumerate(paths()) if number % 3 or path.stem == "burridge_knopoff"]
+"""Two of three cases, and the one with many blocks; daily: each third."""
 
 
-@pytest.mark.parametrize(
-    "path",
-    [pytest.param(path, id=path.stem, marks=[pytest.mark.slow] if path.stem == LARGE else []) for path in paths()],
-)
+@pytest.mark.parametrize("path", daily(paths(), slow=OTHERS), ids=lambda path: path.stem)
 def test_every_case_starts_as_from_exact_numbers(path: Path) -> None:
     """In the same mode, with the same known zeros and, but for the last bits of what rounding lost, constants."""
     fast, exact, _ = both(read(path).readings[0].problem)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from often import EVERY_PYTHON
 from packaging.requirements import Requirement
 from ruamel.yaml import YAML
 
@@ -46,6 +47,11 @@ def test_the_slow_tests_are_run_by_the_clock() -> None:
     assert workflow["on"]["schedule"]
     assert commands(workflow["jobs"]["slow"]) == ["bash .ci/slow"]
     assert " -m slow" in (ROOT / ".ci/slow").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("name", EVERY_PYTHON)
+def test_what_every_python_runs_is_there(name: str) -> None:
+    assert (ROOT / "tests" / name).exists()
 
 
 @pytest.mark.parametrize("job", JOBS.values(), ids=JOBS.keys())

@@ -74,7 +74,7 @@ def first_root(roots: list[float], lead: float, landing: int = k.HENON) -> tuple
 @given(st.lists(st.floats(0.02, 0.98), min_size=1, max_size=5))
 @example([0.5, 0.75, 0.7541430480585207, 0.2109375])  # a root where the step is halved, another one before it
 @example([0.5, 0.75, 0.625])
-@settings(max_examples=200)
+@settings(max_examples=60)
 def test_the_first_falling_root_is_found_whatever_else_is_there(roots: list[float]) -> None:
     roots = sorted(roots)
     if any(b - a < 1e-3 for a, b in itertools.pairwise(roots)):

@@ -1,4 +1,4 @@
-"""Of a long list of parameters some every day, the others where slow tests are run."""
+"""Which tests run how often: slow ones by the clock, what a version of Python may change with each of them."""
 
 from __future__ import annotations
 
@@ -7,7 +7,23 @@ from typing import Any
 
 import pytest
 
+EVERY_PYTHON = (
+    "analysis/test_tangent.py", "baselines/protocol/test_reader.py", "baselines/test_base.py", "casefile/test_case.py",
+    "casefile/test_expressions.py", "casefile/test_yaml_file.py", "enclosure/test_enclosed_events.py",
+    "figures/test_figures.py", "filippov/test_system.py", "harness/campaign/test_from_python.py",
+    "harness/campaign/test_timing.py", "harness/cli/test_main.py", "harness/figures/", "harness/report/test_report.py",
+    "harness/score/test_sticks.py", "harness/studies/test_page.py", "harness/test_registry.py",
+    "harness/truth/test_truth_store.py", "henon/test_henon.py", "jit/", "kernel/", "packaging/test_metadata.py",
+    "roots/", "simulation/test_simulate.py", "simulation/test_system_from_python.py",
+    "sweeps/test_storage.py", "taylor/test_rules.py", "test_package.py",
+    "workers/test_executors.py",
+)  # fmt: skip
+"""What a version of Python may change, a file or two a room: processes, pickles, syntax trees, warnings (errors here).
+All others are ``long``: .ci/pythons collects them, so that each is imported, and leaves them out."""
 
-def daily(values: Iterable[Any], *, some: Collection[Any]) -> list[Any]:
-    """All values for ``parametrize``; those that are not among ``some`` are marked slow."""
-    return [value if value in some else pytest.param(value, marks=pytest.mark.slow) for value in values]
+
+def daily(values: Iterable[Any], *, slow: Collection[Any]) -> list[Any]:
+    """Values for ``parametrize``, of which some are marked slow; a tuple is the values of several parameters."""
+    rows = [value if isinstance(value, tuple) else (value,) for value in values]
+    often = [row not in slow and (len(row) > 1 or row[0] not in slow) for row in rows]
+    return [pytest.param(*row, marks=[] if own else pytest.mark.slow) for row, own in zip(rows, often, strict=True)]

@@ -10,6 +10,7 @@ from importlib.metadata import EntryPoint
 import pytest
 from fakes import TIMES, Fake, case, expected, statement
 from jobs import memory
+from often import daily
 
 from henon_ref.errors import CaseError, HenonRefError
 from henon_ref.harness import registry
@@ -145,18 +146,22 @@ def test_a_run_that_is_caught_in_false_transitions_says_nothing_of_tighter_toler
     assert list(result.runs["verdict"]) == ["solver defect", "right"]
 
 
+HOSTILE = [
+    ("hangs", "timeout", "stopped from outside"),
+    ("crashes beside a child", "failed", "SIGSEGV"),
+    ("sends stray bytes", "failed", "the worker sent something that is no reply"),
+    # Slow; daily: these jobs in test_pool.py, where a timeout and a failure of each kind become rows above.
+    ("burns", "timeout", "stopped from outside"),
+    ("stops itself", "timeout", "stopped from outside"),
+    ("prints", "timeout", "stopped from outside"),
+    ("sends done", "failed", "the worker sent something that is no reply"),
+    ("allocates elsewhere", "failed", "memory: "),
+]
+
+
 @pytest.mark.parametrize(
     ("what", "status", "words"),
-    [
-        ("hangs", "timeout", "stopped from outside"),
-        ("burns", "timeout", "stopped from outside"),
-        ("stops itself", "timeout", "stopped from outside"),
-        ("prints", "timeout", "stopped from outside"),
-        ("crashes beside a child", "failed", "SIGSEGV"),
-        ("sends stray bytes", "failed", "the worker sent something that is no reply"),
-        ("sends done", "failed", "the worker sent something that is no reply"),
-        ("allocates elsewhere", "failed", "memory: "),
-    ],
+    daily(HOSTILE, slow=HOSTILE[3:]),
 )
 def test_what_is_hostile_is_the_solver_s_own_defect_and_nobody_else_s(what, status, words):
     found: list[Comparison] = []
@@ -179,7 +184,10 @@ def test_a_solver_whose_own_answers_are_right_is_right_whatever_its_children_do(
     assert runs["max_time_error_s"].to_list() == pytest.approx([1e-3, 1e-6] * 2)
 
 
-@pytest.mark.parametrize(("what", "status"), [("sleeps", "ok"), ("compiles", "ok"), ("burns", "timeout")])
+@pytest.mark.parametrize(
+    ("what", "status"),
+    daily([("sleeps", "ok"), ("compiles", "ok"), ("burns", "timeout")], slow=[("compiles", "ok")]),
+)  # daily: test_pool.py, of a job that compiles
 def test_a_deadline_is_processor_time_without_what_is_compiled(what, status):
     """Each takes half as long again as it may, of the one or the other."""
     assert run(Fake(what=what), timeout=0.5, tolerances=[1e-6], repeats=1).runs["status"][0] == status

@@ -30,6 +30,7 @@ def run(*defects, step=1e-4, until=70.0):
     return run_variant(defects, step=step, numbers=numbers(), until=until)
 
 
+@pytest.mark.slow  # daily: to five digits, in the table below, and by the paper's page, which .ci/run makes
 def test_all_mistakes_together_are_the_listing_number_for_number():
     printed = LISTING.prepare(fig8_listing_limit(), step=1e-4)().transitions
     found = run(*DEFECTS)
