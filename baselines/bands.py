@@ -21,8 +21,10 @@ from henon_ref.filippov.modes import Mode, replaced, transition_kind
 
 SUBSTEPS = 4
 """Points looked at in each step."""
-LINGERS = 5.0
-"""A stay in the band this many times longer than passing through it takes is a stick."""
+LINGERS = 3.5
+"""A stay in the band this many times longer than passing through it takes, by the slopes at its edges, is a stick.
+
+A root of order p takes p times as long, and a motion passes roots of third order at most but by accident."""
 
 Dense = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """A step's continuous output: k times -> (n, k) states."""

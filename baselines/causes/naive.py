@@ -27,12 +27,48 @@ def sign_in_a_stick() -> str:
     )
 
 
+def sign_hops() -> str:
+    """v' = 0.5 - sign(v) from v = 0.1: from t = 0.2 on it is at rest."""
+    from scipy.integrate import RK45
+
+    hops = {}
+    for rtol in (1e-3, 1e-4):
+        solver = RK45(lambda t, v: 0.5 - np.sign(v), 0.0, np.array([0.1]), 0.3, rtol=rtol, atol=rtol)
+        speeds = []
+        while solver.status == "running":
+            solver.step()
+            if solver.t > 0.21:
+                speeds.append(abs(float(solver.y[0])) / rtol)
+        hops[rtol] = max(speeds)
+    holds(all(10 < hop < 200 for hop in hops.values()), f"it hops by {hops} tolerances")
+    words = " and ".join(f"{hop:.0f} tolerances at {rtol:g}" for rtol, hop in hops.items())
+    return f"a body at rest is seen to move by up to {words}: accepted steps go over the jump"
+
+
 def smoothed_stick_creeps() -> str:
     """v' = 0.5 - tanh(v / eps): at rest it is held by a creep at v = eps artanh(0.5)."""
-    found = quiet(lambda t, v: [0.5 - np.tanh(v[0] / WIDTH)], (0, 10), [0.1], method="LSODA", rtol=1e-9, atol=1e-9)
-    creep = found.y[0, -1]
+    found = quiet(
+        lambda t, y: [y[1], 0.5 - np.tanh(y[1] / WIDTH)], (0, 10), [0.0, 0.0], method="LSODA", rtol=1e-9, atol=1e-9
+    )
+    moved, creep = found.y[:, -1]
     holds(abs(creep / (WIDTH * np.arctanh(0.5)) - 1) < 1e-3, f"it ends at v = {creep}")
-    return f"smoothed over {WIDTH:g}, a body that should stick creeps at {creep:.2e} for good"
+    holds(abs(moved / (10 * creep) - 1) < 1e-2, f"it has moved by {moved}")
+    return (
+        f"smoothed over {WIDTH:g}, a body that should stick creeps at {creep:.2e} for good, and is {moved:.1e} off "
+        "after 10 s, at a tolerance of 1e-9"
+    )
+
+
+def smoothed_release_may_not_converge() -> str:
+    """v' = 1.1 sin(t) - tanh(v / eps): pulled to and fro, now and then by more than the friction."""
+    eps, tolerance = 1e-10, 1e-11
+    found = quiet(
+        lambda t, v: [1.1 * np.sin(t) - np.tanh(v[0] / eps)], (0, 20), [0.0], method="LSODA", rtol=tolerance,
+        atol=tolerance, jac=lambda t, v: [[-(1 - np.tanh(v[0] / eps) ** 2) / eps]],
+    )  # fmt: skip
+    holds(found.status == -1, f"it ends at {found.t[-1]}")
+    release = float(np.arcsin(1 / 1.1))
+    return f"with a width of {eps:g} LSODA gives up at t = {found.t[-1]:.3f}; the body is released at {release:.3f} s"
 
 
 def smoothed_release_is_late() -> str:
@@ -50,6 +86,21 @@ def smoothed_release_is_late() -> str:
     return f"smoothed over {WIDTH:g}, a body is 20 widths fast {late:.3f} s after its release at 1 s"
 
 
+def landing_within_a_step() -> str:
+    """v' = -1 from x = 0, v > 0: back at x = 0 with -v; a step of 1e-3 s of RK4 and one of the swapped equations."""
+    off = {}
+    for speed in (4e-4, 1e-4, 1e-5):
+        x, v = speed * 1e-3 - 1e-6 / 2, speed - 1e-3  # RK4 is exact here
+        slopes = [-1 / v]
+        for part in (0.5, 0.5, 1.0):  # dv/dx = -1/v, a step of -x
+            slopes.append(-1 / (v - part * x * slopes[-1]))
+        first, second, third, last = slopes
+        off[speed] = abs(v - x * (first + 2 * second + 2 * third + last) / 6 + speed) / speed
+    holds(off[4e-4] < 1e-3 and off[1e-4] > 0.1 and off[1e-5] > 1.0, f"relative errors {off}")
+    words = ", ".join(f"{error:.1g} where it comes back after {2 * speed:g} s" for speed, error in off.items())
+    return f"landed after a step of 0.001 s, the speed has a relative error of {words}"
+
+
 NAIVE = (
     Cause(
         "sign-chatter",
@@ -60,11 +111,19 @@ NAIVE = (
         sign_in_a_stick,
     ),
     Cause(
+        "sign-hops",
+        "scipy",
+        "A jump within a step is not seen by error control",
+        "With `sign` in the right-hand side a step over the jump is accepted with an error of tens of tolerances: the "
+        "surface is known no better, and what is closer together than that is not told apart.",
+        sign_hops,
+    ),
+    Cause(
         "smoothed-creep",
         "scipy",
         "A smoothed stick creeps",
         "With tanh(v/eps) there is no rest, and nothing happens faster than the smoothing allows: what goes on within "
-        "its band is not told apart.",
+        "its band is not told apart, and a state is off by the band, not by the tolerance.",
         smoothed_stick_creeps,
         ("https://github.com/google-deepmind/mujoco/issues/3328",),
     ),
@@ -75,5 +134,22 @@ NAIVE = (
         "A body that lets go is told from one that creeps only when it has left the band, by a time that goes with the "
         "root of the smoothing's width: releases come late, and behind transitions that they come before.",
         smoothed_release_is_late,
+    ),
+    Cause(
+        "smoothed-convergence",
+        "scipy",
+        "LSODA's iteration does not converge where a narrow smoothing ends",
+        "At a release the smoothed friction is flat all of a sudden, and Newton's iteration does not converge over it: "
+        "after ten cuts of the step LSODA ends the run with repeated convergence failures.",
+        smoothed_release_may_not_converge,
+    ),
+    Cause(
+        "rk4-landing",
+        "henon-ref",
+        "Hénon's landing with one step of RK4 is no better than the step is short",
+        "The step back to the surface is one of the swapped equations, which divide by the rate of the surface "
+        "function. Where that changes much within the step, as where events accumulate, its error is of order one.",
+        landing_within_a_step,
+        ("https://doi.org/10.1016/0167-2789(82)90034-3",),
     ),
 )

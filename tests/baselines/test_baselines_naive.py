@@ -53,6 +53,15 @@ def test_a_long_stay_is_a_stick_between_its_edges() -> None:
     assert fed(lambda t: max(1.0 - t, 0.0), 3.0) == [("stick", pytest.approx(0.999, abs=1e-9))]
 
 
+def test_a_short_stick_is_told_from_a_slow_crossing() -> None:
+    """Let go with constant acceleration the band is left slowly: fig8's first stick at 1e-6, of 19 ms."""
+    assert fed(lambda t: max(1.0 - t, 0.0) - 10.0 * max(t - 1.012, 0.0) ** 2, 2.0, step=1e-3) == [
+        ("stick", pytest.approx(0.999, abs=1e-9)),
+        ("release", pytest.approx(1.022, abs=1e-9)),
+    ]
+    assert fed(lambda t: 10.0 * (t - 1.0) ** 3, 2.0) == [("crossing", pytest.approx(1.0, abs=1e-6))]
+
+
 def test_a_touch_is_nothing_and_a_start_on_the_surface_has_the_mode_it_leaves_for() -> None:
     assert fed(lambda t: (t - 1.0) ** 2 + 0.0005, 2.0) == []
     assert fed(lambda t: t, 2.0) == []

@@ -12,7 +12,7 @@ import sys
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import groupby, takewhile
+from itertools import takewhile
 
 from henon_ref.harness import registry
 from henon_ref.harness.rows import RunRow, TransitionRow, number
@@ -25,8 +25,8 @@ LATE = 1e8
 """Times [s] from which ten roundings are 1e-7 and more."""
 LOST = 1e-15
 """A surface function that goes no deeper than this part of the state's size between two roots is in its rounding."""
-SMOOTHED_BAND = 2000.0
-"""Half-width of the band of ``scipy-smoothed`` in absolute tolerances (:mod:`baselines.scipy_naive`)."""
+BANDS = {"scipy-smoothed": 2000.0, "scipy-sign": 400.0}
+"""Half-widths of the bands in which transitions are read off, in absolute tolerances (:mod:`baselines.scipy_naive`)."""
 OFF = 3.0
 """Steps by which siconos may be off with a time (the cause siconos-step sees less)."""
 FIRST_STEP = 1e-9
@@ -168,8 +168,29 @@ def _past_the_end(seen: Seen) -> bool:
 
 
 def _within_the_band(seen: Seen) -> bool:
-    rows = _in_pairs(seen)
-    return bool(rows) and _deepest(rows) <= SMOOTHED_BAND * number(seen.run.atol)
+    """The first transition of a surface that goes wrong, or one beside it, is told from its neighbour by less than the
+    band is wide; or the run is off by more than its steps' errors before.
+
+    The surface function does not leave the band between them, or an error in the state as large as the band moves
+    them past each other: within it the state is known no better. Releases are late anyway.
+    """
+    band = BANDS[seen.solver] * number(seen.run.atol)
+    rows = [row for row in seen.transitions if row.outcome != "touch"]
+    for surface in {row.surface for row in rows}:
+        own = [row for row in rows if row.surface == surface]
+        first = next((k for k, row in enumerate(own) if row.outcome in ("missed", "spurious")), len(own))
+        beside = own[max(first - 1, 0) : first + 3] if first < len(own) else []
+        if any(number(row.graze_distance) <= band * _reach(row) for row in beside):
+            return True
+    right = takewhile(lambda row: row.outcome == "matched", rows)
+    return any(_is_off(seen, row) for row in right if row.kind != "release")
+
+
+def _reach(row: TransitionRow) -> float:
+    """By how much an error in the state moves what decides a transition; its own size at least where that is the
+    surface function, which the guard of a release is not."""
+    moved = (row.conditioning or 0.0) * (row.transversality or 0.0)
+    return moved if row.kind == "release" else max(moved, 1.0)
 
 
 def _released_late(seen: Seen) -> bool:
@@ -188,26 +209,11 @@ def _released_late(seen: Seen) -> bool:
     return min(late, default=0.0) > 0.0 and all(abs(delay) < latest for delay in others)
 
 
-def _smoothed_into_one(seen: Seen) -> bool:
-    """All that is wrong are two transitions of a surface in a row that are found as one, which smoothing hides.
-
-    It leads where they lead, and the surface function stays within the band between them.
-    """
+def _within_steps(seen: Seen) -> bool:
+    """What goes wrong first comes within a step of a transition that is right, and nothing is wrong before."""
     rows = [row for row in seen.transitions if row.outcome != "touch"]
-    groups = [list(own) for right, own in groupby(rows, lambda row: row.outcome == "matched") if not right]
-    return bool(groups) and all(_one_for_two(seen, own) for own in groups)
-
-
-def _one_for_two(seen: Seen, rows: Sequence[TransitionRow]) -> bool:
-    missed = [row for row in rows if row.outcome == "missed"]
-    found = [row for row in rows if row.outcome == "spurious"]
-    if (len(missed), len(found)) != (2, 1) or len({row.surface for row in rows}) != 1:
-        return False
-    (first, last), (one,) = missed, found
-    if (one.from_mode, one.to_mode) != (first.from_mode, last.to_mode):
-        return False
-    depth = min(number(first.graze_distance), number(last.graze_distance))
-    return depth <= SMOOTHED_BAND * number(seen.run.atol)
+    first = next((k for k, row in enumerate(rows) if row.outcome != "matched"), 0)
+    return first > 0 and number(rows[first].time_s) - number(rows[first - 1].time_s) <= number(seen.run.step_s)
 
 
 def _small_step(seen: Seen) -> bool:
@@ -258,17 +264,18 @@ def _in_the_first_step(seen: Seen) -> bool:
 
 
 def _off_by_location(seen: Seen) -> bool:
-    """A time is off by more than the errors of all steps make of it.
+    return any(_is_off(seen, row) for row in seen.of("matched"))
+
+
+def _is_off(seen: Seen, row: TransitionRow) -> bool:
+    """Whether a time is off by more than the errors of all steps make of it.
 
     Step-size control grants each accepted step the absolute tolerance, so that together they move a transition by
-    ``steps * atol * conditioning`` at most; the time itself is rounded in each. What is beyond that is the location's.
+    ``steps * atol * conditioning`` at most; the time itself is rounded in each. What is beyond that is not theirs.
     """
     steps, atol = number(seen.run.steps), number(seen.run.atol)
-    return any(
-        abs(number(row.time_error_s))
-        > steps * (atol * number(row.conditioning) + sys.float_info.epsilon * abs(number(row.reference_time_s)))
-        for row in seen.of("matched")
-    )
+    rounding = sys.float_info.epsilon * abs(number(row.reference_time_s))
+    return abs(number(row.time_error_s)) > steps * (atol * number(row.conditioning) + rounding)
 
 
 def _time_stepping(seen: Seen) -> bool:
@@ -370,9 +377,12 @@ PATTERNS = (
     Pattern("scipy-lsoda-nan", ("scipy-lsoda", "scipy-smoothed"), NOT_FINITE, right=True),
     Pattern("heyoka-past-end", HEYOKA, ends="failed", missed=0, right=True, when=_past_the_end),
     Pattern("sign-chatter", ("scipy-sign",), "the budget of", status="failed"),
-    Pattern("smoothed-creep", ("scipy-smoothed",), when=_within_the_band),
-    Pattern("smoothed-creep", ("scipy-smoothed",), status="wrong", when=_smoothed_into_one),
+    Pattern("smoothed-convergence", ("scipy-smoothed",), "lsoda: Repeated convergence failures", right=True),
     Pattern("smoothed-late", ("scipy-smoothed",), status="wrong", when=_released_late),
+    Pattern("smoothed-creep", ("scipy-smoothed",), status="wrong", when=_within_the_band),
+    Pattern("sign-hops", ("scipy-sign",), status="wrong", when=_within_the_band),
+    Pattern("rk4-landing", ("henon-rk4",), "events within one step", status="failed", ends="failed", missed=0,
+            when=_within_steps),
     Pattern("diffsol-small-step", DIFFSOL, "Step size is too small at time = ", right=True, when=_small_step),
     Pattern("diffsol-late", DIFFSOL, "Stop time is at the current state time", right=True),
     Pattern("diffsol-stop-nan", DIFFSOL, "went on past", ends="failed", missed=0, right=True),
@@ -380,7 +390,7 @@ PATTERNS = (
     Pattern("nosnoc-infeasible", NOSNOC, "IPOPT finds no step", right=True),
     Pattern("nosnoc-cost", NOSNOC, status="timeout", right=True),
     Pattern("nosnoc-cost", NOSNOC, status="timeout", when=lambda seen: seen.run.found_transitions is None),
-    Pattern("nosnoc-grid", NOSNOC, when=lambda seen: bool(seen.missed_pairs)),
+    Pattern("nosnoc-grid", NOSNOC, when=lambda seen: bool(seen.missed_pairs or seen.first_missed)),
     Pattern("nosnoc-node", NOSNOC, status="wrong", when=_at_one_node),
     Pattern("cvode-c-late-end", CVODE_C, "; failed at t = ", ends="failed", missed=0, right=True),
     Pattern("cvode-c-late-end", CVODE_C, "CV_TOO_MUCH_WORK", ends="invalid", missed=0, right=True),

@@ -43,11 +43,7 @@ SUBCOMMANDS = {
     "sweep": Subcommand("sweep:program", "Run one system at many points, and observe each run."),
     "truth": Subcommand("truth:command", "Compute truths, hold them against the stored ones, store them."),
     "check": Subcommand("check:command", "Tell whether stored reports still say what a fresh comparison says."),
-    "price": Subcommand("price:command", "Time every solver at every tolerance, and what the parts of a run cost."),
-    "restarts": Subcommand("restarts:command", "Restart every library in every way, and tell the best way of each."),
-    "atlas": Subcommand("atlas:command", "Run solvers on ever closer grazes and pairs of roots at every tolerance."),
-    "rivals": Subcommand("rivals:command", "Time henon in turn with whichever solvers reports say are the cheapest."),
-    "paper": Subcommand("paper:command", "Compute everything that the paper computes again."),
+    "study": Subcommand("study:command", "Run a study: price, paired-times, atlas, restarts, causes or paper."),
 }
 """Name -> subcommand, in the order of the list."""
 

@@ -3,30 +3,19 @@
 from __future__ import annotations
 
 import importlib.metadata
-from pathlib import Path
 
 from baselines.causes import CAUSES, Cause, ClaimError
 from henon_ref.harness.registry import program_versions
 from henon_ref.harness.studies.page import write
+from henon_ref.harness.studies.study import Asked, Made
 
 FOLDER = "causes"
 
 
-def write_causes(out: Path) -> Path:
-    """Run every cause's check and write what was seen.
-
-    Parameters
-    ----------
-    out : Path
-        Folder of the reports.
-
-    Raises
-    ------
-    OSError
-        Where the page cannot be written.
-    """
+def run_causes(asked: Asked) -> Made:
+    """Run every cause's check and write what was seen."""
     shown = [{"cause": cause, "version": _version(cause.package), "seen": _seen(cause)} for cause in CAUSES.values()]
-    return write(out / FOLDER, "causes", {"causes": shown})
+    return Made(write(asked.out / FOLDER, "causes", {"causes": shown}))
 
 
 def _version(package: str) -> str | None:

@@ -42,12 +42,7 @@ def logs(monkeypatch, tmp_path_factory) -> Path:
 COMMANDS = {
     "compare": (importlib.import_module("henon_ref.harness.cli.compare"), compare_cases, "load_cases"),
     "truth": (truth_command, truth_command, "read_cases"),
-    "price": (
-        importlib.import_module("henon_ref.harness.cli.price"),
-        "henon_ref.harness.studies.price.run",
-        "load_cases",
-    ),
-    "paper": (importlib.import_module("henon_ref.harness.cli.paper"), write, "check_writable"),
+    "study": (importlib.import_module("henon_ref.harness.cli.study"), write, "check_writable"),
     "report.check": (check, check, "load_cases"),
 }
 
@@ -57,8 +52,8 @@ def test_what_nobody_foresaw_is_status_3_and_one_message_with_the_path_of_a_log(
     logs, tmp_path, monkeypatch, capsys, name
 ):
     program, place, function = COMMANDS[name]
-    monkeypatch.setattr(importlib.import_module(place) if isinstance(place, str) else place, function, broken)
-    arguments = [] if name == "paper" else ["some case.yaml"]
+    monkeypatch.setattr(place, function, broken)
+    arguments = ["paper"] if name == "study" else ["some case.yaml"]
     monkeypatch.chdir(tmp_path)
     assert program.command(arguments) == 3
     (line,) = capsys.readouterr().err.splitlines()
@@ -67,7 +62,7 @@ def test_what_nobody_foresaw_is_status_3_and_one_message_with_the_path_of_a_log(
     assert log.parent == logs
     assert stat.S_IMODE(logs.stat().st_mode) == stat.S_IMODE(logs.parent.stat().st_mode) == 0o700
     text = log.read_text()
-    assert f"python -m henon_ref.{name} 'some case.yaml'" in text or name == "paper"
+    assert f"python -m henon_ref.{name} 'some case.yaml'" in text or name == "study"
     assert "Traceback (most recent call last)" in text
     assert "in broken" in text
     assert re.search(r"^numpy \d", text, re.MULTILINE)

@@ -75,7 +75,7 @@ def test_the_list_of_subcommands_is_shown_where_none_is_named(capsys):
 def test_helps_import_no_library_that_computes():
     code = (
         "import sys; from henon_ref.harness.cli.main import program\n"
-        "for name in ('compare', 'cases', 'solvers', 'schema', 'price', 'paper'):\n"
+        "for name in ('compare', 'cases', 'solvers', 'schema', 'study'):\n"
         "    program([name, '--help'])\n"
         f"    assert not {HEAVY!r} & set(sys.modules), name"
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import os
 import signal
 import subprocess
@@ -18,11 +17,11 @@ from fakes import CASE
 
 from henon_ref.errors import CaseError
 from henon_ref.harness.campaign import journal
+from henon_ref.harness.cli import study
 from henon_ref.harness.report.files import folder_lock
 from henon_ref.harness.report.files.folder_lock import FILE, FolderLock, locked, locked_for_a_moment
+from henon_ref.harness.studies.study import STUDIES
 
-price = importlib.import_module("henon_ref.harness.cli.price")
-paper = importlib.import_module("henon_ref.harness.cli.paper")
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="made-up solvers reach workers by fork"),
     pytest.mark.usefixtures("made_up_solvers"),
@@ -113,23 +112,15 @@ def test_a_report_is_put_in_place_while_nobody_reads_for_the_index(made_up, tmp_
     assert (tmp_path / "out" / "made_up" / "report.md").exists()
 
 
-@pytest.mark.parametrize("page", ["atlas", "restarts", "causes", "rivals"])
-def test_pages_of_a_whole_folder_are_one_run_s(made_up, tmp_path, capsys, page):
-    with locked([tmp_path / "out" / page]):
+@pytest.mark.parametrize("name", STUDIES)
+def test_a_study_has_its_folder_to_itself(made_up, tmp_path, capsys, name):
+    own = STUDIES[name]
+    words = [name, *([str(made_up)] if "cases" in own.takes else []), *(["--rows", "."] if "rows" in own.takes else [])]
+    with locked([Path("out") / own.folder]):
         before = snapshot(tmp_path)
-        assert run(tmp_path, "--out", "out") == 2
+        assert study.command([*words, "--out", "out"]) == 2
         assert snapshot(tmp_path) == before
-    assert f"out/{page} is being written by another run, process {os.getpid()};" in capsys.readouterr().err
-
-
-def test_price_and_paper_have_their_folders_to_themselves(made_up, tmp_path, capsys):
-    with locked([Path("out"), Path("out/made_up")]):
-        before = snapshot(tmp_path)
-        assert price.command([str(made_up), "--out", "out"]) == 2
-        assert paper.command(["--out", "out"]) == 2
-        assert run(made_up, "--out", "out") == 2
-        assert snapshot(tmp_path) == before
-    assert capsys.readouterr().err.count(f"is being written by another run, process {os.getpid()}; ") == 3
+    assert f"out/{own.folder} is being written by another run, process {os.getpid()};" in capsys.readouterr().err
 
 
 def test_a_lock_leaves_nothing_behind(tmp_path):

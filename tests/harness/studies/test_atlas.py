@@ -10,12 +10,13 @@ from matplotlib.colors import to_rgba
 from shipped import CASES, shipped
 
 from henon_ref.casefile.case import load_case
-from henon_ref.harness.campaign.options import Options, Silent
+from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.report.files.manifest import provenance
 from henon_ref.harness.rows import RunRow, read_rows
-from henon_ref.harness.studies.atlas.family import TOLERANCES, defects, family_of, outcome_of
+from henon_ref.harness.studies.atlas.family import TOLERANCES, family_of, outcome_of
 from henon_ref.harness.studies.atlas.figure import COLOURS, draw_atlas
 from henon_ref.harness.studies.atlas.run import families, run_atlas
+from henon_ref.harness.studies.study import Asked
 
 
 def row(**values: object) -> RunRow:
@@ -37,11 +38,6 @@ def row(**values: object) -> RunRow:
 )
 def test_what_came_of_a_run(values: dict[str, object], outcome: str | None) -> None:
     assert outcome_of(row(**values)) == outcome
-
-
-def test_defects_are_counted_a_solver() -> None:
-    rows = [row(), row(verdict="solver defect", status="wrong", missed=2), row(solver="ida")]
-    assert defects(rows) == {"henon": 1, "ida": 0}
 
 
 def test_the_shipped_families_span_both_sides() -> None:
@@ -73,7 +69,7 @@ def test_the_page_and_its_figure_are_made_of_runs(tmp_path: Path) -> None:
     case = load_case(CASES / "hard" / "grazing.yaml")
     case = replace(case, readings=case.readings[:4])
     options = Options(solvers=("henon",), processes=1)
-    page = run_atlas([case], options, provenance("x"), tmp_path, Silent())
+    page = run_atlas(Asked([case], options, provenance("x"), tmp_path)).page
     assert page is not None
     rows = read_rows(RunRow, page.with_name("runs.csv"))
     assert len(rows) == len(case.readings) * len(TOLERANCES)

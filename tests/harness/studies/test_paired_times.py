@@ -13,7 +13,7 @@ import pytest
 from fakes import Fake, case, trajectory
 
 from henon_ref.harness import registry
-from henon_ref.harness.campaign.options import Options, Silent
+from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.campaign.settings import Setting
 from henon_ref.harness.report.files.manifest import provenance
 from henon_ref.harness.report.files.write import MATRIX_PAGE, RUNS
@@ -31,6 +31,7 @@ from henon_ref.harness.rows import RunRow, rows_text
 from henon_ref.harness.studies.price import report_pairs
 from henon_ref.harness.studies.price.paired_times import TURN, PairedTiming
 from henon_ref.harness.studies.price.report_pairs import run_paired_times, timings_of
+from henon_ref.harness.studies.study import Asked
 
 CASE = case()
 READING = CASE.readings[0]
@@ -153,7 +154,7 @@ def test_the_runs_of_a_reading_are_timed_in_turn(tmp_path: Path, monkeypatch: py
     monkeypatch.setattr(registry, "solver", sleepers.__getitem__)
     rows = [entry for entry in ROWS if entry.solver != "scipy-dop853"]
     reported(tmp_path, rows)
-    page = run_paired_times([CASE], Options(), provenance("again"), tmp_path, Silent())
+    page = run_paired_times(Asked([CASE], Options(), provenance("again"), tmp_path)).page
     rows = read_ratios(tmp_path)
     assert [(row.digits, row.against, row.rival) for row in rows] == [
         (digits, against, "heyoka") for digits in (3, 6, 9) for against in ("heyoka", OTHERS)
@@ -190,7 +191,7 @@ def test_a_reading_that_cannot_be_timed_is_named(tmp_path: Path, monkeypatch: py
     sleepers = {name: Sleeper(name, log=str(tmp_path / "log")) for name in ("henon", "henon-rk4")}
     monkeypatch.setattr(registry, "solver", (sleepers | {"heyoka": Sleeper("heyoka", "dies")}).__getitem__)
     reported(tmp_path, ROWS)
-    page = run_paired_times([CASE], Options(), provenance("again"), tmp_path, Silent())
+    page = run_paired_times(Asked([CASE], Options(), provenance("again"), tmp_path)).page
     assert page is not None
     assert (
         f"- {CASE.name}, {READING.name}, against heyoka, {OTHERS}: the library was ended by signal SIGABRT"
@@ -209,7 +210,7 @@ def test_readings_with_nobody_to_time_are_named(tmp_path: Path, monkeypatch: pyt
     monkeypatch.setattr(registry, "solver", sleepers.__getitem__)
     monkeypatch.setattr(report_pairs, "SECONDS", 0.01)
     reported(tmp_path, [*ROWS[:5], *others])
-    page = run_paired_times([CASE], Options(), provenance("again"), tmp_path, Silent())
+    page = run_paired_times(Asked([CASE], Options(), provenance("again"), tmp_path)).page
     assert page is not None
     text = page.read_text()
     left = text.partition("## Left out")[2].partition("##")[0]
@@ -221,7 +222,7 @@ def test_readings_with_nobody_to_time_are_named(tmp_path: Path, monkeypatch: pyt
 
 def test_no_rival_no_page(tmp_path: Path) -> None:
     reported(tmp_path, ROWS[:3])
-    assert run_paired_times([CASE], Options(), provenance("again"), tmp_path, Silent()) is None
+    assert run_paired_times(Asked([CASE], Options(), provenance("again"), tmp_path)).page is None
     assert not (tmp_path / "rivals").exists()
 
 

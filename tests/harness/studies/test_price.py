@@ -19,7 +19,6 @@ from henon_ref.filippov.problem import Problem
 from henon_ref.harness.campaign import timing
 from henon_ref.harness.campaign.interleaved import MOST, Turns, interleaved
 from henon_ref.harness.campaign.options import Options, Silent
-from henon_ref.harness.cli import price as cli_price
 from henon_ref.harness.report.text.paired_times import PairRow
 from henon_ref.harness.rows import RunRow
 from henon_ref.harness.studies.price import compiling, effects
@@ -329,9 +328,3 @@ def test_getting_ready_is_timed_in_new_processes() -> None:
     assert (own.solver, own.rtol, own.wall_s) == ("heyoka", 1e-8, 1.0)
     assert (first.solver, first.rtol) == ("henon", 1e-9)
     assert min(first.cold_s, first.kept_s, own.cold_s, own.kept_s) > 0
-
-
-def test_an_unknown_case_is_one_clear_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli_price.command([str(tmp_path / "no.yaml"), "--out", str(tmp_path / "out")]) == 2
-    assert "no.yaml" in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()

@@ -13,13 +13,14 @@ from henon_ref.harness import registry
 from henon_ref.harness.campaign.options import Options, Silent
 from henon_ref.harness.campaign.settings import Setting
 from henon_ref.harness.campaign.worker import WorkerState
-from henon_ref.harness.cli import restarts
+from henon_ref.harness.cli import study
 from henon_ref.harness.report.files.manifest import provenance
 from henon_ref.harness.report.text.restarts import SUITE, SuiteRow
 from henon_ref.harness.rows import RunRow, read_rows
 from henon_ref.harness.studies.restarts import runs
 from henon_ref.harness.studies.restarts.run import run_restarts
 from henon_ref.harness.studies.restarts.runs import LIMIT, LONGER, Restarted, run_all
+from henon_ref.harness.studies.study import Asked
 
 CASES = Path(__file__).parents[3] / "cases"
 OPTIONS = Options(processes=1)
@@ -30,7 +31,7 @@ def test_every_restart_runs_on_every_reading_at_its_tolerances(tmp_path: Path) -
     pytest.importorskip("heyoka")
     case = load_case(CASES / "free_coulomb.yaml")
     options = replace(OPTIONS, solvers=("heyoka",))
-    page = run_restarts([case], options, provenance("x"), tmp_path, Silent())
+    page = run_restarts(Asked([case], options, provenance("x"), tmp_path)).page
     assert page is not None
     rows = read_rows(RunRow, page.with_name("runs.csv"))
     assert {(row.solver, row.rtol) for row in rows} == {
@@ -50,10 +51,10 @@ def test_a_run_is_the_campaign_s_own(tolerances: tuple[float, ...] | None) -> No
     """Equations that all libraries share change nothing: the same transitions, steps and digits as a run alone."""
     case = load_case(CASES / "free_coulomb.yaml")
     names = ("scipy-rk45@offset", "cvode-adams@offset")
-    study = run_all([case], [(name,) for name in names], replace(OPTIONS, tolerances=tolerances), Silent())
+    made = run_all([case], [(name,) for name in names], replace(OPTIONS, tolerances=tolerances), Silent())
     problem = case.readings[0].problem
-    assert len(study.rows) == 2 * len(tolerances or case.readings[0].tolerances)
-    for row in study.rows:
+    assert len(made.rows) == 2 * len(tolerances or case.readings[0].tolerances)
+    for row in made.rows:
         alone = registry.solver(row.solver).prepare(problem, rtol=row.rtol, atol=row.atol)()
         assert (alone.counts.steps, len(alone.transitions)) == (row.steps, row.found_transitions)
         assert alone.end_time == row.end_time_s
@@ -115,15 +116,15 @@ def test_a_library_that_ends_its_worker_takes_no_other_one_along(monkeypatch: py
 def test_the_command_keeps_the_rows_of_libraries_that_it_did_not_run(tmp_path: Path, capsys, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     arguments = [str(CASES / "free_coulomb.yaml"), "--out", "out", "--jobs", "1", "--solvers"]
-    assert restarts.command([*arguments, "scipy-rk45"]) == 0
-    assert restarts.command([*arguments, "cvode-adams"]) == 0
+    assert study.command(["restarts", *arguments, "scipy-rk45"]) == 0
+    assert study.command(["restarts", *arguments, "cvode-adams"]) == 0
     assert capsys.readouterr().out.splitlines() == 2 * ["out/restarts/README.md"]
     suite = read_rows(SuiteRow, tmp_path / "out/restarts" / SUITE)
     assert {row.solver for row in suite} == {"scipy-rk45", "cvode-adams"}
     assert len(suite) == 2 * len(registry.RESTARTS)
     page = (tmp_path / "out/restarts/README.md").read_text(encoding="utf-8")
     assert "| `scipy-rk45` | the root located again" in page
-    assert restarts.command([*arguments, "nobody"]) == 2
+    assert study.command(["restarts", *arguments, "nobody"]) == 2
     assert "unknown solver 'nobody'" in capsys.readouterr().err
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -89,12 +88,3 @@ def outcome_of(row: RunRow) -> Outcome | None:
     if missed or spurious:
         return "missed" if missed else "spurious"
     return "status"
-
-
-def defects(rows: Sequence[RunRow]) -> dict[str, int]:
-    """How many of each solver's runs are its own fault (0 where all that went wrong is ill-conditioned)."""
-    found: dict[str, int] = {}
-    for row in rows:
-        if outcome_of(row) is not None:
-            found[row.solver] = found.get(row.solver, 0) + (row.verdict == "solver defect")
-    return found

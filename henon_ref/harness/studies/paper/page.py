@@ -13,8 +13,10 @@ from henon_ref.harness.report.files.manifest import Provenance
 from henon_ref.harness.studies.page import write
 from henon_ref.harness.studies.paper import appendix, fig8, section2, section3, section4, section5
 from henon_ref.harness.studies.paper.claims import Section
+from henon_ref.harness.studies.study import Asked, Made
 from henon_ref.harness.table import Table
 
+FOLDER = "paper"
 SECTIONS: dict[str, Callable[[Path], Section]] = {
     "Section 2": lambda folder: section2.section(),
     "Section 3": section3.section,
@@ -28,29 +30,17 @@ SECTIONS: dict[str, Callable[[Path], Section]] = {
 _VERDICTS = ("reproduced", "corrected", "not reproducible", "fails")
 
 
-def write_page(folder: Path, origin: Provenance, tell: Callable[[str], None]) -> list[Section]:
-    """Compute everything and write the page and its figures.
-
-    Parameters
-    ----------
-    folder : Path
-        Made if it is not there.
-    origin : Provenance
-    tell : callable
-        Called with the name of each section as its work begins.
-
-    Raises
-    ------
-    OSError
-        If the folder cannot be written.
-    """
+def run_paper(asked: Asked) -> Made:
+    """Compute everything and write the page and its figures."""
+    folder = asked.out / FOLDER
     folder.mkdir(parents=True, exist_ok=True)
     made = []
     for name, section in SECTIONS.items():
-        tell(name)
+        asked.tell(name)
         made.append(section(folder))
-    write_sections(made, origin, folder)
-    return made
+    failed = [claim for section in made for claim in section.claims if claim.verdict == "fails"]
+    page = write_sections(made, asked.origin, folder)
+    return Made(page, [f"fails: {claim.where}: {claim.says}" for claim in failed], holds=not failed)
 
 
 def write_sections(sections: Sequence[Section], origin: Provenance, folder: Path) -> Path:

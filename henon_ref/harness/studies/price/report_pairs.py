@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from henon_ref.casefile.case import Case
-from henon_ref.harness.campaign.options import Observer, Options
+from henon_ref.errors import CaseError
 from henon_ref.harness.report.files.manifest import Provenance
 from henon_ref.harness.report.files.write import RUNS
 from henon_ref.harness.report.text.paired_times import (
@@ -27,6 +27,7 @@ from henon_ref.harness.rows import RunRow, read_rows, rows_text
 from henon_ref.harness.studies.page import write
 from henon_ref.harness.studies.price.paired_times import PairedTiming, time_pairs
 from henon_ref.harness.studies.price.pairs import able_rows, pairs_of
+from henon_ref.harness.studies.study import Asked, Made
 from henon_ref.text import markdown
 
 SECONDS = 1.0
@@ -34,41 +35,25 @@ SECONDS = 1.0
 CVODE_FROM_C = ("cvode-c-adams", "cvode-c-bdf")
 
 
-def run_paired_times(
-    cases: Sequence[Case],
-    options: Options,
-    origin: Provenance,
-    out: Path,
-    observer: Observer,
-    *,
-    reports: Path | None = None,
-) -> Path | None:
+def run_paired_times(asked: Asked) -> Made:
     """Time the reference and its rivals in turn on every reading whose report is there, and write the page.
 
-    Parameters
-    ----------
-    cases : sequence of Case
-    options : Options
-        Limits are taken from it.
-    origin : Provenance
-    out : Path
-        Folder that gets the page's own.
-    observer : Observer
-    reports : Path, optional
-        Folder of the reports whose rows tell who is to be timed at which setting; None: ``out``.
-
-    Returns
-    -------
-    Path or None
-        The page; None where no reading has a rival.
+    Raises
+    ------
+    CaseError
+        Where a case has no report.
     """
-    runs = {case.name: read_rows(RunRow, (reports or out) / case.name / RUNS) for case in cases}
-    timings = {case.name: list(timings_of(case, runs[case.name], options.timeout)) for case in cases}
+    files = {case.name: (asked.rows or asked.out) / case.name / RUNS for case in asked.cases}
+    for file in files.values():
+        if not file.is_file():
+            raise CaseError(f"{file} is not there: henon-ref compare CASES --out {file.parents[1]} writes it")
+    runs = {name: read_rows(RunRow, file) for name, file in files.items()}
+    timings = {case.name: list(timings_of(case, runs[case.name], asked.options.timeout)) for case in asked.cases}
     if not any(timings.values()):
-        return None
-    rows, failed = time_pairs(timings, options, observer)
+        return Made(None)
+    rows, failed = time_pairs(timings, asked.options, asked.observer)
     every = [row for own in runs.values() for row in own]
-    return write_page(rows, failed, left_out(every), every, origin, out / FOLDER)
+    return Made(write_page(rows, failed, left_out(every), every, asked.origin, asked.out / FOLDER))
 
 
 def left_out(rows: Sequence[RunRow]) -> dict[str, list[str]]:

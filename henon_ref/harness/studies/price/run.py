@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import AbstractContextManager
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from henon_ref.casefile.case import Case
-from henon_ref.harness.campaign.case_files import load_cases
-from henon_ref.harness.campaign.journal import FILE
 from henon_ref.harness.campaign.options import Observer, Options
-from henon_ref.harness.report.files.folder_lock import locked
-from henon_ref.harness.report.files.manifest import provenance
-from henon_ref.harness.report.files.write import check_writable, remove_if_empty
 from henon_ref.harness.studies.price.compiling import readiness
 from henon_ref.harness.studies.price.effects import effect_costs
 from henon_ref.harness.studies.price.fresh import caches_in, in_fresh_process
@@ -25,41 +20,24 @@ from henon_ref.harness.studies.price.operations import work
 from henon_ref.harness.studies.price.orbit import orbit_problem
 from henon_ref.harness.studies.price.page import Prices, write_page
 from henon_ref.harness.studies.price.states import sizes
+from henon_ref.harness.studies.study import Asked, Made
 from henon_ref.harness.truth.compute import stored_truth
 from henon_ref.harness.truth.reference import Truth
 
-
-def run(
-    paths: Sequence[Path],
-    out: Path,
-    *,
-    chosen: Sequence[str],
-    jobs: int,
-    resume: bool,
-    observer: AbstractContextManager[Observer],
-) -> int:
-    """Measure everything and write the page; ``chosen``: see :func:`henon_ref.harness.studies.price.ladder.solvers`."""
-    check_writable(out)
-    cases, wanted = load_cases(paths), solvers(chosen)
-    journals = [out / case.name for case in cases]
-    names = " ".join([*map(str, paths), *(["--solvers", ",".join(chosen)] if chosen else [])])
-    options = Options(solvers=wanted, processes=jobs, folder=out, resume=resume, keep_journals=True)
-    with locked([out, *journals]):
-        found = _measured(cases, options, observer)
-        page = write_page(found, provenance(f"python -m henon_ref.price {names}"), out)
-        for folder in journals:
-            (folder / FILE).unlink(missing_ok=True)
-    for folder in journals:
-        remove_if_empty(folder)
-    print(page)
-    return 0
+FOLDER = "price"
 
 
-def _measured(cases: Sequence[Case], options: Options, observer: AbstractContextManager[Observer]) -> Prices:
+def run_price(asked: Asked) -> Made:
+    """Measure everything and write the page; with ``all`` among the solvers of the ladder the peers, too."""
+    folder, named = asked.out / FOLDER, asked.options.solvers or ()
+    options = replace(asked.options, solvers=solvers([str(name) for name in named]), folder=folder)
+    return Made(write_page(_measured(asked.cases, options, asked.observer), asked.origin, folder))
+
+
+def _measured(cases: Sequence[Case], options: Options, observer: Observer) -> Prices:
     """Everything that the page is made of."""
-    with observer as shown:
-        ladder = run_ladder(cases, options, shown)
-        timed, failed = time_ladder_pairs(cases, ladder.rows, options, shown)
+    ladder = run_ladder(cases, options, observer)
+    timed, failed = time_ladder_pairs(cases, ladder.rows, options, observer)
     # The measurements below run one at a time, in this process or a new one, with no worker busy.
     orbit = orbit_problem()
     with TemporaryDirectory() as folder, caches_in(Path(folder)):

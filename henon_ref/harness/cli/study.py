@@ -1,0 +1,112 @@
+"""The command: ``henon-ref study NAME [CASES] [--out out]``.
+
+Exit status 1: a claim of the page fails its check; for the others see :mod:`henon_ref.harness.cli.exit_status`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from henon_ref.harness.cli import status_line
+from henon_ref.harness.cli.exit_status import DONE, NOT_MET, exit_status, parsed, say, writing_into
+from henon_ref.harness.cli.typer_app import FLAG, application, examples
+from henon_ref.harness.studies.study import STUDIES, Asked, Study
+
+app = application()
+
+KEPT = "finished rows are kept, --resume goes on from them"
+HELP = " ".join(f"{name}: {own.summary}" for name, own in STUDIES.items())
+"""What there is."""
+
+
+@app.command(
+    epilog=examples(
+        "study price fig8",
+        "study paired-times cases --rows out --out reports",
+        "study atlas hard --solvers henon,my-solver",
+        "study restarts cases --out reports",
+        "study paper",
+    )
+)
+def main(
+    study: Annotated[str, typer.Argument(help=HELP, show_default=False, metavar="NAME")],
+    cases: Annotated[
+        list[Path] | None,
+        typer.Argument(help="Case files, or folders of them.", show_default=False, metavar="[CASE]..."),
+    ] = None,
+    solvers: Annotated[
+        str | None, typer.Option(help="Solvers, with commas; all: and the peers.", show_default="the study's own")
+    ] = None,
+    rows: Annotated[
+        Path | None, typer.Option(help="Folder of reports whose rows tell paired-times who is timed.", metavar="FOLDER")
+    ] = None,
+    timeout: Annotated[
+        float | None, typer.Option(min=0.1, help="Seconds of processor time that a run may take.", show_default="10")
+    ] = None,
+    jobs: Annotated[
+        int | None, typer.Option(min=1, help="Runs at work at once.", show_default="1 where times are compared, else 2")
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Keep the rows of an interrupted study.", metavar=FLAG)
+    ] = False,
+    out: Annotated[Path, typer.Option(help="Folder of reports that the page lies in.", metavar="FOLDER")] = Path("out"),
+) -> int:
+    """Run a study, and write its page into a folder of its own."""
+    from henon_ref.harness.campaign.case_files import load_cases
+    from henon_ref.harness.campaign.options import Options
+    from henon_ref.harness.campaign.progress import ProgressLine
+    from henon_ref.harness.cli.compare_cases import discard
+    from henon_ref.harness.report.files.folder_lock import locked
+    from henon_ref.harness.report.files.manifest import provenance
+    from henon_ref.harness.report.files.write import check_writable
+
+    own = STUDIES.get(study)
+    if own is None:
+        raise typer.BadParameter(f"there is no study '{study}'; there are {', '.join(STUDIES)}")
+    given = {"cases": cases, "solvers": solvers, "rows": rows, "timeout": timeout, "jobs": jobs, "resume": resume}
+    _check_taken(study, own, [name for name, value in given.items() if value])
+    options = Options(
+        solvers=_solvers(solvers), timeout=timeout or Options().timeout, processes=jobs or own.jobs, resume=resume,
+        keep_journals=True,
+    )  # fmt: skip
+    loaded, folder = load_cases(cases) if cases else [], out / own.folder
+    check_writable(folder)
+    words = ["henon-ref study", study, *map(str, cases or ()), *([f"--solvers {solvers}"] if solvers else [])]
+    words += [*(["--rows FOLDER"] if rows else []), *([f"--timeout {timeout:g}"] if timeout else [])]
+    origin = provenance(" ".join(words))
+    with writing_into(folder, kept=KEPT if "resume" in own.takes else ""), locked([folder]), ProgressLine() as shown:
+        made = own.make(Asked(loaded, options, origin, out, shown, rows, status_line.show))
+        discard(folder, loaded)
+    status_line.clear()
+    for remark in made.remarks:
+        say(remark)
+    print(made.page or own.nothing)
+    return DONE if made.holds else NOT_MET
+
+
+def _check_taken(name: str, study: Study, given: Sequence[str]) -> None:
+    """See that a study is given what it needs and nothing that it does not take."""
+    for option in given:
+        if option not in study.takes:
+            what = "no cases" if option == "cases" else f"no --{option}"
+            raise typer.BadParameter(f"study {name} takes {what}")
+    for needed in ("cases", "rows"):
+        if needed in study.takes and needed not in given:
+            what = "the cases to run" if needed == "cases" else "--rows, the folder of the reports that it starts from"
+            raise typer.BadParameter(f"study {name} needs {what}")
+
+
+def _solvers(text: str | None) -> tuple[str, ...] | None:
+    from henon_ref.harness import registry
+
+    names = tuple(name.strip() for name in text.split(",")) if text else ()
+    return tuple(name if name == registry.ALL else registry.check(name) for name in names) or None
+
+
+def command(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; the exit status."""
+    return exit_status(lambda: int(parsed(app, arguments, name="study")), name="study", arguments=arguments, kept=KEPT)
