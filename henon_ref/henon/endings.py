@@ -5,16 +5,19 @@ from __future__ import annotations
 import math
 from itertools import takewhile
 
-from henon_ref.filippov.decision import ended
+from henon_ref.filippov.decision import ended, explained, several
 from henon_ref.filippov.equations import Guard
+from henon_ref.filippov.modes import replaced
 from henon_ref.henon.state_view import State
 from henon_ref.kernel.shared import kernel
 from henon_ref.trajectory import Status
 
 
 def ending_of(run: State, code: int) -> tuple[Status, str]:
-    """Status and reason where the loop returned DIVERGED, STALLED, EVENTS_ACCUMULATE or LEFT_DOMAIN."""
+    """Status and reason where the loop returned DIVERGED, STALLED, EVENTS_ACCUMULATE, NOT_UNIQUE or LEFT_DOMAIN."""
     at = f"t = {run.time:.17g}"
+    if code == kernel.NOT_UNIQUE:
+        return _two_ways(run)
     largest = max(map(abs, run.x.tolist()))
     grown = largest > 1e8 * max(1.0, *(abs(v[0]) for v in run.start.x))
     if code == kernel.DIVERGED or (code == kernel.STALLED and grown):
@@ -27,6 +30,14 @@ def ending_of(run: State, code: int) -> tuple[Status, str]:
     if code == kernel.EVENTS_ACCUMULATE:
         return "failed", f"transitions accumulate at {at}: no mode lasts longer than the resolution of time"
     return _domain_ending(run, run.guards[run.scalars.guard])
+
+
+def _two_ways(run: State) -> tuple[Status, str]:
+    """How the run ends here where a surface that it slides on has turned repelling."""
+    system, mode, index = run.integrator.system, run.mode, run.guards[run.scalars.guard].index
+    refused = several(system, [replaced(mode, index, side) for side in (-1, 1)], f"{run.time:.17g}")
+    refused = explained(refused, system, mode, (index,))
+    return refused.ending, refused.reason
 
 
 def _domain_ending(run: State, guard: Guard) -> tuple[Status, str]:
