@@ -15,9 +15,11 @@ from henon_ref.trajectory import Status
 
 def ending_of(run: State, code: int) -> tuple[Status, str]:
     """Status and reason where the loop returned DIVERGED, STALLED, EVENTS_ACCUMULATE, NOT_UNIQUE or LEFT_DOMAIN."""
-    at = f"t = {run.time:.17g}"
     if code == kernel.NOT_UNIQUE:
         return _two_ways(run)
+    if code == kernel.LEFT_DOMAIN:
+        return _domain_ending(run, run.guards[run.scalars.guard])
+    at = f"t = {run.time:.17g}"
     largest = max(map(abs, run.x.tolist()))
     grown = largest > 1e8 * max(1.0, *(abs(v[0]) for v in run.start.x))
     if code == kernel.DIVERGED or (code == kernel.STALLED and grown):
@@ -27,9 +29,7 @@ def ending_of(run: State, code: int) -> tuple[Status, str]:
         return _domain_ending(run, singular)
     if code == kernel.STALLED:
         return "failed", f"the step size fell to zero at {at}: {_singular(run)} there"
-    if code == kernel.EVENTS_ACCUMULATE:
-        return "failed", f"transitions accumulate at {at}: no mode lasts longer than the resolution of time"
-    return _domain_ending(run, run.guards[run.scalars.guard])
+    return "failed", f"transitions accumulate at {at}: no mode lasts longer than the resolution of time"
 
 
 def _two_ways(run: State) -> tuple[Status, str]:
@@ -60,7 +60,7 @@ def _singular(run: State) -> str:
     """What has no finite series where the run stalled, or the steepest one, by the last that was tried."""
     order, states = run.integrator.order, run.x.size
     series = run.workspace.band[: states + len(run.guards), : order + 1].tolist()
-    finite = [sum(1 for _ in takewhile(math.isfinite, row)) for row in series]
+    finite = [len(row) if math.isfinite(sum(row)) else len(list(takewhile(math.isfinite, row))) for row in series]
     # What is not finite spreads: to a state one order after the field that it is integrated from.
     at = finite.index(min(finite))
     singular = finite[at] > (1 if at < states else 0)
