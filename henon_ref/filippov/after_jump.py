@@ -14,7 +14,7 @@ import sympy as sp
 from henon_ref.errors import ModelError
 from henon_ref.filippov.cascade import Cascade, Instant, Numbers
 from henon_ref.filippov.decision import Decision
-from henon_ref.filippov.equations import Guard
+from henon_ref.filippov.equations import Guard, gradient
 from henon_ref.filippov.modes import Mode, replaced
 from henon_ref.filippov.resting import Impact, impact_of, time_to_rest, turning_in_flight
 from henon_ref.filippov.system import FilippovSystem
@@ -286,9 +286,9 @@ class _Rule:
         x = [value + time * rate for value, rate in zip(x, field, strict=True)]
         for i in surfaces:
             surface = system.surfaces[i]
-            h, *gradient = numbers.values((surface, *(sp.diff(surface, s) for s in system.states)), self.t + time, x)
-            size = sum((g * g for g in gradient), 0 * h)
-            x = [value - h * g / size for value, g in zip(x, gradient, strict=True)]
+            h, *slopes = numbers.values((surface, *gradient(surface, system.states)), self.t + time, x)
+            size = sum((g * g for g in slopes), 0 * h)
+            x = [value - h * g / size for value, g in zip(x, slopes, strict=True)]
             x = without_speed(self.impacts[i], numbers, self.t + time, x)
         return x
 

@@ -20,6 +20,7 @@ from typing import Any, Protocol
 import sympy as sp
 
 from henon_ref.filippov.decision import Decision
+from henon_ref.filippov.equations import gradient
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.resets import jump_of
 from henon_ref.filippov.resting import Impact, impact_of
@@ -235,7 +236,7 @@ class Cascade:
 
     def _with_size(self, expression: sp.Expr, now: Instant) -> tuple[Any, Any]:
         """An expression in time and states, and the size of its terms."""
-        slopes = tuple(sp.diff(expression, x) for x in self._system.states)
+        slopes = gradient(expression, self._system.states)
         value, *own = self._numbers.values((expression, *slopes), self._t, now.state)
         return value, sum((abs(slope) * part for slope, part in zip(own, now.sizes, strict=True)), 0 * value)
 
@@ -247,7 +248,7 @@ class Cascade:
         if self._groups.count(self._groups[index]) == 1:  # nobody asks
             return now.sizes
         jump, states, sizes = jump_of(self._system, index), self._system.states, list(now.sizes)
-        slopes = tuple(sp.diff(jump.states[k], x) for k in jump.moved for x in states)
+        slopes = tuple(slope for k in jump.moved for slope in gradient(jump.states[k], states))
         values = iter(self._numbers.values(slopes, self._t, now.state))
         for k in jump.moved:
             whole = sum((abs(next(values)) * part for part in now.sizes), 0 * after[k])

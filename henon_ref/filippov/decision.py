@@ -11,7 +11,7 @@ import sympy as sp
 
 from henon_ref.errors import ModelError
 from henon_ref.filippov.equations import Guard, Refusal
-from henon_ref.filippov.modes import Mode, replaced
+from henon_ref.filippov.modes import Mode, mode_text, replaced
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 
@@ -49,6 +49,12 @@ def without_indeterminate(
     """
     left = {i for i in surfaces if any(mode[i] != 0 for mode in found)}
     return [mode for mode in found if not any(mode[i] == 0 and indeterminate(mode, i) for i in left)]
+
+
+def several(system: FilippovSystem, found: Sequence[Mode], time: str) -> Decision:
+    """The refusal where more modes than one are consistent."""
+    modes = " or ".join(mode_text(mode, system.sign_names) for mode in found)
+    return Decision("nonunique", None, f"the future is not unique at t = {time}: {modes}")
 
 
 def explained(refusal: Decision, system: FilippovSystem, mode: Mode, surfaces: tuple[int, ...]) -> Decision:

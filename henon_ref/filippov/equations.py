@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal
 
 import sympy as sp
@@ -59,6 +60,12 @@ def along(expression: sp.Expr, states: tuple[sp.Symbol, ...], rhs: tuple[sp.Expr
     moving = expression.free_symbols
     slopes = (derivative(expression, x) * f for x, f in zip(states, rhs, strict=True) if x in moving)
     return derivative(expression, TIME) + sp.Add(*slopes)
+
+
+@lru_cache(maxsize=1024)
+def gradient(expression: sp.Expr, states: tuple[sp.Symbol, ...]) -> tuple[sp.Expr, ...]:
+    """Its derivative in each of some states."""
+    return tuple(derivative(expression, x) for x in states)
 
 
 def derivative(expression: sp.Expr, x: sp.Symbol) -> sp.Expr:

@@ -46,6 +46,7 @@ class HiddenKinks:
     def __init__(self, system: FilippovSystem) -> None:
         self.system = system
         self._hidden: dict[tuple[int, Mode], bool] = {}
+        self._shown: dict[Mode, Mode] = {}
         self._plain: dict[Mode, bool] = {}
 
     def hidden(self, index: int, mode: Mode) -> bool:
@@ -59,7 +60,15 @@ class HiddenKinks:
         """A mode with +1 for what is hidden in it, so that it is one mode however these signs change."""
         if not self.system.kinks:
             return mode
-        return tuple(1 if self.hidden(i, mode) else entry for i, entry in enumerate(mode))
+        if mode not in self._shown:
+            self._shown[mode] = tuple(1 if self.hidden(i, mode) else entry for i, entry in enumerate(mode))
+        return self._shown[mode]
+
+    def as_shown(self, found: TransitionT) -> TransitionT:
+        """A transition with its modes as they are shown."""
+        before, after = self.shown(found.from_mode), self.shown(found.to_mode)
+        alike = before == found.from_mode and after == found.to_mode
+        return found if alike else replace(found, from_mode=before, to_mode=after)
 
     def hides_none(self, modes: Iterable[Mode]) -> bool:
         """Whether no kink is hidden in any of some modes: all that is found in these is a transition."""
@@ -80,14 +89,14 @@ class HiddenKinks:
 
     def are_transitions(self, records: NDArray[Any], modes: Sequence[Mode]) -> NDArray[np.bool_]:
         """The same of records with fields ``surface``, ``from_mode`` and ``to_mode``, the modes by their number."""
-        found = np.ones(len(records), dtype=bool)
+        found, count = np.ones(len(records), dtype=bool), len(modes)
+        pairs = records["from_mode"].astype(np.int64) * count + records["to_mode"]
         for index in self.system.kinks:
-            at = np.nonzero(records["surface"] == index)[0]
-            pairs, which = np.unique(
-                np.column_stack([records["from_mode"][at], records["to_mode"][at]]), axis=0, return_inverse=True
-            )
-            own = [self.is_transition(index, modes[before], modes[after]) for before, after in pairs.tolist()]
-            found[at] = np.array(own, dtype=bool)[which.ravel()]
+            at = np.flatnonzero(records["surface"] == index)
+            if at.size:
+                own, which = np.unique(pairs[at], return_inverse=True)
+                told = [self.is_transition(index, modes[pair // count], modes[pair % count]) for pair in own.tolist()]
+                found[at] = np.array(told, dtype=bool)[which]
         return found
 
 
@@ -100,11 +109,7 @@ def visible(system: FilippovSystem, transitions: Sequence[TransitionT]) -> Seque
     if not system.kinks:
         return transitions
     kinks = hidden_kinks(system)
-    return tuple(
-        replace(t, from_mode=kinks.shown(t.from_mode), to_mode=kinks.shown(t.to_mode))
-        for t in transitions
-        if kinks.is_transition(t.surface, t.from_mode, t.to_mode)
-    )
+    return tuple(kinks.as_shown(t) for t in transitions if kinks.is_transition(t.surface, t.from_mode, t.to_mode))
 
 
 def continuous(system: FilippovSystem) -> frozenset[int]:

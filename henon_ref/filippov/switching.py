@@ -18,13 +18,13 @@ from typing import Any
 import sympy as sp
 
 from henon_ref.errors import ModelError
-from henon_ref.filippov.decision import Decision, ended, explained, with_entries, without_indeterminate
+from henon_ref.filippov.decision import Decision, ended, explained, several, with_entries, without_indeterminate
 from henon_ref.filippov.decoupled_contacts import Contact
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.held_groups import Numbers, by_groups, decide_groups, slipped_by
 from henon_ref.filippov.mode_consistency import ModeConsistency
 from henon_ref.filippov.mode_evaluation import ZERO
-from henon_ref.filippov.modes import Mode, mode_text, replaced
+from henon_ref.filippov.modes import Mode, replaced
 from henon_ref.filippov.resting import unless_into_surface
 from henon_ref.filippov.staying import staying_mode
 
@@ -253,11 +253,9 @@ class Switching(ModeConsistency):
             found = without_indeterminate(found, active, lambda mode, i: self._indeterminate(t, x, mode, i, zero))
         if len(found) == 1:
             return Decision("unique", found[0])
-        names = self.system.sign_names
         if not found:
             return Decision("none", None, f"no mode is consistent at t = {_digits(t)}, x = {[float(v) for v in x]}")
-        modes = " or ".join(mode_text(m, names) for m in found)
-        return Decision("nonunique", None, f"the future is not unique at t = {_digits(t)}: {modes}")
+        return several(self.system, found, _digits(t))
 
     def _decided_in_groups(
         self, t: float, x: list[float], mode: Mode, active: tuple[int, ...], slipped: Collection[int], zero: float

@@ -5,15 +5,20 @@ from __future__ import annotations
 import math
 from itertools import takewhile
 
-from henon_ref.filippov.decision import ended
+from henon_ref.filippov.decision import ended, explained, several
 from henon_ref.filippov.equations import Guard
+from henon_ref.filippov.modes import replaced
 from henon_ref.henon.state_view import State
 from henon_ref.kernel.shared import kernel
 from henon_ref.trajectory import Status
 
 
 def ending_of(run: State, code: int) -> tuple[Status, str]:
-    """Status and reason where the loop returned DIVERGED, STALLED, EVENTS_ACCUMULATE or LEFT_DOMAIN."""
+    """Status and reason where the loop returned DIVERGED, STALLED, EVENTS_ACCUMULATE, NOT_UNIQUE or LEFT_DOMAIN."""
+    if code == kernel.NOT_UNIQUE:
+        return _two_ways(run)
+    if code == kernel.LEFT_DOMAIN:
+        return _domain_ending(run, run.guards[run.scalars.guard])
     at = f"t = {run.time:.17g}"
     largest = max(map(abs, run.x.tolist()))
     grown = largest > 1e8 * max(1.0, *(abs(v[0]) for v in run.start.x))
@@ -24,9 +29,15 @@ def ending_of(run: State, code: int) -> tuple[Status, str]:
         return _domain_ending(run, singular)
     if code == kernel.STALLED:
         return "failed", f"the step size fell to zero at {at}: {_singular(run)} there"
-    if code == kernel.EVENTS_ACCUMULATE:
-        return "failed", f"transitions accumulate at {at}: no mode lasts longer than the resolution of time"
-    return _domain_ending(run, run.guards[run.scalars.guard])
+    return "failed", f"transitions accumulate at {at}: no mode lasts longer than the resolution of time"
+
+
+def _two_ways(run: State) -> tuple[Status, str]:
+    """How the run ends here where a surface that it slides on has turned repelling."""
+    system, mode, index = run.integrator.system, run.mode, run.guards[run.scalars.guard].index
+    refused = several(system, [replaced(mode, index, side) for side in (-1, 1)], f"{run.time:.17g}")
+    refused = explained(refused, system, mode, (index,))
+    return refused.ending, refused.reason
 
 
 def _domain_ending(run: State, guard: Guard) -> tuple[Status, str]:
@@ -49,7 +60,7 @@ def _singular(run: State) -> str:
     """What has no finite series where the run stalled, or the steepest one, by the last that was tried."""
     order, states = run.integrator.order, run.x.size
     series = run.workspace.band[: states + len(run.guards), : order + 1].tolist()
-    finite = [sum(1 for _ in takewhile(math.isfinite, row)) for row in series]
+    finite = [len(row) if math.isfinite(sum(row)) else len(list(takewhile(math.isfinite, row))) for row in series]
     # What is not finite spreads: to a state one order after the field that it is integrated from.
     at = finite.index(min(finite))
     singular = finite[at] > (1 if at < states else 0)

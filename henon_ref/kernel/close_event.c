@@ -135,9 +135,11 @@ static bool has_no_event(const struct work *w, const struct pair_expansion *e, i
     return above(whole.b, whole.degree, level, HALVINGS);
 }
 
-/* How a guard's surface is left on its other side: twice the first two terms of what is away from it, there. */
+/* How a guard's surface is left on its other side: the first two terms of what is away from it there, and the first that
+ * is not known to be zero, with its order. */
 struct beyond {
-    struct bounded rate, bend;
+    struct bounded rate, bend, leading;
+    int64_t order;
 };
 
 /* That at a point on the surface; false where it is not known. */
@@ -149,12 +151,16 @@ static bool look_beyond(struct work *w, const struct pair_expansion *own, const 
     e.unit = own->unit, e.reach = own->reach;
     bool there = false;
     if (make_room(&e)) {
-        expand_in_pairs(&e, time, state, 3);
+        expand_in_pairs(&e, time, state, FLATTEST + 1);
         for (int64_t k = 0; k < w->mode->guards; k++)
             if (is_on(&w->mode->guard[k], surface)) {
                 const struct pair_series *q = series_of(&e, w->run->states + k);
                 found->rate = term(q, 1);
                 found->bend = e.terms > 2 ? term(q, 2) : exactly(0.0);
+                found->order = 1;
+                while (found->order + 1 < e.terms && exact_zero(term(q, found->order)))
+                    found->order += 1;
+                found->leading = term(q, found->order);
                 there = true;
             }
         free(e.series);
@@ -176,13 +182,22 @@ static bool change_at(struct work *w, const struct pair_expansion *e, int64_t g,
     if (guard->kind == VALID || guard->coupled != UNCOUPLED || guard->hold_zone != 0 || guard->jump
         || guard->mode_across < 0)
         return false;
+    if (guard->kind == RELEASE && near.what == FALLING && near.order > 1) { /* what is tangent then is so to its order */
+        found->zeros += near.order - 1;
+        return guard->zeros_at_release == 2;
+    }
     if (guard->kind == RELEASE)
         return found->zeros > 0;
     struct beyond away;
     if (!look_beyond(w, e, guard, time, state, &away))
         return false;
-    if (touching && exact_zero(away.rate))
-        return away.bend.high < -CLEAR * away.bend.error;
+    bool clear = fabs(away.leading.high) > CLEAR * away.leading.error;
+    if (touching && away.order > 1)
+        return clear && away.leading.high < 0.0;
+    if (near.order > 1 && !touching) { /* as flat beyond, and it leads on: nothing slides where the gradient vanishes */
+        *found = (struct change){CROSSING, guard->mode_across, near.order};
+        return clear && away.order == near.order && away.leading.high > 0.0;
+    }
     double derivative[4], error = away.rate.error + KNOWN_PLACE * fabs(away.bend.high);
     derivatives(e, series_of(e, w->run->states + g), near.at.high, derivative);
     if (!(fabs(away.rate.high) > larger(CLEAR * error, TANGENT * fabs(derivative[1]))))
@@ -261,7 +276,7 @@ static int64_t settle(struct work *w, struct pair_expansion *e, int64_t g, doubl
         if (events_accumulate(run))
             return EVENTS_ACCUMULATE;
     } else if (near.what != RISING) {
-        w->known_zeros[g] = 2;
+        w->known_zeros[g] = near.order;
         if (near.what == TOUCHING && guard->kind == SURFACE) /* of a slide whose end is touched nothing is told */
             record_transition(w, GRAZE, guard->index, 0, run->mode, run->mode);
     }

@@ -61,6 +61,7 @@ enum return_code {
     STEPS_FULL,
     STOPPED,
     OUT_OF_RANGE,
+    NOT_UNIQUE,
     EVENT = 20,
     ON = 21
 };

@@ -10,6 +10,10 @@
 #define KNOWN_PLACE 0x1p-62
 /* So many times its error a number is clear of zero. */
 #define CLEAR 2.0
+/* Highest order of a zero, or of a minimum, that is told; steps to its place, and by how much it may miss a double. */
+#define FLATTEST 8
+#define FLAT_STEPS 4
+#define DOUBLE_PLACE 0x1p-80
 
 /* What a guard does next to where it was seen near zero: TOUCHING it does exactly, in numbers that doubles hold. */
 enum nearby { OPEN, RISING, VALLEY, TOUCHING, FALLING };
@@ -18,7 +22,8 @@ enum nearby { OPEN, RISING, VALLEY, TOUCHING, FALLING };
 struct near_place {
     int64_t what;
     struct pair at;
-    double depth; /* how far from zero what decides it is */
+    double depth;  /* how far from zero what decides it is */
+    int64_t order; /* of the minimum, or the root */
 };
 
 /* Bernstein coefficients on [0, end] of a series, its first "zeros" terms left out. */
@@ -146,7 +151,7 @@ static struct near_place falling_root(const struct pair_expansion *e, const stru
         struct pair exact = divided((struct pair){-height.high, -height.low}, (struct pair){slope.high, slope.low});
         at = added(at, exact);
         if (radius <= KNOWN_PLACE)
-            return (struct near_place){FALLING, at, 0.0};
+            return (struct near_place){FALLING, at, 0.0, 1};
     }
     return (struct near_place){.what = OPEN};
 }
@@ -174,10 +179,10 @@ static struct near_place at_minimum(const struct pair_expansion *e, const struct
     if (!(found[2] > 0.0 && fabs(height.high) > CLEAR * error)) {
         powers_at(e, bottom, &powers);
         bool touching = exact_zero(value_in_pairs(e, q, &powers.own)) && exact_zero(value_in_pairs(e, q, &powers.sloped));
-        return (struct near_place){touching && found[2] > 0.0 ? TOUCHING : OPEN, bottom, 0.0};
+        return (struct near_place){touching && found[2] > 0.0 ? TOUCHING : OPEN, bottom, 0.0, 2};
     }
     if (height.high > 0.0)
-        return (struct near_place){VALLEY, bottom, height.high};
+        return (struct near_place){VALLEY, bottom, height.high, 2};
     /* of the cubic about the minimum, from its parabola's root on */
     double off = -sqrt(-2.0 * height.high / found[2]);
     for (int step = 0; step < 4; step++)
@@ -187,6 +192,106 @@ static struct near_place at_minimum(const struct pair_expansion *e, const struct
     bool inside = low < root.at.high && root.at.high < about;
     root.depth = -height.high;
     return root.what == FALLING && inside ? root : (struct near_place){.what = OPEN};
+}
+
+/* Coefficient j of a series about a place: the sum over k of "k over j" q[k] at^(k - j). */
+static struct bounded local_term(const struct pair_expansion *e, const struct pair_series *q,
+                                 const struct pair_series *powers, int64_t j)
+{
+    struct pair_series weights;
+    double choices = 1.0; /* a whole number below 2^53 for the orders that are asked for */
+    for (int64_t k = 0; k < e->terms; k++) {
+        put_term(&weights, k, k < j ? exactly(0.0) : bounded_product(exactly(choices), term(powers, k - j)));
+        if (k >= j)
+            choices = choices * (double)(k + 1) / (double)(k + 1 - j);
+    }
+    return value_in_pairs(e, q, &weights);
+}
+
+/* The same in doubles, all of them, about a place (repeated Horner's scheme). */
+static void local_terms(const struct pair_expansion *e, const struct pair_series *q, double at, double *found)
+{
+    for (int64_t k = 0; k < e->terms; k++)
+        found[k] = q->high[k];
+    for (int64_t j = 0; j < e->terms; j++)
+        for (int64_t k = e->terms - 2; k >= j; k--)
+            found[k] = fused(at, found[k + 1], found[k]);
+}
+
+/* Order of the largest term but the first on a neighbourhood. */
+static int64_t largest_order(const struct pair_expansion *e, const double *local, double radius)
+{
+    double power = radius, largest = 0.0;
+    int64_t found = 0;
+    for (int64_t k = 1; k < e->terms; k++) {
+        if (fabs(local[k]) * power > largest)
+            largest = fabs(local[k]) * power, found = k;
+        power *= radius;
+    }
+    return found;
+}
+
+/* A radius about a place on which a series' term of an order is larger than all that follow it, and before which the
+ * series is positive; 0 where none is found. */
+static double flat_radius(const struct pair_expansion *e, const struct pair_series *q, double at, const double *local,
+                          int64_t order)
+{
+    for (double radius = WIDEST * at; radius >= NARROWEST * at; radius *= NARROWER) {
+        double rest = 0.0, power = radius;
+        for (int64_t k = order + 1; k < e->terms; k++) {
+            rest += fabs(local[k]) * power;
+            power *= radius;
+        }
+        struct bernstein before;
+        bernstein_of(e, q, 0, at - radius, &before);
+        if (fabs(local[order]) > 2.0 * rest && above(before.b, before.degree, 2.0 * before.noise, HALVINGS))
+            return radius;
+    }
+    return 0.0;
+}
+
+/* A guard that is flat next to a place: a zero of higher order in numbers that doubles hold, or a minimum above zero.
+ *
+ * About the place at which derivative m - 1 is zero the guard is c_0 + ... + c_m h^m + ..., its term of order m larger
+ * than all that follow. Where c_0 to c_(m-1) are zeros, and known to be, it has a zero of order m there. Where m is even
+ * and c_m positive, it is no smaller than c_0 less the sizes of the terms up to m - 1.
+ */
+static struct near_place flat_zero(const struct pair_expansion *e, const struct pair_series *q, double suspect)
+{
+    const struct near_place open = {.what = OPEN};
+    double local[PAIR_TERMS], size = 0.0, power = 1.0;
+    struct pair at = {suspect, 0.0};
+    struct powers powers;
+    local_terms(e, q, suspect, local);
+    int64_t order = largest_order(e, local, WIDEST * suspect);
+    if (order <= 2 || order > FLATTEST)
+        return open;
+    for (int step = 0; step < FLAT_STEPS; step++) {
+        powers_at(e, at, &powers);
+        struct bounded off = local_term(e, q, &powers.own, order - 1), slope = local_term(e, q, &powers.own, order);
+        struct bounded steep = bounded_product(exactly((double)order), slope);
+        at = added(at, divided((struct pair){-off.high, -off.low}, (struct pair){steep.high, steep.low}));
+    }
+    if (fabs(at.low) <= DOUBLE_PLACE * at.high)
+        at.low = 0.0;
+    if (!(0.0 < at.high && at.high <= e->reach))
+        return open;
+    local_terms(e, q, at.high, local);
+    double radius = flat_radius(e, q, at.high, local, order);
+    powers_at(e, at, &powers);
+    struct bounded lowest = local_term(e, q, &powers.own, 0);
+    bool zero = exact_zero(lowest), valley = order % 2 == 0 && local[order] > 0.0;
+    for (int64_t k = 1; k < order; k++) {
+        struct bounded c = local_term(e, q, &powers.own, k);
+        power *= radius, size += (fabs(c.high) + c.error) * power;
+        zero = zero && exact_zero(c);
+    }
+    double depth = lowest.high - lowest.error - size;
+    if (radius == 0.0)
+        return open;
+    if (zero && (valley || (order % 2 == 1 && local[order] < 0.0)))
+        return (struct near_place){valley ? TOUCHING : FALLING, at, 0.0, order};
+    return valley && depth > CLEAR * (lowest.error + size) ? (struct near_place){VALLEY, at, depth, order} : open;
 }
 
 /* What a guard does first, up to a neighbourhood of a place. */
@@ -211,7 +316,7 @@ static struct near_place near_zero(const struct pair_expansion *e, const struct 
         }
         double lowest = smaller(b[0], b[degree]);
         if (lowest > noise)
-            return (struct near_place){RISING, {suspect, 0.0}, lowest};
+            return (struct near_place){RISING, {suspect, 0.0}, lowest, 0};
     }
-    return (struct near_place){.what = OPEN};
+    return e->terms > 1 ? flat_zero(e, q, suspect) : (struct near_place){.what = OPEN};
 }

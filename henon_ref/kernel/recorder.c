@@ -84,6 +84,21 @@ static bool record_step(struct work *w, double length)
     return run->dense_steps >= run->dense_capacity;
 }
 
+/* Write down a step of which there is no series, as a straight line from the present state to another one. */
+static void record_line(struct work *w, double length, const double *state, int64_t mode)
+{
+    struct run *run = w->run;
+    int64_t n = run->states, columns = run->order + 1;
+    struct step *step = (struct step *)(run->dense + run->dense_steps * (STEP_PLACES + n * columns));
+    record_step(w, length);
+    step->mode = mode;
+    for (int64_t i = 0; i < n; i++) {
+        double *row = step->coefficients + i * columns;
+        memset(row, 0, (size_t)columns * sizeof(double));
+        row[0] = w->x[i], row[1] = (state[i] - w->x[i]) * (run->unit / length);
+    }
+}
+
 /* Whether a guard is that of a surface. */
 static inline bool is_on(const struct guard *guard, int64_t surface)
 {
@@ -123,7 +138,7 @@ static bool change_mode(struct work *w, int64_t target)
         w->known_zeros[g] = before[surface] == 0 ? 1 : 0;
         for (int64_t k = 0; k < w->mode->guards; k++)
             if (w->hits[k] == 1 && w->mode->guard[k].index == surface)
-                w->known_zeros[g] = 1;
+                w->known_zeros[g] = w->mode->guard[k].kind == RELEASE ? w->mode->guard[k].zeros_at_release : 1;
     }
     run->mode = target;
     return true;

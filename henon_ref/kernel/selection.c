@@ -14,6 +14,8 @@
 /* Surfaces in play at an event, and where their normal velocities are evaluated. */
 struct in_play {
     int64_t surface[SURFACES_IN_TABLE];
+    int64_t released[SURFACES_IN_TABLE]; /* side to which it is let go; 0 where it is not */
+    int64_t releases, hits;              /* how many are let go, or hit in slip */
     int64_t count;
     int64_t first;            /* of the velocities, among the values */
     double *point;            /* states, then the sign of every surface */
@@ -27,6 +29,8 @@ struct affine {
     double size[MOST_COUPLED]; /* of each velocity's terms together */
     double lean[MOST_COUPLED]; /* sign of a velocity that no signs turn; else 0 */
     bool idle[MOST_COUPLED];   /* surfaces whose sign is in no velocity: a section, a kink of another rate */
+    int64_t same[MOST_COUPLED]; /* the first surface that one is a multiple of, and the sign of the factor */
+    double turned[MOST_COUPLED];
     double s[MOST_COUPLED];
     double m[MOST_COUPLED][MOST_COUPLED + 1];
     int64_t index[MOST_COUPLED];
@@ -69,7 +73,9 @@ static int64_t each_alone(const struct work *w, const struct in_play *p, const i
         int64_t surface = p->surface[k], entry;
         double below = p->values[p->first + surface], above = p->others[p->first + surface];
         double margin = CLEAR_MARGIN * larger(fabs(below), fabs(above));
-        if (below > margin && above < -margin)
+        if (p->released[k] != 0)
+            entry = p->released[k];
+        else if (below > margin && above < -margin)
             entry = 0;
         else if (before[surface] == 0) /* it was not hit and slides on, if it is far from its own release */
             return -1;
@@ -127,6 +133,54 @@ static bool affine_velocities(const struct work *w, const struct in_play *p, str
     return true;
 }
 
+/* Guard of a surface that is at zero; -1 where the surface is slid on. */
+static int64_t guard_hit(const struct work *w, int64_t surface)
+{
+    for (int64_t g = 0; g < w->mode->guards; g++)
+        if (w->hits[g] == 1 && w->mode->guard[g].index == surface)
+            return g;
+    return -1;
+}
+
+/* Sign of the factor by which one surface's function is another one's, as far as numbers tell: by it their velocities
+ * agree for all signs, and their series in the mode that ends, which are expanded. Else 0. */
+static double factor_of(const struct work *w, const struct in_play *p, const struct affine *f, int64_t k, int64_t j)
+{
+    int64_t own = guard_hit(w, p->surface[k]), other = guard_hit(w, p->surface[j]), largest = 0;
+    if (own < 0 || other < 0)
+        return 0.0;
+    for (int64_t i = 1; i < p->count; i++)
+        largest = fabs(f->b[j][i]) > fabs(f->b[j][largest]) ? i : largest;
+    double factor = f->b[k][largest] / f->b[j][largest], level = 1e-3 * CLEAR_MARGIN * f->size[k];
+    bool same = fabs(factor) > 0.0 && fabs(f->a[k] - factor * f->a[j]) <= level;
+    for (int64_t i = 0; i < p->count; i++)
+        same = same && fabs(f->b[k][i] - factor * f->b[j][i]) <= level;
+    const double *row = row_ahead(w, w->run->states + own), *first = row_ahead(w, w->run->states + other);
+    double along = fabs(factor), size = 0.0, off = 0.0;
+    for (int64_t i = 1; i <= w->run->order; i++)
+        size += fabs(row[i]), off += fabs(row[i] - along * first[i]);
+    return !(same && off <= 1e-3 * CLEAR_MARGIN * size) ? 0.0 : factor > 0.0 ? 1.0 : -1.0;
+}
+
+/* Find the surfaces that are multiples of others: nothing slides on the one and slips on the other. */
+static void find_multiples(const struct work *w, const struct in_play *p, struct affine *f)
+{
+    bool expanded = false;
+    for (int64_t k = 0; k < p->count; k++) {
+        f->same[k] = k, f->turned[k] = 1.0;
+        for (int64_t j = 0; j < k && f->same[k] == k; j++) {
+            if (f->same[j] != j || f->idle[j] || f->idle[k])
+                continue;
+            if (!expanded)
+                expand(w, w->x, w->ahead);
+            expanded = true;
+            double turned = factor_of(w, p, f, k, j);
+            if (turned != 0.0)
+                f->same[k] = j, f->turned[k] = turned;
+        }
+    }
+}
+
 /* Eliminate the columns of the linear system of a candidate's sliding surfaces; false where it is close to singular. */
 static bool eliminated(struct affine *f, int64_t sliding)
 {
@@ -159,7 +213,7 @@ static bool solved(struct affine *f, int64_t count, int64_t candidate)
     int64_t sliding = 0;
     for (int64_t k = 0; k < count; k++) {
         f->s[k] = (double)choice(candidate, k);
-        if (f->s[k] == 0.0)
+        if (f->s[k] == 0.0 && f->same[k] == k)
             f->index[sliding++] = k;
     }
     for (int64_t r = 0; r < sliding; r++) {
@@ -167,26 +221,34 @@ static bool solved(struct affine *f, int64_t count, int64_t candidate)
         f->m[r][sliding] = -f->a[k];
         for (int64_t j = 0; j < count; j++)
             f->m[r][sliding] -= f->b[k][j] * f->s[j];
-        for (int64_t q = 0; q < sliding; q++)
-            f->m[r][q] = f->b[k][f->index[q]];
+        for (int64_t q = 0; q < sliding; q++) {
+            f->m[r][q] = 0.0;
+            for (int64_t j = 0; j < count; j++)
+                f->m[r][q] += f->same[j] == f->index[q] ? f->turned[j] * f->b[k][j] : 0.0;
+        }
     }
     if (!eliminated(f, sliding))
         return false;
     for (int64_t r = 0; r < sliding; r++)
         f->s[f->index[r]] = f->m[r][sliding] / f->m[r][r];
+    for (int64_t k = 0; k < count; k++)
+        if (f->same[k] != k)
+            f->s[k] = f->turned[k] * f->s[f->same[k]];
     return true;
 }
 
 /* 1 if a candidate's own field keeps it, -1 if not, 0 if that is not clear.
  *
- * Nothing slides on an idle surface: what the others do there is the same on both its sides, and the candidates for
- * these say whether its velocity is clearly none.
+ * Surfaces that are multiples of each other have one entry, up to the factor's sign. Nothing slides on an idle surface:
+ * what the others do there is the same on both its sides, and the candidates for these say whether its velocity is
+ * clearly none.
  */
 static int64_t consistent(struct affine *f, int64_t count, int64_t candidate)
 {
     for (int64_t k = 0; k < count; k++) {
         double side = (double)choice(candidate, k);
-        if ((f->idle[k] && side == 0.0) || (f->lean[k] != 0.0 && f->lean[k] != side))
+        bool apart = side != f->turned[k] * (double)choice(candidate, f->same[k]);
+        if (apart || (f->idle[k] && side == 0.0) || (f->lean[k] != 0.0 && f->lean[k] != side))
             return -1;
     }
     bool unclear = !solved(f, count, candidate);
@@ -226,16 +288,51 @@ static int64_t only_candidate(struct affine *f, int64_t count)
     return best;
 }
 
-/* Surfaces that a mode slides on, or whose guards are at zero; false where a guard that is no surface's is at zero. */
+/* Whether all slides' ends that are at zero fall through it, of each contact one at most. */
+static bool ends_fall(struct work *w)
+{
+    const struct run *run = w->run;
+    bool found = true, expanded = false;
+    for (int64_t g = 0; g < w->mode->guards; g++) {
+        if (w->hits[g] != 1)
+            continue;
+        found = found && w->mode->guard[g].kind != VALID;
+        for (int64_t other = 0; other < g; other++)
+            found = found && !(w->hits[other] == 1 && w->mode->guard[other].index == w->mode->guard[g].index);
+        if (w->mode->guard[g].kind == SURFACE || g == run->guard)
+            continue;
+        if (!expanded)
+            w->mode->expansion(run->time, run->time_low, run->unit, w->x, w->constants, w->ahead);
+        expanded = true;
+        const double *row = row_ahead(w, run->states + g);
+        double size = 0.0;
+        for (int64_t k = 1; k <= run->order; k++)
+            size += fabs(row[k]);
+        found = found && row[1] < -TANGENT * size;
+    }
+    return found;
+}
+
+/* Surfaces that a mode slides on, or whose guards are at zero; false where that is a guard of the model's end, or the
+ * end of a slide after which other forces jump. */
 static bool surfaces_in_play(const struct work *w, const int64_t *before, struct in_play *p)
 {
-    p->count = 0;
+    p->count = p->releases = p->hits = 0;
     for (int64_t i = 0; i < w->tables->selection.surfaces; i++) {
         bool involved = before[i] == 0;
+        p->released[p->count] = 0;
         for (int64_t g = 0; g < w->mode->guards; g++) {
-            if (w->hits[g] == 1 && w->mode->guard[g].kind != SURFACE)
+            const struct guard *guard = &w->mode->guard[g];
+            if (w->hits[g] == 1 && guard->kind == VALID)
                 return false;
-            involved = involved || (w->hits[g] == 1 && w->mode->guard[g].index == i);
+            if (w->hits[g] != 1 || guard->index != i)
+                continue;
+            bool ends = guard->kind == RELEASE && guard->coupled == UNCOUPLED && guard->zeros_at_release > 0;
+            if (guard->kind != SURFACE && !ends)
+                return false;
+            involved = true;
+            p->released[p->count] = ends ? guard->to_sign : 0;
+            p->releases += ends ? 1 : 0, p->hits += ends ? 0 : 1;
         }
         if (involved)
             p->surface[p->count++] = i;
@@ -243,16 +340,25 @@ static bool surfaces_in_play(const struct work *w, const int64_t *before, struct
     return true;
 }
 
+/* The candidate in which slides have ended and nothing else has changed. */
+static int64_t released(const struct in_play *p)
+{
+    int64_t found = 0;
+    for (int64_t k = p->count - 1; k >= 0; k--)
+        found = 3 * found + p->released[k] + 1;
+    return found;
+}
+
 /* Row of the mode that follows where guards of the present one are at zero (hits); UNCLEAR where that is not clear or
  * the mode not compiled. */
-static int64_t select_mode(const struct work *w)
+static int64_t select_mode(struct work *w)
 {
     const struct selection *selection = &w->tables->selection;
     int64_t n = w->run->states, surfaces = selection->surfaces, found;
     const int64_t *before = selection->signs + w->run->mode * surfaces;
     struct in_play p = {.first = n + surfaces, .point = w->room};
     p.values = p.point + n + surfaces, p.others = p.values + n + 2 * surfaces;
-    if (!surfaces_in_play(w, before, &p))
+    if (!surfaces_in_play(w, before, &p) || (p.releases > 0 && !ends_fall(w)))
         return UNCLEAR;
     for (int64_t i = 0; i < n; i++)
         p.point[i] = w->x[i];
@@ -260,10 +366,13 @@ static int64_t select_mode(const struct work *w)
         p.point[n + i] = (double)before[i];
     if (selection->decoupled) {
         found = each_alone(w, &p, before);
+    } else if (p.hits == 0) { /* an equivalent sign has come to its limit: no force jumps, so that each ends alone */
+        found = released(&p);
     } else {
         struct affine f;
-        if (p.count > MOST_COUPLED || !affine_velocities(w, &p, &f))
+        if (p.releases > 0 || p.count > MOST_COUPLED || !affine_velocities(w, &p, &f))
             return UNCLEAR;
+        find_multiples(w, &p, &f);
         found = only_candidate(&f, p.count);
     }
     if (found < 0)

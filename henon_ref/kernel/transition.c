@@ -101,6 +101,24 @@ static int64_t apply_selection(struct work *w)
     return events_accumulate(w->run) ? EVENTS_ACCUMULATE : ON;
 }
 
+/* Whether a surface is never left on the other side of a guard of a mode, no force acting there: all derivatives of its
+ * function are zeros in doubles. */
+static bool never_left(struct work *w, const struct guard *guard)
+{
+    const struct run *run = w->run;
+    int64_t index = guard->index, row = guard->mode_across;
+    if (row < 0 || guard->mode_stuck < 0)
+        return false;
+    int64_t back = go_over(w, index, row);
+    w->mode->expansion(run->time, run->time_low, run->unit, w->x, w->constants, w->ahead);
+    const double *ahead = row_ahead(w, run->states + guard_on(w->mode, index));
+    bool found = true;
+    for (int64_t k = 1; k <= run->order; k++)
+        found = found && ahead[k] == 0.0;
+    go_over(w, index, back);
+    return found;
+}
+
 /* What follows where the surface of a guard of a mode is reached alone, at the mode's normal velocities; ON, or why
  * Python is needed. */
 static int64_t at_surface(struct work *w, const struct mode *mode, int64_t g, const double *speeds,
@@ -108,9 +126,10 @@ static int64_t at_surface(struct work *w, const struct mode *mode, int64_t g, co
 {
     const struct guard *guard = &mode->guard[g];
     double inside = speeds[2 * g], beyond = speeds[2 * g + 1];
-    if (!(inside > 0.0 && fabs(beyond) > TANGENT * inside))
+    bool still = beyond == 0.0 && guard->hold_zone == 0 && never_left(w, guard); /* the limit of sliding */
+    if (!(inside > 0.0 && (still || fabs(beyond) > TANGENT * inside)))
         return SELECT_MODE;
-    bool stuck = beyond < 0.0;
+    bool stuck = still || beyond < 0.0;
     if (guard->hold_zone == 1) {
         int64_t stick = guard->mode_stuck, zone = stick < 0 ? 0 : inside_hold_zone(w, guard->index, stick);
         if (zone == 0 || (stuck && zone < 0))
@@ -314,29 +333,6 @@ static int64_t cross_kinks(struct work *w)
     return leave_instant(w, &at, &found);
 }
 
-/* Whether all slides' ends that are at zero fall through it, and each contact has one guard there at most. */
-static bool ends_fall(struct work *w)
-{
-    const struct run *run = w->run;
-    bool found = true, expanded = false;
-    for (int64_t g = 0; g < w->mode->guards; g++) {
-        if (w->hits[g] != 1)
-            continue;
-        found = found && g < 2 * run->contacts && w->hits[g ^ 1] == 0;
-        if (w->mode->guard[g].kind == SURFACE || g == run->guard)
-            continue;
-        if (!expanded)
-            w->mode->expansion(run->time, run->time_low, run->unit, w->x, w->constants, w->ahead);
-        expanded = true;
-        const double *row = row_ahead(w, run->states + g);
-        double size = 0.0;
-        for (int64_t k = 1; k <= run->order; k++)
-            size += fabs(row[k]);
-        found = found && row[1] < -TANGENT * size;
-    }
-    return found;
-}
-
 /* What follows where a contact's guard is at zero, whatever the others do, noted in its entry; false where that is not
  * clear. */
 static bool contact_changes(struct work *w, int64_t g, const double *speeds)
@@ -385,6 +381,27 @@ static int64_t apply_to_each(struct work *w)
     return events_accumulate(run) ? EVENTS_ACCUMULATE : ON;
 }
 
+/* Whether the one thing that happens is that a surface which is slid on turns repelling, the fields on both sides at
+ * once (a two-fold; Filippov, 1988, Sec. 19): the ends of the slide fall together, and both slips leave the surface. */
+static bool turns_repelling(struct work *w)
+{
+    const struct mode *mode = w->mode;
+    int64_t index = mode->guard[w->run->guard].index, ends = 0;
+    for (int64_t g = 0; g < mode->guards; g++) {
+        const struct guard *guard = &mode->guard[g];
+        if (guard->kind != RELEASE && w->hits[g] == 0)
+            continue;
+        if (w->words || w->hits[g] == 0 || guard->kind != RELEASE || guard->index != index
+            || guard->zeros_at_release != 2 || guard->mode_across < 0)
+            return false;
+        double length = expand_mode(w, guard->mode_across);
+        if (!(length > 0.0) || zeros_ahead(w, mode_at(w, guard->mode_across), index, 1, length) == 0)
+            return false;
+        ends += 1;
+    }
+    return ends == 2;
+}
+
 /* Change the mode at the event the run stands at; ON, or why Python is needed. */
 static int64_t apply_event(struct work *w)
 {
@@ -400,6 +417,8 @@ static int64_t apply_event(struct work *w)
         return apply_to_each(w);
     if (guard->jump && !coincident)
         return jump_transition(w);
+    if (coincident && turns_repelling(w))
+        return NOT_UNIQUE;
     if (coincident || guard->coupled != UNCOUPLED) {
         int64_t code = apply_selection(w);
         return code == SELECT_MODE ? cross_kinks(w) : code;

@@ -185,7 +185,7 @@ def test_equal_blocks_stick_and_slip_together(seed: int, monkeypatch: pytest.Mon
     ("change", "clear"),
     [
         ({}, True),
-        ({4: ("1/2 - s4/2", "x4: -1")}, False),  # it stays with nothing that holds it from above
+        ({4: ("1/2 - s4/2", "x4: -1")}, True),  # it stays with nothing that holds it from above
         ({4: ("1/2 - s4/2 - 10^(-10)", "x4: -1 + 10^(-10)")}, False),  # or hardly anything
         ({0: ("t/2 - s0/2 - 10^(-9)", "x0: 0")}, True),  # it slides, and is about to be let go: no affair of the others
         ({0: ("1 + s0/2 + (s1 + s2 + s3 + s4 + 4)/8", "x0: -1/2")}, False),  # five that act on each other
