@@ -190,7 +190,7 @@ def normal_velocities(system: FilippovSystem) -> NormalVelocities:
     surfaces = range(len(system.surfaces))
     inputs, outputs = (*system.states, *system.signs), [system.normal_velocity(i) for i in surfaces]
     contacts = None
-    if system.overrides:
+    if system.overrides or system.switched is not None:
         loads, outputs = _of_contacts(system)
         inputs = (*inputs, *loads)
         contacts = np.array([_known_of(system, i) for i in surfaces], dtype=np.int64)
