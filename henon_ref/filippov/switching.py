@@ -205,9 +205,11 @@ class Switching(ModeConsistency):
         return with_entries(mode, active, found) if len(found) == len(entries) else None
 
     def _entry_alone(
-        self, t: float, x: list[float], mode: Mode, contact: Contact, index: int, slipped: bool
+        self, t: float, x: list[float], mode: Mode, contact: Contact | None, index: int, slipped: bool
     ) -> int | None:
         """What becomes of a surface's entry by numbers that are clearly no zeros; None where some are."""
+        if contact is None:
+            return None
         held, normal, sign = (
             index in self.system.overrides,
             self.system.normal_velocity(index),

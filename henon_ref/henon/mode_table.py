@@ -264,7 +264,9 @@ class ModeTable:
     def _kinks(self) -> frozenset[int]:
         """Surfaces that are crossed whatever else happens: the field is continuous there, or forces change no speed."""
         system = self.system
-        if self._switched or len(system.surfaces) == 1:
+        if self._switched:
+            return self._switched.crossed
+        if len(system.surfaces) == 1:
             return frozenset()
         normals = enumerate(map(system.normal_velocity, range(len(system.surfaces))))
         free = {i for i, normal in normals if normal.free_symbols.isdisjoint(system.signs)}
@@ -315,8 +317,8 @@ class ModeTable:
         found = np.zeros(1, dtype=mode_dtype(self.most_guards))
         system, guards = self.system, self.guards(mode)
         sliding, passed = [i for i, s in enumerate(mode) if s == 0], self._passed(mode)
-        if self.contacts:  # the guards of a surface are those of its own entry alone
-            sliding = list(range(len(mode)))
+        if self._switched and self.contacts:  # the guards of a surface are those of its own entry alone
+            sliding, passed = [i for i in range(len(mode)) if i not in self._switched.crossed], frozenset()
         own, records = found[0]["mode"], found[0]["guards"]
         for name, value in code.fields.items():
             own[name] = value
@@ -341,7 +343,7 @@ class ModeTable:
                 tangent = 0 if guard.index in system.overrides else 2
                 record["zeros_at_release"] = -1 if guard.index in system.resets else tangent
             if self.contacts and guard.ends is None:
-                record["mode_across"], record["mode_stuck"] = 1 + guard.to_sign, 1
+                record["mode_across"], record["mode_stuck"] = 1 + guard.to_sign, -1 if record["kink"] else 1
         return found
 
     def _link(self, guards: NDArray[Any], row: int, index: int, entry: int, target: int) -> None:
