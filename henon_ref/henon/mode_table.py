@@ -279,7 +279,7 @@ class ModeTable:
         forces = [*self.system.field]
         for own in overrides.values():
             forces += [*own.field, *(end.when for end in own.release)]
-        used = set().union(*(force.free_symbols for force in forces))
+        used = set().union(*(force.free_symbols for force in set(forces)))
         unused = (i for i, sign in enumerate(self.system.signs) if sign not in used)
         return frozenset(unused) - overrides.keys() - resets.keys()
 
@@ -316,9 +316,10 @@ class ModeTable:
         """A mode's row, shape (1,): it leads to no other mode yet; of contacts, to the rows of their entries."""
         found = np.zeros(1, dtype=mode_dtype(self.most_guards))
         system, guards = self.system, self.guards(mode)
-        sliding, passed = [i for i, s in enumerate(mode) if s == 0], self._passed(mode)
         if self._switched and self.contacts:  # the guards of a surface are those of its own entry alone
-            sliding, passed = [i for i in range(len(mode)) if i not in self._switched.crossed], frozenset()
+            sliding, passed = [i for i in range(len(mode)) if i not in self._switched.crossed], frozenset[int]()
+        else:
+            sliding, passed = [i for i, s in enumerate(mode) if s == 0], self._passed(mode)
         own, records = found[0]["mode"], found[0]["guards"]
         for name, value in code.fields.items():
             own[name] = value
