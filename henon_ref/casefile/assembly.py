@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Set
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -94,12 +94,23 @@ class Scene:
 
     def _field(self, on_surface: Mapping[sp.Symbol, sp.Expr], held: Mapping[str, sp.Expr]) -> tuple[sp.Expr, ...]:
         """x' of all states, on a surface, some bodies' accelerations given."""
-        rates = []
-        for body in self.bodies.values():
-            if body.inertia is not None:
-                own = self._force(body) / body.inertia if body.name not in held else held[body.name]
-                rates += [body.velocity.xreplace(on_surface), own.xreplace(on_surface)]
+        rates: list[sp.Expr] = []
+        for name, own in self._rates.items():
+            pair = (own[0], held[name]) if name in held else own
+            symbols = self._moving[name] if name not in held else on_surface.keys()
+            rates += pair if symbols.isdisjoint(on_surface) else (rate.xreplace(on_surface) for rate in pair)
         return tuple(rates)
+
+    @cached_property
+    def _rates(self) -> Mapping[str, tuple[sp.Expr, sp.Expr]]:
+        """Body that moves -> its velocity and acceleration."""
+        bodies = (body for body in self.bodies.values() if body.inertia is not None)
+        return {body.name: (body.velocity, self._force(body) / body.inertia) for body in bodies}
+
+    @cached_property
+    def _moving(self) -> Mapping[str, Set[sp.Symbol]]:
+        """What stands in these."""
+        return {name: velocity.free_symbols | rate.free_symbols for name, (velocity, rate) in self._rates.items()}
 
     def _held(self, number: int, connection: Connection, hold: Hold) -> SlidingOverride:
         """The two bodies of a contact move as one, until the load on it is larger than the limit.

@@ -140,10 +140,18 @@ def load_case(
     CaseError
         With file, line and column, what is wrong and what is allowed.
     """
+    return case_and_tree(path, solvers, fixed_step)[0]
+
+
+def case_and_tree(
+    path: str | Path, solvers: Collection[str] | None = None, fixed_step: Callable[[str], bool] | None = None
+) -> tuple[Case, MappingNode]:
+    """The same with what the file says, as its nodes."""
     if not isinstance(path, str | Path):
         raise CaseError(f"path is {path!r}, wanted a str or a Path")
     path = located(path)
-    return replace(_case(read_yaml(path), str(path), solvers, fixed_step), path=path)
+    tree = read_yaml(path)
+    return replace(_case(tree, str(path), solvers, fixed_step), path=path), tree
 
 
 def parse_case(

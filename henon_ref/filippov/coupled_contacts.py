@@ -29,7 +29,15 @@ from henon_ref.errors import ModelError
 from henon_ref.filippov.affine import constant_slope
 from henon_ref.filippov.algebra import cancelled
 from henon_ref.filippov.bounds import put
-from henon_ref.filippov.decoupled_contacts import Contact, Contacts, SwitchedEquations, common_to_all, indicators
+from henon_ref.filippov.decoupled_contacts import (
+    Contact,
+    Contacts,
+    SwitchedEquations,
+    acting_rows,
+    common_to_all,
+    indicators,
+    is_crossed,
+)
 from henon_ref.filippov.equations import Guard, along
 from henon_ref.filippov.sampling import sample
 from henon_ref.filippov.switched_field import SwitchedField
@@ -67,14 +75,17 @@ def coupled_equations(system: SwitchedField, contacts: Contacts) -> SwitchedEqua
     contacts : Contacts
         The same system, with what its contacts hold.
     """
-    surfaces = range(len(system.surfaces))
-    if len(surfaces) > MOST or not all(_ends_known(contacts, i) for i in surfaces):
+    acting = acting_rows(contacts)
+    slid = [i for i, sign in enumerate(system.signs) if not is_crossed(contacts, i, acting[sign])]
+    if not slid or len(system.surfaces) > MOST or not all(_ends_known(contacts, i) for i in slid):
         return None
+    signs, surfaces = ([part[i] for i in slid] for part in (system.signs, system.surfaces))
+    own_field = SwitchedField(system.states, tuple(signs), tuple(surfaces), system.field, system.parameters)
     try:
-        own, forces = _own_states(system), _forces(system)
-        if own is None or forces is None or not (_common(system, own) and _definite(system, own, forces)):
+        own, forces = _own_states(own_field), _forces(own_field)
+        if own is None or forces is None or not (_common(own_field, own) and _definite(own_field, own, forces)):
             return None
-        made = _equations(system, contacts, own, forces)
+        made = _equations(own_field, contacts, slid, own, forces)
         return None if made is None or any(e.has(sp.zoo, sp.nan) for e in made.outputs) else made
     except ModelError:
         return None
@@ -255,9 +266,11 @@ class _Solution:
 
 
 def _equations(
-    system: SwitchedField, held: Contacts, own: Mapping[int, int], forces: Forces
+    system: SwitchedField, held: Contacts, slid: Sequence[int], own: Mapping[int, int], forces: Forces
 ) -> SwitchedEquations | None:
-    switches = indicators(system.signs)
+    """``system`` has the surfaces that are slid on alone, ``slid`` says which of the others' they are."""
+    indicated = indicators(held.signs)
+    switches = [indicated[i] for i in slid]
     solution = _Solution(len(switches))
     matrix, right = list[Row](), list[sp.Expr]()
     for i, each in enumerate(switches):
@@ -275,32 +288,33 @@ def _equations(
         k = own[i]
         there = _there(system, i, k)
         kept = along(there[system.states[k]], system.states, tuple(rates))
-        ends = _ends(system, held, i, forces, solution.forces, there)
+        ends = _ends(system, held, slid, i, forces, solution.forces, there)
         if ends is None:
             return None
-        contacts[i] = Contact(k, rates[k], kept, ends)
+        contacts[slid[i]] = Contact(k, rates[k], kept, ends)
         rates[k] = solution.named(f"rate_{k}", switches[i].slip * rates[k] + switches[i].slide * kept)
-    made = tuple(contacts[i] for i in range(len(switches)))
-    return SwitchedEquations(held, switches, made, tuple(rates), tuple(solution.definitions))
+    made = tuple(contacts.get(i) for i in range(len(indicated)))
+    return SwitchedEquations(held, indicated, made, tuple(rates), tuple(solution.definitions))
 
 
 def _ends(
     system: SwitchedField,
     held: Contacts,
+    slid: Sequence[int],
     index: int,
     forces: Forces,
     names: Sequence[sp.Symbol],
     there: Mapping[sp.Symbol, sp.Expr],
 ) -> tuple[Guard, Guard] | None:
     """The two ends of a contact's hold, in the forces."""
-    if index not in held.overrides:
+    if slid[index] not in held.overrides:
         sign, guards = system.signs[index], []
         for side in (1, -1):
             limit = put(put(forces.friction[index], {sign: sp.Integer(side)}), there)
-            guards.append(Guard("release", index, side, 1 - names[index] / limit))
+            guards.append(Guard("release", slid[index], side, 1 - names[index] / limit))
         return guards[0], guards[1]
     guards = []
-    for guard in held.hold_guards(index):
+    for guard in held.hold_guards(slid[index]):
         parts = _parts(system, guard.expression)
         if parts is None or index in parts[1]:
             return None

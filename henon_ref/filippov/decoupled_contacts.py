@@ -6,11 +6,14 @@ replaces one rate by dr/dt and leaves the others as they are. So one set of equa
 numbers that switch: a rate is ``slip f + slide r'``, and a surface's two guards are ``slip s h - slide N(+1)``
 and ``slip + slide N(-1)``, N being dh/dt on the surface (Filippov's conditions, 1988, Sec. 2.10). Of a contact with
 static friction the two ends of its hold zone stand in the place of ``-N(+1)`` and ``N(-1)``.
+
+Beside contacts there may be surfaces on which nothing slides: sections, and those at which a force has a kink or jumps
+that changes no speed on them. They have no more than their sides.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain
@@ -20,7 +23,7 @@ import sympy as sp
 
 from henon_ref.filippov.bounds import put
 from henon_ref.filippov.branches import leaves_out
-from henon_ref.filippov.equations import Guard, ModeEquations
+from henon_ref.filippov.equations import Guard, ModeEquations, along
 from henon_ref.filippov.modes import Mode
 from henon_ref.taylor.tape import TIME
 
@@ -58,6 +61,9 @@ class Contacts(Protocol):
 
     @property
     def overrides(self) -> Mapping[int, HeldContact]: ...
+
+    @property
+    def open_kinks(self) -> frozenset[int]: ...
 
     def hold_guards(self, index: int) -> tuple[Guard, ...]:
         """The release guards of a surface's override."""
@@ -102,7 +108,8 @@ class SwitchedEquations:
     system: Contacts
     switches: tuple[ModeIndicators, ...]
     """One a surface."""
-    contacts: tuple[Contact, ...]
+    contacts: tuple[Contact | None, ...]
+    """None for a surface on which nothing slides."""
     rates: tuple[sp.Expr, ...] = ()
     """x' of all states, where the contacts act on each other."""
     definitions: tuple[tuple[sp.Symbol, sp.Expr], ...] = ()
@@ -114,13 +121,23 @@ class SwitchedEquations:
         return bool(self.rates)
 
     @cached_property
+    def crossed(self) -> frozenset[int]:
+        """Surfaces on which nothing slides."""
+        return frozenset(i for i, contact in enumerate(self.contacts) if contact is None)
+
+    def sides(self, mode: Mode) -> dict[sp.Symbol, sp.Expr]:
+        """What a mode puts for their signs."""
+        return {self.system.signs[i]: sp.Integer(mode[i]) for i in self.crossed}
+
+    @cached_property
     def field(self) -> tuple[sp.Expr, ...]:
         """x' of all states."""
         if self.coupled:
             return self.rates
         field = list(self.system.field)
         for own, contact in zip(self.switches, self.contacts, strict=True):
-            field[contact.row] = own.slip * contact.slipping + own.slide * contact.sliding
+            if contact is not None:
+                field[contact.row] = own.slip * contact.slipping + own.slide * contact.sliding
         return tuple(field)
 
     @cached_property
@@ -128,6 +145,9 @@ class SwitchedEquations:
         """Two guards a surface, then the ``valid`` expressions; positive inside a mode."""
         outputs: list[sp.Expr] = []
         for h, own, contact in zip(self.system.surfaces, self.switches, self.contacts, strict=True):
+            if contact is None:
+                outputs += [own.sign * h, sp.S.One]
+                continue
             first, second = (end.expression for end in contact.ends)
             outputs += [own.slip * own.sign * h - own.slide * (-first), own.slip + own.slide * second]
         return (*outputs, *self.system.valid)
@@ -154,6 +174,9 @@ class SwitchedEquations:
         for i, contact in enumerate(self.contacts):
             first, second = self.outputs[2 * i : 2 * i + 2]
             slips = {s: (Guard("surface", i, -s, first), Guard("release", i, -1, second)) for s in (-1, 1)}
+            if contact is None:
+                found.append({**slips, 0: slips[1]})
+                continue
             above, below = contact.ends
             found.append({**slips, 0: (replace(above, expression=first), replace(below, expression=second))})
         return tuple(found)
@@ -182,16 +205,21 @@ class SwitchedEquations:
 
     def equations(self, mode: Mode) -> ModeEquations:
         """Equations of one mode, put together from those of its contacts."""
-        field, held = list(self.system.field), self.system.overrides
+        field, held, sides = list(self.system.field), self.system.overrides, self.sides(mode)
         for i, (entry, contact) in enumerate(zip(mode, self.contacts, strict=True)):
-            field[contact.row] = self._slipping[i][entry] if entry else contact.sliding
+            if contact is not None:
+                field[contact.row] = self._slipping[i][entry] if entry else contact.sliding
         signs = {i: self._equivalent_sign(i) for i, entry in enumerate(mode) if not entry and i not in held}
+        if sides:
+            field, signs = [put(rate, sides) for rate in field], {i: put(e, sides) for i, e in signs.items()}
         return ModeEquations(tuple(field), self.own_guards(mode), signs)
 
     def _equivalent_sign(self, index: int) -> sp.Expr:
         """Filippov's, by the normal velocities N below and above: (N(-1) + N(+1)) / (N(-1) - N(+1))."""
         if index not in self._equivalent_signs:
-            above, below = (end.expression / 2 for end in self.contacts[index].ends)
+            contact = self.contacts[index]
+            assert contact is not None
+            above, below = (end.expression / 2 for end in contact.ends)
             self._equivalent_signs[index] = (below - above) / (below + above)
         return self._equivalent_signs[index]
 
@@ -202,8 +230,11 @@ class SwitchedEquations:
     def own_guards(self, mode: Mode) -> tuple[Guard, ...]:
         """Their guards."""
         slips = (self._leaving[i][entry] for i, entry in enumerate(mode) if entry)
-        ends = (contact.ends for entry, contact in zip(mode, self.contacts, strict=True) if not entry)
-        return (*slips, *chain.from_iterable(ends), *self._valid)
+        held = (contact for entry, contact in zip(mode, self.contacts, strict=True) if not entry and contact is not None)
+        ends: Iterable[Guard] = chain.from_iterable(contact.ends for contact in held)
+        if sides := self.sides(mode):
+            ends = (replace(end, expression=put(end.expression, sides)) for end in ends)
+        return (*slips, *ends, *self._valid)
 
     @cached_property
     def _leaving(self) -> tuple[Mapping[int, Guard], ...]:
@@ -215,27 +246,54 @@ class SwitchedEquations:
     def _slipping(self) -> tuple[Mapping[int, sp.Expr], ...]:
         """For each surface the rate in slip either way."""
         pairs = zip(self.system.signs, self.contacts, strict=True)
-        return tuple({s: put(contact.slipping, {sign: sp.Integer(s)}) for s in (-1, 1)} for sign, contact in pairs)
+        return tuple(
+            {s: put(contact.slipping, {sign: sp.Integer(s)}) for s in (-1, 1)} if contact is not None else {}
+            for sign, contact in pairs
+        )
 
 
 def switched_equations(system: Contacts) -> SwitchedEquations | None:
     """One set of equations for all modes; None where the surfaces act on each other or on several rates."""
-    contacts: list[Contact] = []
-    taken: set[int] = set()
+    contacts: list[Contact | None] = []
+    acting = acting_rows(system)
+    places = {x: row for row, x in enumerate(system.states)}
+    for i in range(len(system.surfaces)):
+        contact = _contact(system, i, acting[system.signs[i]], places)
+        if contact is None and not is_crossed(system, i, acting[system.signs[i]]):
+            return None
+        contacts.append(contact)
+    slid = {sign for sign, contact in zip(system.signs, contacts, strict=True) if contact is not None}
+    own = [contact for contact in contacts if contact is not None]
+    if len({contact.row for contact in own}) < len(own) or any(
+        len(contact.slipping.free_symbols & slid) != 1 for contact in own
+    ):
+        return None
+    if not own or any(end.expression.free_symbols & slid for contact in own for end in contact.ends):
+        return None
+    return SwitchedEquations(system, indicators(system.signs), tuple(contacts))
+
+
+def acting_rows(system: Contacts) -> dict[sp.Symbol, list[int]]:
+    """Of each sign the rows of the field that hold it."""
     acting: dict[sp.Symbol, list[int]] = {sign: [] for sign in system.signs}
     for row, rate in enumerate(system.field):
         for symbol in rate.free_symbols & acting.keys():
             acting[symbol].append(row)
-    places = {x: row for row, x in enumerate(system.states)}
-    for i in range(len(system.surfaces)):
-        contact = _contact(system, i, acting[system.signs[i]], places)
-        if contact is None or contact.row in taken:
-            return None
-        contacts.append(contact)
-        taken.add(contact.row)
-    if any(len(contact.slipping.free_symbols & acting.keys()) != 1 for contact in contacts):
-        return None
-    return SwitchedEquations(system, indicators(system.signs), tuple(contacts))
+    return acting
+
+
+def is_crossed(system: Contacts, index: int, acting: Sequence[int]) -> bool:
+    """Whether nothing slides on a surface, which is seen on both sides of it: no force changes the speed with which it
+    is reached, or it acts on none. ``acting``: rows of the field that hold its sign."""
+    h, sign = system.surfaces[index], system.signs[index]
+    if index in system.overrides or system.open_kinks or _branching(h):
+        return False
+    loads = [end.expression for i in system.overrides for end in system.hold_guards(i)]
+    rates = [system.field[row] for row in acting] + [load for load in loads if load.has(sign)]
+    sides, moving = [{sign: sp.Integer(side)} for side in (-1, 1)], {TIME, *system.states}
+    if any(leaves_out(rate, put(rate, side), side, moving) for rate in rates for side in sides):
+        return False
+    return not rates or along(h, system.states, system.field).free_symbols.isdisjoint(system.signs)
 
 
 def indicators(signs: Sequence[sp.Symbol]) -> tuple[ModeIndicators, ...]:
@@ -269,10 +327,15 @@ def _contact(system: Contacts, index: int, acting: Sequence[int], places: Mappin
 def common_to_all(rate: sp.Expr, x: sp.Symbol, sign: sp.Symbol, moving: set[sp.Symbol]) -> bool:
     """Whether a rate has values in every mode: no branch of its own, nor a branch point that the surface may be on."""
     sides = [{sign: sp.Integer(side)} for side in (-1, 1)]
-    branching = (e for e in rate.atoms(sp.Pow, sp.log, sp.asin, sp.acos) if not (e.is_Pow and e.exp.is_Integer))
-    return not any(e.has(x) for e in branching) and not any(
+    return not any(e.has(x) for e in _branching(rate)) and not any(
         leaves_out(rate, put(rate, side), side, moving) for side in sides
     )
+
+
+def _branching(expression: sp.Expr) -> list[sp.Expr]:
+    """Its parts that have branch points."""
+    found = expression.atoms(sp.Pow, sp.log, sp.asin, sp.acos)
+    return [e for e in found if not (e.is_Pow and e.exp.is_Integer)]
 
 
 def _hold_zone(
@@ -280,7 +343,7 @@ def _hold_zone(
 ) -> tuple[Guard, Guard] | None:
     """Ends of what static friction holds; None where its override moves other states than the surface does."""
     own, ends = system.overrides[index], system.hold_guards(index)
-    if own.entry != "inside" or len(ends) != 2 or any(end.expression.free_symbols & {*system.signs} for end in ends):
+    if own.entry != "inside" or len(ends) != 2:
         return None
     others = (pair for k, pair in enumerate(zip(own.field, system.field, strict=True)) if k != row)
     if sp.expand(put(own.field[row], there) - speed) != 0 or any(

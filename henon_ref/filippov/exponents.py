@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache, partial
 
 import sympy as sp
 
@@ -15,23 +16,24 @@ def with_rational_exponents(system: FilippovSystem) -> FilippovSystem:
     An exponent decides what function a power is (a product, a root), and nothing that holds for the symbol holds
     for all its values. Powers of numbers and parameters, and parameters everywhere else, stay as they are written.
     """
+    written = cache(partial(_written, system))  # overrides hold the field's own rates again and again
     overrides = {
         index: replace(
             override,
-            field=tuple(_written(system, f) for f in override.field),
-            release=tuple(replace(r, when=_written(system, r.when)) for r in override.release),
+            field=tuple(map(written, override.field)),
+            release=tuple(replace(r, when=written(r.when)) for r in override.release),
         )
         for index, override in system.overrides.items()
     }
     resets = {
-        index: replace(reset, map={x: _written(system, value) for x, value in reset.map.items()})
+        index: replace(reset, map={x: written(value) for x, value in reset.map.items()})
         for index, reset in system.resets.items()
     }
     return replace(
         system,
-        surfaces=tuple(_written(system, h) for h in system.surfaces),
-        field=tuple(_written(system, f) for f in system.field),
-        valid=tuple(_written(system, v) for v in system.valid),
+        surfaces=tuple(map(written, system.surfaces)),
+        field=tuple(map(written, system.field)),
+        valid=tuple(map(written, system.valid)),
         overrides=overrides,
         resets=resets,
     )
@@ -42,7 +44,7 @@ def parameters_in_exponents(system: FilippovSystem) -> set[sp.Symbol]:
     expressions = [*system.surfaces, *system.field, *system.valid]
     for override in system.overrides.values():
         expressions += [*override.field, *(r.when for r in override.release)]
-    exponents = (power.exp for e in expressions for power in e.atoms(sp.Pow))
+    exponents = (power.exp for e in set(expressions) for power in e.atoms(sp.Pow))
     return {symbol for exponent in exponents for symbol in exponent.free_symbols} & set(system.parameters)
 
 

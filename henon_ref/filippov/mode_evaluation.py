@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property, lru_cache
+from itertools import chain, islice
 from math import isfinite
 from typing import Any
 
@@ -285,16 +286,23 @@ class ModeEvaluation:
                 self._functions[expressions] = self._function(names, expressions)
         return self._functions[expressions]
 
-    def _clear_sign(self, t: Any, x: Sequence[Any], signs: Mode, expression: sp.Expr) -> int:
-        """Sign of an expression in time, states and signs at a point; 0 where its terms may cancel."""
-        if expression not in self._terms:
-            with one_at_a_time():
-                self._terms[expression] = sp.Add.make_args(sp.expand_mul(expression))
-        values = self._values_at(t, x, self._terms[expression], signs)
+    def _clear_signs(self, t: Any, x: Sequence[Any], signs: Mode, expressions: Sequence[sp.Expr]) -> list[int]:
+        """Signs of expressions in time, states and signs at a point; 0 where the terms of one may cancel."""
+        sums = []
+        for expression in expressions:
+            if expression not in self._terms:
+                with one_at_a_time():
+                    self._terms[expression] = sp.Add.make_args(sp.expand_mul(expression))
+            sums.append(self._terms[expression])
+        values = self._values_at(t, x, tuple(chain.from_iterable(sums)), signs)
         if values is None:
-            return 0
-        value, size = sum(values[1:], values[0]), sum(map(abs, values[1:]), abs(values[0]))
-        return -1 if self._negative(value, size) else int(self._negative(-value, size))
+            return [0] * len(sums)
+        found, rest = [], iter(values)
+        for terms in sums:
+            own = list(islice(rest, len(terms)))
+            value, size = sum(own[1:], own[0]), sum(map(abs, own[1:]), abs(own[0]))
+            found.append(-1 if self._negative(value, size) else int(self._negative(-value, size)))
+        return found
 
     def _both_sides(self, t: float, x: Sequence[float], mode: Mode, index: int) -> tuple[float, float]:
         """dh/dt of a surface below and above it (signs of the mode elsewhere)."""

@@ -200,29 +200,38 @@ class Switching(ModeConsistency):
         switched = self.system.switched
         if switched is None or switched.coupled:
             return None
-        entries = [self._entry_alone(t, x, mode, switched.contacts[i], i, i in slipped) for i in active]
+        contacts = [contact for i in active if (contact := switched.contacts[i]) is not None]
+        if len(contacts) < len(active):
+            return None
+        ends = self._clear_signs(t, x, mode, [end.expression for contact in contacts for end in contact.ends])
+        entries = [
+            self._entry_alone(t, x, mode, contact, i, ends[2 * k : 2 * k + 2], i in slipped)
+            for k, (i, contact) in enumerate(zip(active, contacts, strict=True))
+        ]
         found = [entry for entry in entries if entry is not None]
         return with_entries(mode, active, found) if len(found) == len(entries) else None
 
     def _entry_alone(
-        self, t: float, x: list[float], mode: Mode, contact: Contact, index: int, slipped: bool
+        self, t: float, x: list[float], mode: Mode, contact: Contact, index: int, inside: list[int], slipped: bool
     ) -> int | None:
-        """What becomes of a surface's entry by numbers that are clearly no zeros; None where some are."""
+        """What becomes of a surface's entry by numbers that are clearly no zeros; None where some are.
+
+        ``inside``: signs of the ends of its slide.
+        """
         held, normal, sign = (
             index in self.system.overrides,
             self.system.normal_velocity(index),
             self.system.signs[index],
         )
         if held and slipped:  # by friction in sliding
-            sides = [self._clear_sign(t, x, mode, normal.xreplace({sign: sp.Integer(side)})) for side in (-1, 1)]
+            sides = self._clear_signs(t, x, mode, [normal.xreplace({sign: sp.Integer(side)}) for side in (-1, 1)])
             return sides[0] if sides[0] == sides[1] != 0 else None
-        inside = [self._clear_sign(t, x, mode, end.expression) for end in contact.ends]
         if inside == [1, 1]:
             return 0
         if sorted(inside) != [-1, 1]:
             return None
         side = contact.ends[inside.index(-1)].to_sign
-        leaves = not held or self._clear_sign(t, x, mode, normal.xreplace({sign: sp.Integer(side)})) == side
+        leaves = not held or self._clear_signs(t, x, mode, [normal.xreplace({sign: sp.Integer(side)})]) == [side]
         return side if leaves else None
 
     def _attracting(self, t: float, x: Sequence[float], decision: Decision) -> Decision:

@@ -7,10 +7,10 @@ with Discontinuous Righthand Sides* (1988), and Eqs. (6)-(8) of Olejnik and Awre
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from dataclasses import field as dataclass_field
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import chain
 
 import sympy as sp
@@ -106,6 +106,8 @@ class FilippovSystem(SwitchedField):
         """Whether nothing in a mode depends on the sign of a surface but the surface itself; what is slid on counts."""
         if not mode[index]:
             return False
+        if self.switched is not None:
+            return self._hides_in_all(index, tuple(mode[i] for i in sorted(self.switched.crossed)))
         try:
             shared = self.shared_equations(frozenset(i for i, s in enumerate(mode) if s == 0))
         except ModelError:
@@ -113,6 +115,22 @@ class FilippovSystem(SwitchedField):
         slip = {s: side for s, side in self.slip_signs(mode).items() if s != self.signs[index]}
         guards = [guard.expression for guard in shared.guards if guard.index != index or guard.kind != "surface"]
         return not any(put(e, slip).has(self.signs[index]) for e in (*shared.field, *guards, *self.sections))
+
+    @cached_property
+    def _hides_in_all(self) -> Callable[[int, tuple[int, ...]], bool]:
+        """The same by the sides of the surfaces on which nothing slides, contacts being as they may."""
+        made = self.switched
+        assert made is not None
+        crossed = sorted(made.crossed)
+
+        @cache
+        def hides(index: int, sides: tuple[int, ...]) -> bool:
+            slip = {self.signs[i]: sp.Integer(s) for i, s in zip(crossed, sides, strict=True) if i != index}
+            guards = [e for k, e in enumerate(made.outputs) if k // 2 != index]
+            written = (*made.field, *(e for _, e in made.definitions), *guards, *self.sections)
+            return index in made.crossed and not any(put(e, slip).has(self.signs[index]) for e in written)
+
+        return hides
 
     def unused_kinks(self, mode: Mode) -> frozenset[int]:
         """Kinks of branches that a mode does not use, which are open, or have no real value anywhere in the mode."""
@@ -373,6 +391,8 @@ class FilippovSystem(SwitchedField):
 
     def entries_from(self, entry: int, index: int) -> tuple[int, ...]:
         """What may become of a surface's entry in the mode: a body that rests on one does not go through it."""
+        if self.switched is not None and index in self.switched.crossed:
+            return (-1, 1)
         return (0, 1) if entry >= 0 and self.rests(index) else (-1, 0, 1)
 
     def transition_function(self, index: int = 0) -> sp.Expr:

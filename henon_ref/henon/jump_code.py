@@ -15,11 +15,9 @@ from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.mode_code import native_module
 from henon_ref.jit.ir_writer import declarations
 from henon_ref.jit.native_module import NativeModule
+from henon_ref.kernel.shared import kernel
 from henon_ref.taylor.llvm.expansion import values_ir
 from henon_ref.taylor.tape import build_tape
-
-MOST_SURFACES = 39
-"""With more surfaces a mode has no number that an integer of the machine holds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,14 +45,14 @@ class JumpCode:
 
 
 def jump_code(system: FilippovSystem) -> JumpCode | None:
-    """The code of a system's maps; None where it has none, or more surfaces than :data:`MOST_SURFACES`.
+    """The code of a system's maps; None where it has none, or more surfaces than numbers of modes are for.
 
     A map's function (:func:`henon_ref.taylor.llvm.expansion.values_ir`) takes the state before, and behind it what
     rounding has lost of that. It puts the new values of the states that it moves, what is lost of them to first order
     (the map's derivative times what was lost before), the values of the surfaces whose functions it changes, and the
     part of the speed that the impact leaves (1 where that is none).
     """
-    if not system.resets or len(system.surfaces) > MOST_SURFACES:
+    if not system.resets or len(system.surfaces) > kernel.MOST_SURFACES:
         return None
     n, jumps = len(system.states), {i: jump_of(system, i) for i in sorted(system.resets)}
     lost = tuple(sp.Symbol(f"lost of {x.name}", real=True) for x in system.states)

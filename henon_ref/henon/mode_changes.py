@@ -297,9 +297,7 @@ class ModeChanges(State):
         mode, hit, what = self.mode, int(self.scalars.guard), int(self.scalars.pending_kind)
         number = int(self.scalars.pending_mode)
         if number >= 0:
-            mode_table = self.integrator.mode_table
-            row = mode_table.row(numbered_mode(number, len(mode)))
-            if row is not None and not (what == kernel.SELECTED and mode_table.compiled.rows[number] < 0):
+            if self.integrator.mode_table.row(numbered_mode(number, len(mode))) is not None:
                 self._count("new_modes")
                 return None
             self.scalars.event_pending = 0

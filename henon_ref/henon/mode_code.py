@@ -119,11 +119,27 @@ def common_mode_code(system: FilippovSystem, mode: Mode, order: int, passed: fro
 def switched_mode_code(system: FilippovSystem, equations: SwitchedEquations, order: int) -> ModeCode:
     """One code for the modes of all combinations of sliding surfaces."""
     sides = _speeds(system, equations.guards((1,) * len(system.surfaces)))
-    expansion = build_tape(system.states, equations.field, equations.outputs, equations.definitions)
-    # Names keep apart the constants of contacts: each is that of one contact's entry, however many signs act together.
-    names = {s: sp.Symbol(f"side_{i}", real=True) for i, s in enumerate(system.signs)} if equations.coupled else {}
-    probe = build_tape(system.states, (), [e.xreplace(names) for e in sides], [(name, s) for s, name in names.items()])
+    # Names keep apart the constants of surfaces: each is that of one entry, however many signs act together.
+    names = {s: sp.Symbol(f"side_{i}", real=True) for i, s in enumerate(system.signs)}
+    beside = {s: names[s] for i, s in enumerate(system.signs) if i in equations.crossed}
+    expansion = _named_tape(system, equations.field, equations.outputs, equations.definitions, beside)
+    probe = _named_tape(system, (), sides, (), names if equations.coupled else beside)
     return _mode_code(system, order, expansion, probe, equations.entries)
+
+
+def _named_tape(
+    system: FilippovSystem,
+    field: Sequence[sp.Expr],
+    outputs: Sequence[sp.Expr],
+    definitions: Sequence[tuple[sp.Symbol, sp.Expr]],
+    names: Mapping[sp.Symbol, sp.Symbol],
+) -> Tape:
+    """A tape of expressions in which some symbols have names of their own."""
+    if not names:
+        return build_tape(system.states, field, outputs, definitions)
+    field, outputs = ([e.xreplace(names) for e in part] for part in (field, outputs))
+    defined = [(name, s) for s, name in names.items()] + [(s, e.xreplace(names)) for s, e in definitions]
+    return build_tape(system.states, field, outputs, defined)
 
 
 def _mode_code(system: FilippovSystem, order: int, expansion: Tape, probe: Tape, entries: Entries) -> ModeCode:
@@ -190,7 +206,7 @@ def normal_velocities(system: FilippovSystem) -> NormalVelocities:
     surfaces = range(len(system.surfaces))
     inputs, outputs = (*system.states, *system.signs), [system.normal_velocity(i) for i in surfaces]
     contacts = None
-    if system.overrides:
+    if system.overrides or system.switched is not None:
         loads, outputs = _of_contacts(system)
         inputs = (*inputs, *loads)
         contacts = np.array([_known_of(system, i) for i in surfaces], dtype=np.int64)
@@ -228,6 +244,8 @@ def _of_contacts(system: FilippovSystem) -> tuple[list[sp.Symbol], list[sp.Expr]
 def _known_of(system: FilippovSystem, index: int) -> int:
     own = system.overrides.get(index)
     if own is None:
+        if system.switched is not None and index in system.switched.crossed:
+            return int(kernel.SECTION)
         moved = not system.normal_velocity(index).free_symbols.isdisjoint(system.signs)
         return 0 if moved else int(kernel.SECTION)
     return kernel.FIXED | (own.inertia is not None) * kernel.KNOWN_INERTIA | bool(own.push) * kernel.BY_LOAD

@@ -63,12 +63,10 @@ def loop_data(
     if mode_table.contacts and len(compiled.records):
         owned = mode_table.owned
         tables.contacts, tables.owned_ends, tables.owned = mode_table.contacts, *map(integers, owned)
-    if compiled.rows.size:
-        velocities, selection = mode_table.normals, tables.selection
-        assert velocities is not None
+    velocities, selection = mode_table.normals, tables.selection
+    if velocities is not None:
         selection.velocities, selection.constants = ffi.cast("expand_code", velocities.address), doubles(normals)
-        selection.signs, selection.rows = integers(compiled.signs), integers(compiled.rows)
-        selection.surfaces, selection.decoupled = compiled.signs.shape[1], mode_table.decoupled
+        selection.surfaces, selection.decoupled = len(mode_table.system.surfaces), mode_table.decoupled
         if velocities.contacts is not None:
             selection.contact, selection.beside = integers(velocities.contacts), integers(velocities.beside)
     return LoopData(compiled, (numbers, normals), tables)

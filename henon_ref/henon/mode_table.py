@@ -21,7 +21,7 @@ from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.distinct_constants import DistinctConstants
 from henon_ref.henon.entries import packed, unpacked
 from henon_ref.henon.growing_rows import GrowingRows
-from henon_ref.henon.jump_code import MOST_SURFACES, jump_code
+from henon_ref.henon.jump_code import jump_code
 from henon_ref.henon.mode_code import (
     ModeCode,
     NormalVelocities,
@@ -50,10 +50,6 @@ class CompiledModes:
 
     records: NDArray[Any]
     """Shape (M,) of :func:`henon_ref.henon.records.mode_dtype`."""
-    signs: NDArray[np.int64]
-    """(M, surfaces): the entries of each row's mode."""
-    rows: NDArray[np.int64]
-    """Row of every mode, written in base 3; -1 where not compiled yet, empty where modes are not decided by it."""
     sources: NDArray[np.int64]
     """(M, tapes, K): where each number of a mode's rows of constants is found among those of all modes."""
     constants: int
@@ -82,7 +78,7 @@ class Readers(list[None]):
 class ModeTable:
     """Grows a row for each mode that is asked for, from any thread.
 
-    Where contacts do not act on each other a mode is no row but a number (:mod:`henon_ref.henon.entries`): the table
+    Where all modes have one set of equations a mode is no row but a number (:mod:`henon_ref.henon.entries`): the table
     has three rows, of the modes in which every entry is the same, and the loop puts all others together from these.
 
     :attr:`compiled` is replaced by one with the new row before other rows lead to it. A thread that lets compiled code
@@ -123,13 +119,10 @@ class ModeTable:
         self.readers = Readers()
         surfaces = len(system.surfaces)
         self._switched = system.switched
-        self.contacts = surfaces if self._switched and not (self._switched.coupled or system.resets) else 0
+        self.contacts = surfaces if self._switched and not system.resets else 0
         self._jumps = jump_code(system)
-        rows = not (system.resets or self.contacts) and _in_groups(system)
-        several = rows and 1 < surfaces <= kernel.SURFACES_IN_TABLE
         self._records = GrowingRows(mode_dtype(self.most_guards), ())
-        self._signs, self._sources = GrowingRows(np.int64, (surfaces,)), GrowingRows(np.int64, (0, 0))
-        self._rows = np.full(3**surfaces if several else 0, -1, dtype=np.int64)
+        self._sources = GrowingRows(np.int64, (0, 0))
         self._powers = [3**i for i in range(surfaces)]
         self._by_number: dict[int, int] = {}
         self.compiled = self._published()
@@ -201,6 +194,14 @@ class ModeTable:
         return self._switched.places(mode) if self._switched else range(len(self.guards(mode)))
 
     @cached_property
+    def selects(self) -> bool:
+        """Whether the compiled loop decides by normal velocities what becomes of several surfaces."""
+        system = self.system
+        if self._switched and self.contacts:
+            return self._switched.coupled
+        return 1 < len(system.surfaces) <= kernel.MOST_SURFACES and not system.resets and _in_groups(system)
+
+    @cached_property
     def decoupled(self) -> bool:
         """Whether no surface's normal velocity has the sign of another one in it."""
         surfaces = range(len(self.system.surfaces))
@@ -227,7 +228,7 @@ class ModeTable:
     @cached_property
     def normals(self) -> NormalVelocities | None:
         """Normal velocities of all surfaces; None where the compiled loop does not decide by them."""
-        if not self._rows.size:
+        if not self.selects:
             return None
         with one_at_a_time():
             return normal_velocities(self.system)
@@ -252,7 +253,7 @@ class ModeTable:
         """
         system, sliding = self.system, [i for i, entry in enumerate(mode) if entry == 0]
         slid = {system.signs[i] for i in sliding}
-        found, selects = set(), self.compiled.rows.size and not system.overrides
+        found, selects = set(), self.selects and not system.overrides
         for i in self._sections if sliding else ():
             selected = selects and slid.isdisjoint(system.normal_velocity(i).free_symbols)
             if mode[i] and not selected and len(system.in_play([i], sliding)) > 1:
@@ -263,7 +264,9 @@ class ModeTable:
     def _kinks(self) -> frozenset[int]:
         """Surfaces that are crossed whatever else happens: the field is continuous there, or forces change no speed."""
         system = self.system
-        if self._switched or len(system.surfaces) == 1:
+        if self._switched:
+            return self._switched.crossed
+        if len(system.surfaces) == 1:
             return frozenset()
         normals = enumerate(map(system.normal_velocity, range(len(system.surfaces))))
         free = {i for i, normal in normals if normal.free_symbols.isdisjoint(system.signs)}
@@ -276,26 +279,22 @@ class ModeTable:
         forces = [*self.system.field]
         for own in overrides.values():
             forces += [*own.field, *(end.when for end in own.release)]
-        used = set().union(*(force.free_symbols for force in forces))
+        used = set().union(*(force.free_symbols for force in set(forces)))
         unused = (i for i, sign in enumerate(self.system.signs) if sign not in used)
         return frozenset(unused) - overrides.keys() - resets.keys()
 
     def _append(self, mode: Mode, code: ModeCode) -> None:
         row, number = len(self.modes), mode_number(mode)
         self._records.extend(self._record(mode, code))
-        self._signs.append(mode)
         self._sources.append(self.constants.sources(code.tapes, mode))
         self.modes.append(mode)
         self.codes.append(code)
         self.compiled = self._published()
         if self.readers:  # they do not have the row
             self._records.move()
-            self._rows = self._rows.copy()
         if not self.contacts:
             self._by_number[number] = row
             self._link_all(mode, number, row)
-        if self._rows.size:
-            self._rows[number] = row
         self.compiled = self._published()
         self.index[mode] = row  # whoever finds it there finds the tables that have it
 
@@ -311,36 +310,20 @@ class ModeTable:
 
     def _published(self) -> CompiledModes:
         """The tables as they are now."""
-        records, signs, sources = self._records.rows, self._signs.rows, self._sources.rows
-        return CompiledModes(records, signs, self._rows, sources, len(self.constants.expressions))
+        return CompiledModes(self._records.rows, self._sources.rows, len(self.constants.expressions))
 
     def _record(self, mode: Mode, code: ModeCode) -> NDArray[Any]:
         """A mode's row, shape (1,): it leads to no other mode yet; of contacts, to the rows of their entries."""
-        if self._switched is None or self.contacts or self._jumps or self.system.resets:
-            return self._written_record(mode, code)
-        # All modes have one code, and the guards of a surface depend on its own entry alone.
-        found, surfaces = self._entry_records[:1].copy(), len(mode)
-        own = self._entry_records["guards"][:, : 2 * surfaces].reshape(3, surfaces, 2)
-        found["guards"][0, : 2 * surfaces] = own[np.array(mode) + 1, np.arange(surfaces)].ravel()
-        found["mode"]["number"] = _number(mode)
-        return found
-
-    @cached_property
-    def _entry_records(self) -> NDArray[Any]:
-        """Records of the modes in which all surfaces have one entry: -1, 0, +1."""
-        modes = [(entry,) * len(self.system.surfaces) for entry in (-1, 0, 1)]
-        return np.concatenate([self._written_record(mode, self._code(mode)) for mode in modes])
-
-    def _written_record(self, mode: Mode, code: ModeCode) -> NDArray[Any]:
         found = np.zeros(1, dtype=mode_dtype(self.most_guards))
         system, guards = self.system, self.guards(mode)
-        sliding, passed = [i for i, s in enumerate(mode) if s == 0], self._passed(mode)
-        if self._switched and self._switched.coupled:  # the guards of a surface are those of its own entry alone
-            sliding = list(range(len(mode)))
+        if self._switched and self.contacts:  # the guards of a surface are those of its own entry alone
+            sliding, passed = [i for i in range(len(mode)) if i not in self._switched.crossed], frozenset[int]()
+        else:
+            sliding, passed = [i for i, s in enumerate(mode) if s == 0], self._passed(mode)
         own, records = found[0]["mode"], found[0]["guards"]
         for name, value in code.fields.items():
             own[name] = value
-        own["number"], own["surfaces"] = _number(mode), len(mode) if len(mode) <= MOST_SURFACES else 0
+        own["number"], own["surfaces"] = _number(mode), len(mode) if len(mode) <= kernel.MOST_SURFACES else 0
         own["guards"], own["bernstein"] = len(guards), bernstein_code(self.order).address("bernstein")
         records["mode_across"] = records["mode_stuck"] = -1
         records["branches"][: len(code.guards_branch)] = code.guards_branch
@@ -361,7 +344,7 @@ class ModeTable:
                 tangent = 0 if guard.index in system.overrides else 2
                 record["zeros_at_release"] = -1 if guard.index in system.resets else tangent
             if self.contacts and guard.ends is None:
-                record["mode_across"], record["mode_stuck"] = 1 + guard.to_sign, 1
+                record["mode_across"], record["mode_stuck"] = 1 + guard.to_sign, -1 if record["kink"] else 1
         return found
 
     def _link(self, guards: NDArray[Any], row: int, index: int, entry: int, target: int) -> None:
@@ -377,7 +360,7 @@ class ModeTable:
 
 def _number(mode: Mode) -> int:
     """A mode's number; 0 where an integer of the machine holds none."""
-    return mode_number(mode) if len(mode) <= MOST_SURFACES else 0
+    return mode_number(mode) if len(mode) <= kernel.MOST_SURFACES else 0
 
 
 def _in_groups(system: FilippovSystem) -> bool:

@@ -230,5 +230,5 @@ def parameters_in(system: FilippovSystem) -> tuple[sp.Symbol, ...]:
         expressions += [*override.field, *(release.when for release in override.release)]
     for reset in system.resets.values():
         expressions += reset.map.values()
-    symbols = set().union(*(e.free_symbols for e in expressions)) - {TIME, *system.states, *system.signs}
+    symbols = set().union(*(e.free_symbols for e in set(expressions))) - {TIME, *system.states, *system.signs}
     return tuple(sorted(symbols, key=lambda symbol: symbol.name))

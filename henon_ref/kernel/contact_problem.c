@@ -25,24 +25,24 @@
 #define PATIENCE 10
 #define MOST_PIVOTS 100
 
-typedef double square[SURFACES_IN_TABLE][SURFACES_IN_TABLE];
+typedef double square[MOST_IN_GROUP][MOST_IN_GROUP];
 
 /* N = a - M f for the contacts of a group. */
 struct contact_problem {
     int64_t count;
-    double a[SURFACES_IN_TABLE], lower[SURFACES_IN_TABLE], upper[SURFACES_IN_TABLE];
+    double a[MOST_IN_GROUP], lower[MOST_IN_GROUP], upper[MOST_IN_GROUP];
     square m;
 };
 
 /* Its solution. */
 struct accelerations {
-    double force[SURFACES_IN_TABLE], speed[SURFACES_IN_TABLE], size[SURFACES_IN_TABLE]; /* f, N, and the sizes of the terms of N */
-    int64_t entry[SURFACES_IN_TABLE]; /* 0: the force is between its bounds; -1, +1: at the lower one, at the upper one */
+    double force[MOST_IN_GROUP], speed[MOST_IN_GROUP], size[MOST_IN_GROUP]; /* f, N, and the sizes of the terms of N */
+    int64_t entry[MOST_IN_GROUP]; /* 0: the force is between its bounds; -1, +1: at the lower one, at the upper one */
 };
 
 /* Of the contacts that hold, their number, places, and the factors of their part of M. */
 struct held_part {
-    int64_t count, place[SURFACES_IN_TABLE], row[SURFACES_IN_TABLE];
+    int64_t count, place[MOST_IN_GROUP], row[MOST_IN_GROUP];
     square lu;
 };
 
@@ -98,7 +98,7 @@ static void solve_factorised(const struct held_part *held, const double *right, 
 static bool balanced(const struct contact_problem *p, struct accelerations *s, struct held_part *held)
 {
     int64_t count = p->count;
-    double right[SURFACES_IN_TABLE] = {0.0}, found[SURFACES_IN_TABLE];
+    double right[MOST_IN_GROUP] = {0.0}, found[MOST_IN_GROUP];
     if (!factorised(p, s->entry, held))
         return false;
     for (int64_t k = 0; k < count; k++)
@@ -125,7 +125,7 @@ static bool balanced(const struct contact_problem *p, struct accelerations *s, s
 /* Whether every sign that a solution rests on stays what it is when each number is off by the part CLEAR_MARGIN. */
 static bool is_clear(const struct contact_problem *p, const struct accelerations *s, const struct held_part *held)
 {
-    double off[SURFACES_IN_TABLE] = {0.0}, right[SURFACES_IN_TABLE], column[SURFACES_IN_TABLE];
+    double off[MOST_IN_GROUP] = {0.0}, right[MOST_IN_GROUP], column[MOST_IN_GROUP];
     for (int64_t c = 0; c < held->count; c++) { /* column c of the inverse */
         for (int64_t r = 0; r < held->count; r++)
             right[r] = r == c ? 1.0 : 0.0;
@@ -160,7 +160,7 @@ static bool clearly_solved(const struct contact_problem *p, struct accelerations
     for (int64_t pivots = 0; pivots < MOST_PIVOTS * (count + 1); pivots++) {
         if (!balanced(p, s, &held))
             return false;
-        int64_t turned[SURFACES_IN_TABLE], wrong = 0, last = -1;
+        int64_t turned[MOST_IN_GROUP], wrong = 0, last = -1;
         for (int64_t k = 0; k < count; k++) {
             double tolerance = PIVOT_ROUNDING * (fabs(s->force[k]) + s->size[k] / p->m[k][k]);
             turned[k] = s->entry[k];
@@ -184,14 +184,15 @@ static bool clearly_solved(const struct contact_problem *p, struct accelerations
 
 /* A group at the point where the run stands. */
 struct group {
-    int64_t before[SURFACES_IN_TABLE];         /* of every surface its entry in the mode */
-    int64_t side[SURFACES_IN_TABLE];           /* the same behind sections that are hit */
-    int64_t sections;                          /* how many of these there are */
-    int64_t count, contact[SURFACES_IN_TABLE]; /* contacts in play, in order */
-    int64_t static_ones;                   /* contacts among them that have static friction */
-    bool slipped[SURFACES_IN_TABLE];           /* whether the load of such a one has reached its limit in this instant */
-    double least[SURFACES_IN_TABLE], most[SURFACES_IN_TABLE]; /* forces that static friction allows */
-    struct contact_problem problem;        /* with the bounds of friction in sliding */
+    int64_t side[MOST_IN_GROUP];    /* of every surface its entry in the mode, behind sections that are hit */
+    bool open[MOST_IN_GROUP];       /* surfaces that the group is made of, and sections that are hit */
+    int64_t sections;               /* how many of these there are */
+    int64_t count, contact[MOST_IN_GROUP]; /* contacts in play, in order */
+    int64_t static_ones;            /* contacts among them that have static friction */
+    bool slipped[MOST_IN_GROUP];    /* whether the load of such a one has reached its limit in this instant */
+    double least[MOST_IN_GROUP], most[MOST_IN_GROUP]; /* forces that static friction allows */
+    double lower[MOST_IN_GROUP], upper[MOST_IN_GROUP]; /* the bounds of friction in sliding */
+    struct contact_problem problem;
 };
 
 /* What is evaluated of a surface: its velocity in the fields, dh/dt, stands apart. */
@@ -220,14 +221,14 @@ static bool bound_forces(struct group *g, int64_t k, int64_t what, const double 
 {
     struct contact_problem *p = &g->problem;
     double inertia = own[INERTIA], largest = 0.0;
-    p->upper[k] = 1.0, p->lower[k] = -1.0;
+    g->upper[k] = 1.0, g->lower[k] = -1.0;
     if (!(what & FIXED))
         return true;
     for (int64_t j = 0; j < p->count && !(what & KNOWN_INERTIA); j++)
         if (j != k && fabs(p->m[k][j]) > largest)
             largest = fabs(p->m[k][j]), inertia = end_slopes[j] / p->m[k][j];
     if (what & BY_LOAD)
-        p->upper[k] = inertia * own[KINETIC], p->lower[k] = -p->upper[k];
+        g->upper[k] = inertia * own[KINETIC], g->lower[k] = -g->upper[k];
     g->most[k] = (own[RISING_END] + inertia * p->a[k]) / (inertia * p->m[k][k]);
     g->least[k] = -(own[FALLING_END] - inertia * p->a[k]) / (inertia * p->m[k][k]);
     return inertia > 0.0 && fabs(g->most[k]) < BLOWN_UP && fabs(g->least[k]) < BLOWN_UP;
@@ -256,7 +257,7 @@ static bool balance(const struct work *w, struct group *g)
     int64_t surfaces = w->tables->selection.surfaces, count = g->count;
     double *point = resting_point(w, g), *values = point + w->run->states + 2 * surfaces;
     const double *speeds = values + w->run->states + 2 * surfaces, *numbers = speeds + surfaces;
-    double own[SURFACES_IN_TABLE][OF_CONTACT];
+    double own[MOST_IN_GROUP][OF_CONTACT];
     square end_slopes;
     struct contact_problem *p = &g->problem;
     p->count = count;
@@ -289,50 +290,58 @@ static bool balance(const struct work *w, struct group *g)
     return true;
 }
 
-/* Mark the surfaces that are open: those of guards at zero, and those slid on, or at zero, that act on them by way of
- * others; false where a guard that is no surface's is at zero. */
-static bool mark_open(const struct work *w, const struct group *g, bool *open, bool *released)
+/* Entry of a surface in the present mode. */
+static int64_t present_entry(const struct work *w, int64_t surface)
+{
+    return w->words ? entry_in(w->entries, surface) : entry_of(w->mode->number, surface);
+}
+
+/* Mark the surfaces that are open, from one on, or from all (NOWHERE) that are hit: those of guards at zero, and those
+ * slid on, or at zero, that act on them by way of others; false where a guard that is no surface's is at zero. */
+static bool mark_open(const struct work *w, struct group *g, int64_t first, bool *released)
 {
     const struct selection *selection = &w->tables->selection;
     int64_t surfaces = selection->surfaces;
-    bool zero[SURFACES_IN_TABLE], more = true;
+    bool zero[MOST_IN_GROUP], more = true;
     for (int64_t i = 0; i < surfaces; i++)
-        zero[i] = g->before[i] == 0, open[i] = released[i] = false;
+        zero[i] = g->side[i] == 0, g->open[i] = i == first, released[i] = false;
     for (int64_t k = 0; k < w->mode->guards; k++)
         if (w->hits[k] == 1) {
             int64_t i = w->mode->guard[k].index;
             if (w->mode->guard[k].kind == VALID)
                 return false;
-            zero[i] = open[i] = true;
+            zero[i] = !(w->words && selection->contact[i] & SECTION);
+            g->open[i] = g->open[i] || first < 0;
             released[i] = released[i] || w->mode->guard[k].kind == RELEASE;
         }
     while (more) {
         more = false;
         for (int64_t i = 0; i < surfaces; i++)
             for (int64_t j = 0; j < surfaces; j++)
-                if (open[i] && zero[j] && !open[j] && selection->beside[i * surfaces + j])
-                    open[j] = more = true;
+                if (g->open[i] && zero[j] && !g->open[j] && selection->beside[i * surfaces + j])
+                    g->open[j] = more = true;
     }
     return true;
 }
 
-/* The contacts in play, behind sections that are hit; false where these are not the only surfaces. */
-static bool find_group(const struct work *w, struct group *g)
+/* The contacts in play, of a group from one surface on or of all that is hit (NOWHERE), behind sections that are hit;
+ * false where these are not the only surfaces. */
+static bool find_group(const struct work *w, struct group *g, int64_t first)
 {
     const struct selection *selection = &w->tables->selection;
-    bool open[SURFACES_IN_TABLE], released[SURFACES_IN_TABLE];
+    bool released[MOST_IN_GROUP];
     for (int64_t i = 0; i < selection->surfaces; i++)
-        g->before[i] = g->side[i] = selection->signs[w->run->mode * selection->surfaces + i];
-    if (!mark_open(w, g, open, released))
+        g->side[i] = present_entry(w, i);
+    if (!mark_open(w, g, first, released))
         return false;
     g->count = g->static_ones = g->sections = 0;
     for (int64_t i = 0; i < selection->surfaces; i++) {
         bool fixed = selection->contact[i] & FIXED;
-        if (open[i] && selection->contact[i] & SECTION) {
-            if (g->before[i] == 0)
+        if (g->open[i] && selection->contact[i] & SECTION) {
+            if (g->side[i] == 0)
                 return false;
-            g->side[i] = -g->before[i], g->sections += 1;
-        } else if (open[i]) {
+            g->side[i] = -g->side[i], g->sections += 1;
+        } else if (g->open[i]) {
             g->static_ones += fixed;
             g->slipped[g->count] = released[i] && fixed;
             g->contact[g->count++] = i;
@@ -344,11 +353,12 @@ static bool find_group(const struct work *w, struct group *g)
 /* Whether the sections that are hit are crossed with a speed. */
 static bool sections_crossed(const struct work *w, const struct group *g)
 {
-    int64_t surfaces = w->tables->selection.surfaces;
+    const struct selection *selection = &w->tables->selection;
+    int64_t surfaces = selection->surfaces;
     double *point = resting_point(w, g), *values = point + w->run->states + 2 * surfaces;
     velocities_at(w, point, values);
     for (int64_t i = 0; i < surfaces; i++)
-        if (g->side[i] != g->before[i] && !((double)g->side[i] * values[w->run->states + 2 * surfaces + i] > 0.0))
+        if (selection->contact[i] & SECTION && g->open[i] && !((double)g->side[i] * values[w->run->states + 2 * surfaces + i] > 0.0))
             return false;
     return true;
 }
@@ -359,11 +369,12 @@ static bool settled(const struct work *w, struct group *g, struct accelerations 
     if (!balance(w, g))
         return false;
     for (bool more = true; more;) {
-        struct contact_problem problem = g->problem;
-        for (int64_t k = 0; k < g->count; k++)
-            if (kind_of(w, g, k) & FIXED && !g->slipped[k])
-                problem.lower[k] = g->least[k], problem.upper[k] = g->most[k];
-        if (!clearly_solved(&problem, s))
+        for (int64_t k = 0; k < g->count; k++) {
+            bool fixed = kind_of(w, g, k) & FIXED && !g->slipped[k];
+            g->problem.lower[k] = fixed ? g->least[k] : g->lower[k];
+            g->problem.upper[k] = fixed ? g->most[k] : g->upper[k];
+        }
+        if (!clearly_solved(&g->problem, s))
             return false;
         more = false;
         for (int64_t k = 0; k < g->count; k++)
@@ -376,34 +387,41 @@ static bool settled(const struct work *w, struct group *g, struct accelerations 
     return true;
 }
 
-/* Number of the mode that follows where guards of the present one are at zero (hits), in a system with static friction;
- * UNCLEAR where that is not clear. */
-static int64_t mode_of_contacts(const struct work *w)
+/* Whether it is clear what becomes of a group; its contacts' entries are then its "side". */
+static bool group_decided(const struct work *w, struct group *g)
 {
-    const struct selection *selection = &w->tables->selection;
-    struct group g;
     struct accelerations s;
-    if (!find_group(w, &g) || (g.sections && !sections_crossed(w, &g)))
-        return UNCLEAR;
-    if (g.static_ones || g.count > MOST_COUPLED) {
-        if (!settled(w, &g, &s))
-            return UNCLEAR;
+    if (g->sections && !sections_crossed(w, g))
+        return false;
+    if (w->words || g->static_ones || g->count > MOST_COUPLED) {
+        if (!settled(w, g, &s))
+            return false;
     } else { /* its forces need not be those of friction */
-        struct in_play p = {.count = g.count, .first = w->run->states + 2 * selection->surfaces};
+        struct in_play p = {.count = g->count, .first = w->run->states + 2 * w->tables->selection.surfaces};
         struct affine f;
-        p.point = resting_point(w, &g), p.values = p.point + p.first;
-        memcpy(p.surface, g.contact, sizeof p.surface);
+        p.point = resting_point(w, g), p.values = p.point + p.first;
+        for (int64_t k = 0; k < g->count; k++)
+            p.surface[k] = g->contact[k];
         int64_t found = affine_velocities(w, &p, &f) ? only_candidate(&f, p.count) : UNCLEAR;
         if (found < 0)
-            return UNCLEAR;
-        for (int64_t k = 0; k < g.count; k++)
+            return false;
+        for (int64_t k = 0; k < g->count; k++)
             s.entry[k] = choice(found, k);
     }
+    for (int64_t k = 0; k < g->count; k++)
+        g->side[g->contact[k]] = s.entry[k];
+    return true;
+}
+
+/* Number of the mode that follows where guards of the present one, a row, are at zero (hits), in a system with static
+ * friction; UNCLEAR where that is not clear. */
+static int64_t mode_of_contacts(const struct work *w)
+{
+    struct group g;
     int64_t number = 0;
-    for (int64_t i = 0, k = 0; i < selection->surfaces; i++) {
-        bool open = k < g.count && g.contact[k] == i;
-        number += ((open ? s.entry[k] : g.side[i]) + 1) * three_to(i);
-        k += open;
-    }
+    if (!find_group(w, &g, NOWHERE) || !group_decided(w, &g))
+        return UNCLEAR;
+    for (int64_t i = w->mode->surfaces - 1; i >= 0; i--)
+        number = 3 * number + g.side[i] + 1;
     return number;
 }

@@ -62,12 +62,6 @@ static bool map_state(const struct work *w, const struct jump *jump)
     return bounded;
 }
 
-/* Entry of a surface in the mode of a number (henon_ref.filippov.modes.mode_number). */
-static int64_t entry_of(int64_t number, int64_t surface)
-{
-    return number / three_to(surface) % 3 - 1;
-}
-
 /* Number of the mode on the sides where a jump has put the state; -1 where it slides on. */
 static int64_t number_after(const struct work *w, const double *values)
 {
@@ -93,15 +87,6 @@ static bool carries_another(const struct work *w, const struct jump *jump)
             return true;
     }
     return false;
-}
-
-/* Row of the mode of a number; -1 where that is not compiled. */
-static int64_t row_of_number(const struct work *w, int64_t number)
-{
-    for (int64_t row = 0; row < w->tables->count; row++)
-        if (mode_at(w, row)->number == number)
-            return row;
-    return -1;
 }
 
 /* The guard of a surface that a mode does not slide on. */

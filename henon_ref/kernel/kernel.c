@@ -27,6 +27,7 @@
 #include "contact_problem.c"
 #include "jump.c"
 #include "transition.c"
+#include "contact_events.c"
 #include "near_zero.c"
 #include "close_event.c"
 #include "loop.c"

@@ -77,8 +77,9 @@ enum {
     DEPTH = 64,            /* pieces that root isolation keeps at once: as many halvings as a double has room for */
     ALIGNMENT = 8,         /* doubles in a line of the processor's cache: the parts of a block begin with one */
     LANES = 4,             /* doubles in a vector: rows of coefficients are whole vectors, padded with zeros */
-    SURFACES_IN_TABLE = 8, /* with more surfaces no table holds the row of every mode */
-    ENTRIES_IN_WORD = 32,  /* entries of a mode, two bits each, where contacts do not act on each other */
+    MOST_SURFACES = 39,    /* with more an integer holds no number of a mode that is a row */
+    MOST_IN_GROUP = 64,    /* contacts that act on each other and are decided together */
+    ENTRIES_IN_WORD = 32,  /* entries of a mode of contacts, two bits each */
     MOST_COUPLED = 4,      /* surfaces in play that act on each other; with more the candidates are searched, not
                               tried (Python does) */
     PAIR_ROWS = 64,        /* states and guards of a mode that is gone through in double-double */
@@ -160,8 +161,6 @@ struct selection {
                                 with static friction in states, signs and loads, and numbers of each contact behind
                                 them */
     const double *constants; /* theirs */
-    const int64_t *signs;    /* (M, surfaces): the entries of each row's mode */
-    const int64_t *rows;     /* row of every mode, written in base 3; -1 where not compiled */
     int64_t surfaces;
     int64_t decoupled; /* whether no normal velocity has the sign of another surface in it */
     const int64_t *contact; /* of each surface bits of enum contact; null where none has static friction */

@@ -117,11 +117,12 @@ static inline void set_known_zeros(struct work *w, const struct mode *mode, int6
 static bool change_mode(struct work *w, int64_t target)
 {
     struct run *run = w->run;
-    int64_t surfaces = w->tables->selection.surfaces, mode = run->mode, changes = 0;
-    const int64_t *before = w->tables->selection.signs + mode * surfaces;
-    const int64_t *now = w->tables->selection.signs + target * surfaces;
-    for (int64_t i = 0; i < surfaces; i++)
+    const struct mode *after = mode_at(w, target);
+    int64_t before[MOST_SURFACES], now[MOST_SURFACES], surfaces = w->mode->surfaces, mode = run->mode, changes = 0;
+    for (int64_t i = 0; i < surfaces; i++) {
+        before[i] = entry_of(w->mode->number, i), now[i] = entry_of(after->number, i);
         changes += before[i] != now[i] ? 1 : 0;
+    }
     if (changes == 0 || run->transitions + changes > run->transition_capacity)
         return false;
     for (int64_t i = 0; i < surfaces; i++)
@@ -129,7 +130,6 @@ static bool change_mode(struct work *w, int64_t target)
             int64_t kind = now[i] == 0 ? STICK : before[i] == 0 ? RELEASED : CROSSING;
             record_transition(w, kind, i, before[i], mode, target);
         }
-    const struct mode *after = mode_at(w, target);
     for (int64_t g = 0; g < after->guards; g++) {
         w->known_zeros[g] = 0;
         if (after->guard[g].kind != SURFACE)

@@ -13,9 +13,9 @@
 
 /* Surfaces in play at an event, and where their normal velocities are evaluated. */
 struct in_play {
-    int64_t surface[SURFACES_IN_TABLE];
-    int64_t released[SURFACES_IN_TABLE]; /* side to which it is let go; 0 where it is not */
-    int64_t releases, hits;              /* how many are let go, or hit in slip */
+    int64_t surface[MOST_SURFACES];
+    int64_t released[MOST_SURFACES]; /* side to which it is let go; 0 where it is not */
+    int64_t releases, hits;          /* how many are let go, or hit in slip */
     int64_t count;
     int64_t first;            /* of the velocities, among the values */
     double *point;            /* states, then the sign of every surface */
@@ -36,14 +36,6 @@ struct affine {
     int64_t index[MOST_COUPLED];
 };
 
-static int64_t three_to(int64_t exponent)
-{
-    int64_t power = 1;
-    for (; exponent > 0; exponent--)
-        power *= 3;
-    return power;
-}
-
 /* Sign of the k-th surface in play in a candidate (a number of base 3). */
 static int64_t choice(int64_t candidate, int64_t k)
 {
@@ -57,11 +49,8 @@ static void velocities_at(const struct work *w, const double *point, double *val
     selection->velocities(w->run->time, w->run->time_low, 1.0, point, selection->constants, values);
 }
 
-/* The candidate of surfaces that do not act on each other, from their velocities on both sides; -1: unclear.
- *
- * before: the entries of the mode that ends.
- */
-static int64_t each_alone(const struct work *w, const struct in_play *p, const int64_t *before)
+/* The candidate of surfaces that do not act on each other, from their velocities on both sides; -1: unclear. */
+static int64_t each_alone(const struct work *w, const struct in_play *p)
 {
     for (int side = 0; side < 2; side++) {
         for (int64_t i = w->run->states; i < p->first; i++)
@@ -77,7 +66,7 @@ static int64_t each_alone(const struct work *w, const struct in_play *p, const i
             entry = p->released[k];
         else if (below > margin && above < -margin)
             entry = 0;
-        else if (before[surface] == 0) /* it was not hit and slides on, if it is far from its own release */
+        else if (entry_of(w->mode->number, surface) == 0) /* it was not hit and slides on, if it is far from its own release */
             return -1;
         else if (smaller(below, above) > margin)
             entry = 1;
@@ -315,11 +304,11 @@ static bool ends_fall(struct work *w)
 
 /* Surfaces that a mode slides on, or whose guards are at zero; false where that is a guard of the model's end, or the
  * end of a slide after which other forces jump. */
-static bool surfaces_in_play(const struct work *w, const int64_t *before, struct in_play *p)
+static bool surfaces_in_play(const struct work *w, struct in_play *p)
 {
     p->count = p->releases = p->hits = 0;
     for (int64_t i = 0; i < w->tables->selection.surfaces; i++) {
-        bool involved = before[i] == 0;
+        bool involved = entry_of(w->mode->number, i) == 0;
         p->released[p->count] = 0;
         for (int64_t g = 0; g < w->mode->guards; g++) {
             const struct guard *guard = &w->mode->guard[g];
@@ -354,18 +343,17 @@ static int64_t released(const struct in_play *p)
 static int64_t select_mode(struct work *w)
 {
     const struct selection *selection = &w->tables->selection;
-    int64_t n = w->run->states, surfaces = selection->surfaces, found;
-    const int64_t *before = selection->signs + w->run->mode * surfaces;
+    int64_t n = w->run->states, surfaces = selection->surfaces, number = w->mode->number, found;
     struct in_play p = {.first = n + surfaces, .point = w->room};
     p.values = p.point + n + surfaces, p.others = p.values + n + 2 * surfaces;
-    if (!surfaces_in_play(w, before, &p) || (p.releases > 0 && !ends_fall(w)))
+    if (!surfaces_in_play(w, &p) || (p.releases > 0 && !ends_fall(w)))
         return UNCLEAR;
     for (int64_t i = 0; i < n; i++)
         p.point[i] = w->x[i];
     for (int64_t i = 0; i < surfaces; i++)
-        p.point[n + i] = (double)before[i];
+        p.point[n + i] = (double)entry_of(number, i);
     if (selection->decoupled) {
-        found = each_alone(w, &p, before);
+        found = each_alone(w, &p);
     } else if (p.hits == 0) { /* an equivalent sign has come to its limit: no force jumps, so that each ends alone */
         found = released(&p);
     } else {
@@ -377,14 +365,9 @@ static int64_t select_mode(struct work *w)
     }
     if (found < 0)
         return UNCLEAR;
-    int64_t entries[SURFACES_IN_TABLE], row = 0, power = 1;
-    for (int64_t i = 0; i < surfaces; i++)
-        entries[i] = before[i];
-    for (int64_t k = 0; k < p.count; k++)
-        entries[p.surface[k]] = choice(found, k);
-    for (int64_t i = 0; i < surfaces; i++) {
-        row += (entries[i] + 1) * power;
-        power *= 3;
+    for (int64_t k = 0; k < p.count; k++) {
+        int64_t i = p.surface[k];
+        number += (choice(found, k) - entry_of(w->mode->number, i)) * three_to(i);
     }
-    return selection->rows[row];
+    return row_of_number(w, number);
 }

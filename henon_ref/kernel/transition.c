@@ -8,6 +8,8 @@
  * for a force that jumps may turn the speed of a kink. What is not clear is left to Python.
  */
 
+static int64_t change_entries(struct work *w);
+
 /* Size of the smallest release guard, relative to all their coefficients, below which Python looks closer. */
 #define HOLD_MARGIN 1e-9
 
@@ -90,7 +92,7 @@ static int64_t apply_selection(struct work *w)
         return SELECT_MODE;
     if (selection->contact) {
         number = mode_of_contacts(w);
-        target = number < 0 ? UNCLEAR : selection->rows[number];
+        target = number < 0 ? UNCLEAR : row_of_number(w, number);
     } else {
         target = select_mode(w);
     }
@@ -333,54 +335,6 @@ static int64_t cross_kinks(struct work *w)
     return leave_instant(w, &at, &found);
 }
 
-/* What follows where a contact's guard is at zero, whatever the others do, noted in its entry; false where that is not
- * clear. */
-static bool contact_changes(struct work *w, int64_t g, const double *speeds)
-{
-    int64_t index = w->mode->guard[g].index;
-    struct change found = {RELEASED, w->mode->guard[g].mode_across, w->mode->guard[g].zeros_at_release};
-    if (w->mode->guard[g].kind == SURFACE && at_surface(w, w->mode, g, speeds, &found) != ON)
-        return false;
-    go_over(w, index, found.mode);
-    if (found.zeros == 0 && found.kind == RELEASED)
-        found.zeros = zeros_at_release(w->mode, index, speeds_at(w));
-    w->faint[2 * index] = found.zeros;
-    return found.kind == STICK || found.zeros > 0;
-}
-
-/* Change the entries of all contacts whose guards are at zero at one instant, each by itself: they do not act on each
- * other. ON, or why Python is needed, the mode then being as it was. */
-static int64_t apply_to_each(struct work *w)
-{
-    struct run *run = w->run;
-    const double *speeds = speeds_at(w);
-    int64_t changes = 0;
-    bool clear = ends_fall(w);
-    for (int64_t g = 0; g < w->mode->guards && clear; g++)
-        if (w->hits[g] == 1) {
-            clear = contact_changes(w, g, speeds);
-            changes += 1;
-        }
-    bool full = clear && run->transitions > 0 && run->transitions + changes > run->transition_capacity;
-    if (!clear || full) {
-        for (int64_t i = 0; i < run->contacts; i++)
-            if (entry_in(w->entries, i) != entry_in(w->left, i))
-                go_over(w, i, entry_in(w->left, i) + 1);
-        run->event_pending = full ? 1 : 0;
-        return full ? BLOCK_FULL : SELECT_MODE;
-    }
-    for (int64_t g = 0; g < w->mode->guards; g++)
-        w->known_zeros[g] = 0;
-    for (int64_t i = 0; i < run->contacts; i++) {
-        int64_t before = entry_in(w->left, i), now = entry_in(w->entries, i);
-        if (before == now)
-            continue;
-        w->known_zeros[2 * i] = now == 0 ? 0 : w->faint[2 * i];
-        record_transition(w, now == 0 ? STICK : before == 0 ? RELEASED : CROSSING, i, before, 0, 0);
-    }
-    return events_accumulate(run) ? EVENTS_ACCUMULATE : ON;
-}
-
 /* Whether the one thing that happens is that a surface which is slid on turns repelling, the fields on both sides at
  * once (a two-fold; Filippov, 1988, Sec. 19): the ends of the slide fall together, and both slips leave the surface. */
 static bool turns_repelling(struct work *w)
@@ -413,8 +367,8 @@ static int64_t apply_event(struct work *w)
         coincident = coincident || (w->hits[g] == 1 && g != run->guard);
     if (guard->kind == VALID)
         return LEFT_DOMAIN;
-    if (coincident && w->words)
-        return apply_to_each(w);
+    if (w->words && (coincident || guard->coupled != UNCOUPLED))
+        return change_entries(w);
     if (guard->jump && !coincident)
         return jump_transition(w);
     if (coincident && turns_repelling(w))

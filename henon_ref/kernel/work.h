@@ -114,6 +114,29 @@ static inline const struct mode *mode_at(const struct work *w, int64_t row)
     return mode_in(w->tables, row, w->run->guards);
 }
 
+static inline int64_t three_to(int64_t exponent)
+{
+    int64_t power = 1;
+    for (; exponent > 0; exponent--)
+        power *= 3;
+    return power;
+}
+
+/* Entry of a surface in the mode of a number (henon_ref.filippov.modes.mode_number). */
+static inline int64_t entry_of(int64_t number, int64_t surface)
+{
+    return number / three_to(surface) % 3 - 1;
+}
+
+/* Row of the mode of a number; -1 where that is not compiled. */
+static inline int64_t row_of_number(const struct work *w, int64_t number)
+{
+    for (int64_t row = 0; row < w->tables->count; row++)
+        if (mode_at(w, row)->number == number)
+            return row;
+    return -1;
+}
+
 /* Make the run's mode the present one; that of contacts is put together before (put_together). */
 static inline void enter(struct work *w)
 {

@@ -138,13 +138,12 @@ class System:
         """
         if not (reading is None or isinstance(reading, str)):
             raise ArgumentError(f"reading is {str(reading)[:60]!r}; wanted the name of a reading, or None")
-        from henon_ref.casefile.case import load_case, reading_sources  # what only files need
-        from henon_ref.casefile.yaml_file import read_yaml
+        from henon_ref.casefile.case import case_and_tree, reading_sources  # what only files need
 
-        case = load_case(path)
+        case, tree = case_and_tree(path)
         chosen = case.readings[0] if reading is None else case.reading(reading)
         self = cls.__new__(cls)
-        source = dict(reading_sources(read_yaml(case.path or path), None))[chosen.name]
+        source = dict(reading_sources(tree, None))[chosen.name]
         self._read(source.tree)
         problem = chosen.problem
         self.own_start = written_start(source, self.state)

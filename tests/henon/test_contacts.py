@@ -1,4 +1,4 @@
-"""Contacts that do not act on each other: their modes are numbers, put together and changed by the compiled loop."""
+"""Many contacts: their modes are numbers, put together and changed by the compiled loop."""
 
 from __future__ import annotations
 
@@ -9,9 +9,13 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+import sympy as sp
 
 import henon_ref as hr
+from henon_ref.filippov.problem import Problem
+from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.entries import numbered, packed, read, unpacked, words_of, written
+from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.records import HENON, mode_dtype
 from henon_ref.henon.run import Run
 from henon_ref.henon.workspace import places
@@ -25,13 +29,25 @@ LOCAL_ERROR = 0.1 * RTOL
 UNTIL = 20
 
 
-def chain(blocks: int, static: float = 0.0, every_other: int = 2) -> hr.System:
+BESIDE = {
+    "section": ("x0 + x1 - 0.3", ""),
+    "section of a block's own speed": ("v0 - 0.2", ""),
+    "stop": ("x0 - 1", " - 5*(1 + k)/2*(x0 - 1)"),
+    "kink of two": ("x0 - x1", " - k*(x0 - x1)"),
+    "force that jumps": ("x1 - 0.1", " - 0.3*k"),
+}
+"""A surface that stands beside the contacts, and the force that its side has on the first block."""
+
+
+def chain(blocks: int, static: float = 0.0, every_other: int = 2, beside: str = "") -> hr.System:
     """Blocks on a belt, a spring each to the wall and to the neighbours, friction that falls with the sliding speed.
 
-    ``static``: of every second block, say, what holds it; 0: no more than friction in sliding.
+    ``static``: of every second block, say, what holds it; 0: no more than friction in sliding. ``beside``: of BESIDE.
     """
     every = range(blocks)
     pulls = [f"-x{i}" + "".join(f" - (x{i} - x{j})" for j in (i - 1, i + 1) if j in every) for i in every]
+    other, force = BESIDE.get(beside, ("", ""))
+    pulls[0] += force
     field = [*(f"v{i}" for i in every), *(f"{pulls[i]} - F*s{i}/(1 + d*s{i}*(v{i} - vb))" for i in every)]
     held = {
         f"s{i}": {
@@ -47,7 +63,7 @@ def chain(blocks: int, static: float = 0.0, every_other: int = 2) -> hr.System:
     return hr.System(
         state=[*(f"x{i}" for i in every), *(f"v{i}" for i in every)],
         parameters={"F": 1, "d": 3, "vb": 0.5},
-        surfaces={f"s{i}": f"v{i} - vb" for i in every},
+        surfaces={f"s{i}": f"v{i} - vb" for i in every} | ({"k": other} if other else {}),
         field=field,
         sliding=held or None,
     )
@@ -80,6 +96,44 @@ def test_a_mode_that_was_not_seen_before_is_no_affair_of_python(static: float) -
         assert (rows, len(table.modes), len(table._guards), len(table._by_number)) == (3, 3, 0, 0)
         assert constants <= 3 * sum(len(tape.tape.constants) for tape in table.codes[0].tapes)
     assert len(seen) > 100
+
+
+@pytest.mark.parametrize("static", [0.0, 1.2])
+@pytest.mark.parametrize("beside", BESIDE)
+def test_what_stands_beside_a_chain_costs_no_rows_of_modes(beside: str, static: float) -> None:
+    system = chain(8, static, beside=beside)
+    integrator, forces_jump, asked = integrator_of(system, LOCAL_ERROR), beside == "force that jumps", 0
+    crossed = 0
+    for seed in range(3):
+        found = run(system, start(8, seed))
+        assert found.status == "ok"
+        crossed += sum(t.surface == 8 for t in found.transitions)
+        decisions = found.counts.decisions
+        asked += decisions.mode_selections  # where a force that jumps ends a slide
+        assert decisions._replace(mode_selections=0) == Decisions()
+        assert len(integrator.mode_table.modes) == 3
+    assert crossed > 5
+    assert asked <= (2 if forces_jump else 0)
+    assert all(len(own) < 2 for tape in integrator.mode_table.codes[0].tapes for own in tape.owners)
+
+
+@pytest.mark.parametrize("beside", BESIDE)
+def test_a_chain_with_more_beside_it_is_what_its_own_modes_make_of_it(
+    beside: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    system, until = chain(4, 1.2, beside=beside), 4
+    found = run(system, start(4, 2), until)
+    monkeypatch.setattr(FilippovSystem, "switched", None)
+    order, initial = integrator_of(system, LOCAL_ERROR).order, start(4, 2)
+    parameters = {p: sp.Rational(v) for p, v in zip(sp.symbols("F d vb", real=True), ("1", "3", "1/2"), strict=True)}
+    rows = Integrator(replace(system.model, parameters=parameters), order)
+    exact = tuple(sp.Rational(str(v)) for v in initial.values())
+    own = rows.start(Problem(rows.system, sp.S.Zero, exact, sp.Integer(until)), tolerance=LOCAL_ERROR, landing=HENON)
+    other = Run(rows, own).to_horizon()
+    told = [[(t.kind, t.surface, t.from_mode, t.to_mode) for t in each.transitions] for each in (found, other)]
+    assert told[0] == told[1]
+    assert len(told[0]) > 8
+    assert [t.time for t in found.transitions] == pytest.approx([t.time for t in other.transitions], abs=1e-8)
 
 
 def test_a_run_is_the_same_again() -> None:

@@ -54,8 +54,7 @@ def slow_integrator(problem: Problem) -> Integrator:
     system = replace(problem.system)
     vars(system)["switched"] = None  # else contacts that do not act on each other are decided each by itself
     integrator = Integrator(system, 18)
-    table = integrator.mode_table
-    table.compiled = replace(table.compiled, rows=table.compiled.rows[:0])
+    vars(integrator.mode_table)["normals"] = None
     return integrator
 
 
