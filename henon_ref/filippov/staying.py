@@ -1,6 +1,6 @@
 """Points at which a run stays on a surface that it does not slide on: rest exactly on a kink, say.
 
-No slip leaves the surface then, and no mode is consistent by the rule of :mod:`henon_ref.filippov.switching`. Where the
+No slip leaves the surface then, and no mode is consistent by the rule of :mod:`henon_ref.filippov.selection`. Where the
 slips that stay have the same motion, to all derivatives that are looked at, it is the run's, in either of them: no
 transition. Where they have not, so that the field jumps along the motion, every mean of the two sides is one as well
 (Filippov, 1988, Sec. 4), and the future is not unique.
