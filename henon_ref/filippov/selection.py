@@ -12,7 +12,7 @@ it. :func:`sign_after` is its case of one surface and two velocities that are cl
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import product
 from typing import Any, Protocol
@@ -22,6 +22,7 @@ import sympy as sp
 from henon_ref.errors import ModelError
 from henon_ref.filippov.arithmetic import CLEAR, NO_VALUE, Point
 from henon_ref.filippov.consistency import broken_in_groups, clear_sign, indeterminate, staying, violations
+from henon_ref.filippov.contact_loops import Relation, relations
 from henon_ref.filippov.decision import Decision, ended, explained, with_entries, without_indeterminate
 from henon_ref.filippov.decoupled_contacts import Contact
 from henon_ref.filippov.equations import Guard
@@ -29,9 +30,9 @@ from henon_ref.filippov.exact_numbers import exact_sign
 from henon_ref.filippov.held_groups import Numbers, by_groups, decide_groups, slipped_by
 from henon_ref.filippov.modes import Mode, mode_text, replaced
 from henon_ref.filippov.resting import unless_into_surface
-from henon_ref.filippov.staying import staying_mode
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
+from henon_ref.text import listed
 
 PLAIN = 1e-3
 """Part of the jump of a surface's rate between its sides from which on a rate is plainly no zero."""
@@ -205,15 +206,14 @@ def _decided(at: Point, mode: Mode, active: tuple[int, ...], slipped: Collection
     alone = _decided_alone(at, mode, active, slipped)
     if alone is not None:
         return Decision("unique", alone)
-    system, zero = at.system, at.levels[0]
+    system = at.system
     one_of = _in_groups if by_groups(system, active) else _of_all
     for level in at.levels:
         decision = one_of(at, mode, active, slipped, level)
         if decision.status != "none":
             break
     if decision.status == "none" and one_of is _of_all:
-        left = partial(staying, at, active=active, zero=zero)
-        decision = staying_mode(system, mode, active, left, at.same_motion, f"at t = {at.when}") or decision
+        decision = _staying_mode(at, mode, active) or decision
     return explained(decision, system, mode, active) if decision.mode is None else _attracting(at, decision)
 
 
@@ -257,18 +257,61 @@ def _attracting(at: Point, decision: Decision) -> Decision:
 
 def _of_all(at: Point, mode: Mode, active: tuple[int, ...], slipped: Collection[int], zero: float) -> Decision:
     """The one consistent mode of all that surfaces in play allow."""
-    candidates = (
-        with_entries(mode, active, choice) for choice in product(*(at.system.entries_from(mode[i], i) for i in active))
-    )
-    found = [candidate for candidate in candidates if violations(at, candidate, active, zero) == []]
+    found = [candidate for candidate in _candidates(at, mode, active) if violations(at, candidate, active, zero) == []]
     if len(found) > 1:
         found = without_indeterminate(found, active, lambda mode, i: indeterminate(at, mode, i, zero))
     if len(found) == 1:
         return Decision("unique", found[0])
     if not found:
         return Decision("none", None, f"no mode is consistent at t = {at.when}")
+    return _several(at, found)
+
+
+def _candidates(at: Point, mode: Mode, active: tuple[int, ...]) -> Iterator[Mode]:
+    """All modes that surfaces in play allow."""
+    entries = product(*(at.system.entries_from(mode[i], i) for i in active))
+    return (with_entries(mode, active, choice) for choice in entries)
+
+
+def _several(at: Point, found: Sequence[Mode]) -> Decision:
     modes = " or ".join(mode_text(m, at.system.sign_names) for m in found)
     return Decision("nonunique", None, f"the future is not unique at t = {at.when}: {modes}")
+
+
+def _staying_mode(at: Point, mode: Mode, active: tuple[int, ...]) -> Decision | None:
+    """What follows where no mode leaves some surfaces, as at rest exactly on a kink; None where something else is it.
+
+    Where the slips that stay have the same motion, to all derivatives that are looked at, it is the run's, in either of
+    them: no transition; the sign of a surface that the run stays on is kept, +1 where it has none. Where they have not,
+    so that the field jumps along the motion, every mean of the two sides is one as well (Filippov, 1988, Sec. 4), and
+    the future is not unique.
+    """
+    system, stay, found = at.system, set[int](), list[Mode]()
+    tied = [relation for relation in relations(system, active) if _unsettled(system, relation)]
+    if tied:
+        names = listed([system.sign_names[i] for i in sorted(tied[0])])
+        reason = f"no mode is consistent at t = {at.when}: the surfaces of {names} depend on each other, and "
+        return Decision("none", None, reason + "their signs do not act on them as forces and counterforces do")
+    for candidate in _candidates(at, mode, active):
+        surfaces = staying(at, candidate, active, at.levels[0])
+        if surfaces and not any(map(system.rests, surfaces)):  # a body on such a surface rests, and that is a mode
+            stay |= surfaces
+            found.append(candidate)
+    if not found:
+        return None
+    if not all(at.same_motion(found[0], other) for other in found[1:]):
+        return _several(at, found)
+    own = [i for i in active if i in stay]
+    return Decision("unique", with_entries(found[0], own, [mode[i] or 1 for i in own]))
+
+
+def _unsettled(system: FilippovSystem, relation: Relation) -> bool:
+    """Whether surfaces that depend on each other are no loop of contacts, and more than one surface written twice.
+
+    A continuous kink cannot be slid on by itself.
+    """
+    plain = [i for i in relation if i not in system.overrides]
+    return len(relation) > 2 and bool(plain) and all(system.can_slide(frozenset((i,))) for i in plain)
 
 
 def _in_groups(at: Point, mode: Mode, active: tuple[int, ...], slipped: Collection[int], zero: float) -> Decision:
