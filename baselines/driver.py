@@ -8,7 +8,7 @@ is here and the same for all. At an event the driver
    library left there (rounding after a located event, tolerance after a long slide) and no more; the
    largest such distance is the trajectory's ``max_surface_drift``;
 3. decides the next mode: by the signs of the normal velocities on the two sides where these settle it
-   (:mod:`baselines.mode_table`), by :class:`~henon_ref.filippov.switching.Switching` everywhere else;
+   (:mod:`baselines.mode_table`), by :mod:`henon_ref.filippov.selection` everywhere else;
 4. starts the next mode and names the guards that start at zero: what to do about those is the library's.
 
 A run ends at the horizon (an event at the horizon counts), or earlier with a status: ``diverged`` (the
@@ -36,6 +36,7 @@ from henon_ref.errors import ModelError, UnsupportedError
 from henon_ref.filippov.callables import ARITHMETIC
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.problem import Problem
+from henon_ref.filippov.selection import initial_mode
 from henon_ref.solver import Run
 from henon_ref.trajectory import Trajectory, without_hidden_kinks
 
@@ -82,7 +83,7 @@ class Driver:
         self.until = float(problem.until)
         self.initial = tuple(float(v) for v in problem.initial)
         self.table = ModeTable(problem.system, library, work, self.until - self.start, known)
-        self.decision = self.table.switching.initial_mode(problem.start, problem.initial, problem.initial_mode)
+        self.decision = initial_mode(self.table.in_doubles, problem.start, problem.initial, problem.initial_mode)
         self._first: tuple[ModeEntry, tuple[Fresh, ...]] | None = None
         if self.decision.mode is not None:
             try:
@@ -113,7 +114,6 @@ class Driver:
     def run(self) -> Trajectory:
         """The whole run, afresh."""
         self.work.start()
-        self.table.switching.forget()
         system, x = self.problem.system, self.initial
         record = Record(
             self.work,

@@ -2,7 +2,7 @@
 
 Where one guard alone has fallen, its surface and those that slide do not act on each other, and neither normal
 velocity is near zero, what follows is settled by two signs, and costs a few microseconds; every other event
-is :class:`~henon_ref.filippov.switching.Switching`'s.
+is decided by :mod:`henon_ref.filippov.selection`.
 """
 
 from __future__ import annotations
@@ -17,15 +17,18 @@ from baselines.mode_functions import EPSILON, ModeFunctions, projected
 from baselines.restart import Fresh
 from baselines.work import Work
 from henon_ref.filippov.after_jump import after_jump, without_speed
+from henon_ref.filippov.arithmetic import CLEAR
 from henon_ref.filippov.callables import ARITHMETIC, Scalar, scalar
+from henon_ref.filippov.consistency import stays
 from henon_ref.filippov.decision import Decision
 from henon_ref.filippov.equations import Guard
+from henon_ref.filippov.in_doubles import in_doubles
+from henon_ref.filippov.mode_evaluation import ModeEvaluation
 from henon_ref.filippov.modes import Mode, replaced
 from henon_ref.filippov.resets import resetting
 from henon_ref.filippov.resting import REMAINING, impact_of
-from henon_ref.filippov.switching import Switching
+from henon_ref.filippov.selection import after_event, mode_by_signs, sign_after
 from henon_ref.filippov.system import FilippovSystem
-from henon_ref.filippov.two_signs import CLEAR, sign_after
 from henon_ref.jit.processor_time import compiling
 from henon_ref.trajectory import Status
 
@@ -170,7 +173,7 @@ class ModeTable:
         self, system: FilippovSystem, library: Library, work: Work, horizon: float, known: ModeTable | None = None
     ) -> None:
         self.system = system
-        self.switching: Switching = known.switching if known else Switching(system)
+        self.in_doubles: ModeEvaluation = known.in_doubles if known else in_doubles(system)
         self._library = library
         self._work = work
         self._horizon = horizon
@@ -188,7 +191,7 @@ class ModeTable:
         if key not in self._entries:
             with compiling():
                 if key not in self._models:
-                    self._models[key] = ModeFunctions(self.system, mode, self.switching, idle)
+                    self._models[key] = ModeFunctions(self.system, mode, self.in_doubles, idle)
                 model = self._models[key]
                 self._entries[key] = ModeEntry(model, self._library.flow(model, self._work, self._horizon))
         return self._entries[key]
@@ -225,12 +228,12 @@ class ModeTable:
 
     def _stays(self, t: float, x: Sequence[float], mode: Mode, index: int) -> bool:
         try:
-            return self.switching.stays(t, x, mode, index)
+            return stays(self.in_doubles.at(t, x), mode, index)
         except ARITHMETIC:
             return False
 
     def decided(self, entry: ModeEntry, hits: Sequence[int], t: float, x: tuple[float, ...]) -> After:
-        """What follows any event, by :class:`Switching`."""
+        """What follows any event, by :func:`after_event`."""
         model = entry.model
         guards = [model.guards[k] for k in hits]
         sliding = {i for i, s in enumerate(model.mode) if s == 0}
@@ -241,11 +244,12 @@ class ModeTable:
             x = x if impact is None else tuple(without_speed(impact, self, t, x))
         if resets := resetting(self.system, model.mode, guards):
             return self._jumped(resets, guards, model.mode, t, x, drift)
-        decision = self.switching.after_event(t, x, model.mode, guards)
+        at = self.in_doubles.at(t, x)
+        decision = after_event(at, model.mode, guards)
         if decision.mode is None:
             return After(None, x, (), drift, (), decision.ending, decision.reason)
         same = [g.index for g in guards if g.kind == "surface" and decision.mode[g.index] == model.mode[g.index]]
-        touched = tuple(i for i in same if not self.switching.stays(t, x, model.mode, i))
+        touched = tuple(i for i in same if not stays(at, model.mode, i))
         fresh = self.fresh_at(self[decision.mode], t, x, tuple(involved))
         lifted = {i for i, entry in enumerate(model.mode) if entry == 0 and self.system.rests(i)}
         return After(decision.mode, x, self._without_rate(decision.mode, fresh, lifted), drift, touched)
@@ -254,7 +258,6 @@ class ModeTable:
         self, resets: tuple[int, ...], hits: Sequence[Guard], mode: Mode, t: float, x: tuple[float, ...], drift: float
     ) -> After:
         """What follows where surfaces reset the state, which is on all that are hit."""
-        self.switching.forget()
         after = after_jump(self.system, self, mode, resets, hits, t, x, REMAINING * self._horizon)
         decision, state, applied = after.decision, tuple(after.state), after.applied
         if decision.mode is None:
@@ -281,7 +284,7 @@ class ModeTable:
 
     def guard_series(self, mode: Mode, t: float, x: Sequence[float]) -> list[list[float]]:
         """Taylor coefficients in time of a mode's guards."""
-        return self.switching.guard_series(mode, t, x)
+        return self.in_doubles.guard_series(mode, t, x)
 
     def sign(self, value: float) -> int:
         """-1, 0 or 1."""
@@ -289,7 +292,7 @@ class ModeTable:
 
     def decide(self, t: float, x: Sequence[float], surfaces: Sequence[int], valid: Sequence[int]) -> Decision:
         """The mode at a point where surfaces and ``valid`` expressions have these signs."""
-        return self.switching.mode_by_signs(t, list(x), surfaces, valid, {})
+        return mode_by_signs(self.in_doubles.at(t, x), surfaces, valid, where="after the reset")
 
     def text(self, t: float) -> str:
         """A time as messages have it."""

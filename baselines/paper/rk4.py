@@ -22,11 +22,11 @@ from baselines.paper.rk4_kernel import EVENT, NO_GUARD, NOT_FINITE, Floats, Kern
 from henon_ref.errors import UnsupportedError
 from henon_ref.filippov.decision import Decision
 from henon_ref.filippov.equations import Guard
+from henon_ref.filippov.in_doubles import in_doubles
 from henon_ref.filippov.modes import Mode, replaced, transition_kind
 from henon_ref.filippov.problem import Problem
-from henon_ref.filippov.switching import Switching
+from henon_ref.filippov.selection import after_event, initial_mode, sign_after
 from henon_ref.filippov.system import FilippovSystem
-from henon_ref.filippov.two_signs import sign_after
 from henon_ref.jit.processor_time import Deadline, compiling
 from henon_ref.solver import Run
 from henon_ref.taylor.tape import TIME
@@ -112,7 +112,7 @@ class _Plan:
     def __init__(self, problem: Problem, step: float) -> None:
         self.problem = problem
         self.step = step
-        self.switching = Switching(problem.system)
+        self.in_doubles = in_doubles(problem.system)
         system = problem.system
         surfaces = [system.numeric(h) for h in system.surfaces]
         normals = [system.numeric(system.normal_velocity(i)) for i in range(len(surfaces))]
@@ -127,17 +127,17 @@ class _Plan:
         return self._kernels[mode]
 
     def after_event(self, t: float, x: Sequence[float], mode: Mode, hits: Sequence[Guard]) -> Decision:
-        """As :meth:`Switching.after_event`, short where one surface is clearly left or reached."""
+        """As :func:`henon_ref.filippov.selection.after_event`, short where one surface is clearly left or reached."""
         if len(hits) == 1 and self._by_signs(hits[0]) and 0 not in mode:
             i = hits[0].index
             try:
                 below, above = (self._normals(t, *x, *replaced(mode, i, s))[i] for s in (-1, 1))
             except (ArithmeticError, ValueError):
-                return self.switching.after_event(t, x, mode, hits)
+                return after_event(self.in_doubles.at(t, x), mode, hits)
             sign = sign_after(below, above)
             if sign is not None:
                 return Decision("unique", replaced(mode, i, sign))
-        return self.switching.after_event(t, x, mode, hits)
+        return after_event(self.in_doubles.at(t, x), mode, hits)
 
     def _by_signs(self, hit: Guard) -> bool:
         """Whether the slip fields may decide what follows."""
@@ -165,8 +165,7 @@ class _Integration:
     def run(self) -> Trajectory:
         """Integrate to the horizon, or to where there is no going on."""
         problem = self.plan.problem
-        self.plan.switching.forget()
-        decision = self.plan.switching.initial_mode(problem.start, problem.initial, problem.initial_mode)
+        decision = initial_mode(self.plan.in_doubles, problem.start, problem.initial, problem.initial_mode)
         recent: deque[float] = deque(maxlen=CROWDED)
         while decision.mode is not None:
             self.mode = decision.mode

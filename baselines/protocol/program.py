@@ -16,9 +16,10 @@ from baselines.protocol.messages import Problem as ProblemText
 from baselines.protocol.problem_text import problem_text
 from baselines.protocol.reader import read_response, trajectory
 from henon_ref.errors import ContractError, UnavailableError, UnsupportedError
+from henon_ref.filippov.in_doubles import in_doubles
 from henon_ref.filippov.kinks import visible
 from henon_ref.filippov.problem import Problem
-from henon_ref.filippov.switching import Switching
+from henon_ref.filippov.selection import initial_mode
 from henon_ref.solver import Run
 from henon_ref.text import short_line
 from henon_ref.trajectory import Trajectory
@@ -71,7 +72,7 @@ class ProgramSolver:
         if (step is None) == self.fixed_step or (rtol is None) != self.fixed_step:
             driver = "step" if self.fixed_step else "rtol (and atol)"
             raise UnsupportedError(f"{self.name} is driven by {driver} alone")
-        decision = Switching(problem.system).initial_mode(problem.start, problem.initial, problem.initial_mode)
+        decision = initial_mode(in_doubles(problem.system), problem.start, problem.initial, problem.initial_mode)
         if decision.mode is None:
             initial = tuple(float(v) for v in problem.initial)
             nowhere = (0,) * len(problem.system.surfaces)

@@ -110,8 +110,8 @@ class TangentAnalysis:
 
     @property
     def transition_function(self) -> sp.Expr:
-        """sigma(z), Eqs. (9) and (19)."""
-        return sp.factor(self.on_surface(self.system.transition_function(self.surface)))
+        """sigma(z), the product of dh/dt on both sides, Eqs. (8), (9), (19)."""
+        return sp.factor(self.normals[-1] * self.normals[1])
 
     @property
     def derivative(self) -> sp.Expr:

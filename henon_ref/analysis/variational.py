@@ -37,7 +37,7 @@ from henon_ref.filippov.equations import ModeEquations
 from henon_ref.filippov.exact_numbers import double_double
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.problem import Problem
-from henon_ref.filippov.switched_field import SwitchedField
+from henon_ref.filippov.switched_field import SwitchedField, kept
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.prepared_run import order_for
@@ -86,15 +86,13 @@ class AugmentedSystem(FilippovSystem):
         """None: a contact of the base that slides changes the rates of tangent vectors, too."""
         return None
 
+    @kept
     def shared_equations(self, sliding: frozenset[int]) -> ModeEquations:
         """See :meth:`FilippovSystem.shared_equations`."""
-        key = ("shared", sliding)
-        if key not in self._cache:
-            base = cast(FilippovSystem, self.base)
-            equations = base.shared_equations(sliding)
-            field = _with_tangents(base, equations.field, self.states[len(base.states) : -1], sliding)
-            self._cache[key] = replace(equations, field=field)
-        return self._cache[key]
+        base = cast(FilippovSystem, self.base)
+        equations = base.shared_equations(sliding)
+        field = _with_tangents(base, equations.field, self.states[len(base.states) : -1], sliding)
+        return replace(equations, field=field)
 
     def with_reactions(self, resting: frozenset[int]) -> SwitchedField:
         """See :meth:`FilippovSystem.with_reactions`: of the base, whose contacts these are."""

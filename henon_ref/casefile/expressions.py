@@ -2,7 +2,7 @@
 
 The text is scanned (:mod:`henon_ref.casefile.grammar`), parsed by Python's ``ast`` and walked node by node
 through a whitelist (:mod:`henon_ref.casefile.syntax_walk`). ``eval``, ``sympify`` and ``parse_expr`` are never called.
-What the texts of one file cost together is bounded (:mod:`henon_ref.filippov.work`), and none is worked out twice.
+What the texts of one file cost together is bounded (:mod:`henon_ref.casefile.work`), and none is worked out twice.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from collections.abc import Mapping
 import sympy as sp
 
 from henon_ref.casefile.syntax_walk import SyntaxWalk, read_text
+from henon_ref.casefile.work import CACHED, Work, key_of, names_in, overlaid
 from henon_ref.errors import ExpressionError
 from henon_ref.filippov.bounds import MAX_TERMS, check_constant, check_smooth, terms, with_known_functions
-from henon_ref.filippov.work import CACHED, Work, key_of, names_in, overlaid
 
 
 def parse_expression(text: str, names: Mapping[str, sp.Expr], work: Work | None = None) -> sp.Expr:

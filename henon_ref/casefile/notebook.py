@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from html import escape
 
-from henon_ref.filippov.formulas import general_form
+from henon_ref.filippov.latex import general_form
 from henon_ref.filippov.problem import Problem
 from henon_ref.text import html, listed
 

@@ -18,7 +18,7 @@ from henon_ref.casefile.kinks import Kinks
 from henon_ref.casefile.requirements import Requirements
 from henon_ref.casefile.source import Names, Path, Source, check_kinks, resolved
 from henon_ref.casefile.tree import MappingNode, ScalarNode, SequenceNode, child
-from henon_ref.filippov.work import names_in
+from henon_ref.casefile.work import names_in
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed
 

@@ -15,8 +15,8 @@ from henon_ref.casefile.expressions import check_sides, parse_expression, parse_
 from henon_ref.casefile.grammar import MAX_STATES, name_problem, scan
 from henon_ref.casefile.kinks import MAX_INNER, Kinks, at_signs, without_signs
 from henon_ref.casefile.tree import MappingNode, ScalarNode, SequenceNode, child, locate
+from henon_ref.casefile.work import Work, names_in, overlaid
 from henon_ref.errors import CaseError, ExpressionError
-from henon_ref.filippov.work import Work, names_in, overlaid
 from henon_ref.taylor.tape import TIME
 
 T = TypeVar("T")
@@ -95,7 +95,7 @@ class Source:
             raise self._placed(path, error, "") from None
 
     def charge(self, path: Path, characters: int) -> None:
-        """Count work that is done for what a path leads to (see :class:`henon_ref.filippov.work.Work`)."""
+        """Count work that is done for what a path leads to (see :class:`henon_ref.casefile.work.Work`)."""
         try:
             self.work.charge(characters, 0)
         except ExpressionError as error:

@@ -1,9 +1,9 @@
 """The mode after an event or at the start, decided on balls: strict signs, exact zeros, or no decision.
 
-The rule is that of :mod:`henon_ref.filippov.switching`: the one mode whose own field keeps it. Here a sign
-counts only where a ball excludes zero; a zero counts only where it is proven by algebra (the start is given
-in exact numbers; after an event the surface is exactly zero) or by structure (the field is continuous across
-a Filippov release, so the surface's normal velocity is exactly zero there).
+The rule, the one mode whose own field keeps it, is written here anew: nothing of :mod:`henon_ref.filippov.selection` is
+used, so that a proof is a check on it. A sign counts only where a ball excludes zero; a zero counts only where it is
+proven by algebra (the start is given in exact numbers; after an event the surface is exactly zero) or by structure (the
+field is continuous across a Filippov release, so the surface's normal velocity is exactly zero there).
 """
 
 from __future__ import annotations

@@ -12,6 +12,7 @@ from typing import Any, Protocol
 import sympy as sp
 
 from henon_ref.errors import ModelError
+from henon_ref.filippov.arithmetic import NO_VALUE
 from henon_ref.filippov.cascade import Cascade, Instant, Numbers
 from henon_ref.filippov.decision import Decision
 from henon_ref.filippov.equations import Guard, gradient
@@ -20,11 +21,8 @@ from henon_ref.filippov.resting import Impact, impact_of, time_to_rest, turning_
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.text import listed
 
-NO_VALUE = (ZeroDivisionError, ValueError, OverflowError)
-"""What ``math`` and python-flint raise where an expression has no finite value."""
 
-
-class Arithmetic(Numbers, Protocol):
+class Jumping(Numbers, Protocol):
     """How numbers are computed and told from zero; a state is a sequence of them."""
 
     def guard_series(self, mode: Mode, t: Any, x: Sequence[Any]) -> Sequence[Sequence[Any]]:
@@ -63,7 +61,7 @@ class AfterJump:
 
 def after_jump(
     system: FilippovSystem,
-    numbers: Arithmetic,
+    numbers: Jumping,
     mode: Mode,
     surfaces: tuple[int, ...],
     hits: Sequence[Guard],
@@ -76,7 +74,7 @@ def after_jump(
     Parameters
     ----------
     system : FilippovSystem
-    numbers : Arithmetic
+    numbers : Jumping
     mode : Mode
         Before the jump.
     surfaces : tuple of int
@@ -99,7 +97,7 @@ def after_jump(
     return replace(_Rule(system, numbers, mode, end, t).after(most), applied=end.applied)
 
 
-def without_speed(impact: Impact, numbers: Arithmetic, t: Any, x: Sequence[Any]) -> list[Any]:
+def without_speed(impact: Impact, numbers: Jumping, t: Any, x: Sequence[Any]) -> list[Any]:
     """A state whose h' a force of the surface has taken, on which a body can rest."""
     speed, *push = numbers.values((impact.speed, *impact.push), t, x)
     return [value - speed * p for value, p in zip(x, push, strict=True)]
@@ -108,7 +106,7 @@ def without_speed(impact: Impact, numbers: Arithmetic, t: Any, x: Sequence[Any])
 class _Rule:
     """What follows the last map of an instant."""
 
-    def __init__(self, system: FilippovSystem, numbers: Arithmetic, mode: Mode, end: Instant, t: Any) -> None:
+    def __init__(self, system: FilippovSystem, numbers: Jumping, mode: Mode, end: Instant, t: Any) -> None:
         self.system, self.numbers, self.mode, self.t = system, numbers, mode, t
         self.state, self.sides = end.state, list(end.sides)
         fired = {i for i, _ in end.applied}

@@ -10,14 +10,15 @@ symbol and is not looked into.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from math import comb, prod
 
 import sympy as sp
 
-from henon_ref.filippov.bounds import terms
+from henon_ref.filippov.bounds import put, terms
 from henon_ref.filippov.exact_numbers import exact_sign
-from henon_ref.filippov.switched_field import up_to_a_number
+from henon_ref.filippov.switched_field import SwitchedField, up_to_a_number
+from henon_ref.taylor.tape import TIME
 
 MAX_TERMS, MAX_MONOMIALS = 50, 2_000
 """Terms that numerator and denominator may have, multiplied out, and products of powers that there are below the
@@ -32,6 +33,8 @@ MAX_SIZE = 100_000
 """Size that the equations of a mode may have, all together."""
 MAX_DERIVED = 400
 """Size up to which a nonlinear expression is differentiated to see whether its derivative is a constant."""
+DIGITS, AGREE = 40, sp.Float("1e-25")
+"""Digits of the values, and how far apart two of the same may be, of their size."""
 
 
 def simplified(expression: sp.Expr) -> sp.Expr:
@@ -191,3 +194,11 @@ def _terms(expression: sp.Expr) -> int:
             n = abs(int(exponent))
             count = min(count * comb(len(base.args) + n - 1, n), MAX_EXPANDED + 1)
     return count
+
+
+def sample(system: SwitchedField, expressions: Sequence[sp.Expr]) -> list[sp.Expr]:
+    """Values of expressions at a point whose coordinates are quotients of primes, the system's parameters put in."""
+    symbols = sorted(set().union(*(e.free_symbols for e in expressions)), key=str)
+    numbers = {s: sp.Rational(sp.prime(k + 7), sp.prime(k + 17)) for k, s in enumerate(symbols)}
+    numbers |= {TIME: sp.Rational(3, 7), **system.parameters}
+    return [sp.N(put(e, numbers), DIGITS) for e in expressions]

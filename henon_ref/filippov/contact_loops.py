@@ -31,10 +31,9 @@ from sympy.polys.matrices import DomainMatrix
 from sympy.utilities.iterables import connected_components
 
 from henon_ref.errors import ModelError
-from henon_ref.filippov.algebra import expanded, simplified
+from henon_ref.filippov.algebra import AGREE, expanded, sample, simplified
 from henon_ref.filippov.bounds import put
 from henon_ref.filippov.equations import Guard
-from henon_ref.filippov.sampling import AGREE, sample
 from henon_ref.filippov.switched_field import SwitchedField
 from henon_ref.text import listed
 

@@ -27,7 +27,7 @@ import sympy as sp
 
 from henon_ref.errors import ModelError
 from henon_ref.filippov.affine import constant_slope
-from henon_ref.filippov.algebra import cancelled
+from henon_ref.filippov.algebra import cancelled, sample
 from henon_ref.filippov.bounds import put
 from henon_ref.filippov.decoupled_contacts import (
     Contact,
@@ -39,7 +39,6 @@ from henon_ref.filippov.decoupled_contacts import (
     is_crossed,
 )
 from henon_ref.filippov.equations import Guard, along
-from henon_ref.filippov.sampling import sample
 from henon_ref.filippov.switched_field import SwitchedField
 from henon_ref.taylor.tape import TIME
 

@@ -22,13 +22,12 @@ from sympy.utilities.iterables import connected_components
 
 from henon_ref.errors import ModelError
 from henon_ref.filippov.affine import coefficients
-from henon_ref.filippov.algebra import MAX_SIZE, expanded, simplified
+from henon_ref.filippov.algebra import AGREE, MAX_SIZE, expanded, sample, simplified
 from henon_ref.filippov.attraction import attraction_guards
 from henon_ref.filippov.bounds import put
 from henon_ref.filippov.contact_loops import independent, loop_ends, relations
 from henon_ref.filippov.equations import Guard, along
 from henon_ref.filippov.linear_system import solution, surfaces_solved
-from henon_ref.filippov.sampling import AGREE, sample
 from henon_ref.filippov.switched_field import SwitchedField
 from henon_ref.taylor.size import total_size
 from henon_ref.text import listed

@@ -5,7 +5,6 @@ A stop that a body rests on may be in a loop: of the contacts that a block has w
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import replace
 
 import sympy as sp
@@ -41,23 +40,14 @@ def with_held_loops(system: FilippovSystem) -> FilippovSystem:
             continue
         more = {i: plain[i] for i in surfaces if i in plain}
         whole = replace(system, overrides={**system.overrides, **own, **more})
-        if _holds(whole, surfaces):
+        if whole.can_slide(frozenset(surfaces)):
             own |= more
             continue
         # Drives that part from each other do not hold together; some of the loops beside them may.
         for circuit in circuits(found[k]):
-            if not more.keys().isdisjoint(circuit) and _holds(whole, circuit):
+            if not more.keys().isdisjoint(circuit) and whole.can_slide(frozenset(circuit)):
                 own |= {i: more[i] for i in circuit if i in more}
     return replace(system, overrides={**system.overrides, **own}) if own else system
-
-
-def _holds(system: FilippovSystem, surfaces: Collection[int]) -> bool:
-    """Whether contacts can all hold at once, by loads that are forces and counterforces."""
-    try:
-        system.shared_equations(frozenset(surfaces))
-    except ModelError:
-        return False
-    return True
 
 
 def _held(system: FilippovSystem, index: int) -> SlidingOverride | None:

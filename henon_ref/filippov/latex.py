@@ -1,13 +1,20 @@
-"""Expressions as LaTeX, with the names that a reader expects: ``vp`` is v with the index p."""
+"""Expressions, and short systems, as LaTeX, with the names that a reader expects: ``vp`` is v with the index p."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from functools import lru_cache
 
 import sympy as sp
 
+from henon_ref.filippov.switched_field import SwitchedField
+from henon_ref.taylor.size import size, total_size
 from henon_ref.text import spelled
+
+MOST_OPERATIONS, MOST_IN_ALL = 500, 2_500
+"""Operations up to which an expression, and all that stand together, are set as formulas: a printer sorts their terms,
+and asks of each many questions."""
 
 _GREEK = (
     "alpha|beta|gamma|delta|epsilon|zeta|eta|theta|iota|kappa|lambda|mu|nu|xi|pi|rho|sigma|tau|upsilon|phi|chi|psi"
@@ -55,3 +62,32 @@ def latex(expression: sp.Expr) -> str:
     names = {s: symbol(s.name) for s in expression.free_symbols}
     orders = [str(sp.latex(expression, symbol_names=names, order=order)) for order in (None, "old")]
     return next((text for text in orders if not text.startswith("-")), orders[0])
+
+
+def general_form(system: SwitchedField) -> str:
+    """The field with its sign symbols, and the surfaces, as LaTeX; without those that are too long for it."""
+    lines = [derivative(x, f) for x, f in zip(system.states, system.field, strict=True) if printable(f)]
+    for sign, surface in zip(system.signs, system.surfaces, strict=True):
+        if printable(surface):
+            lines.append(rf"{symbol(sign.name)} &= \operatorname{{sgn}}\left({latex(surface)}\right)")
+    return aligned(lines) if lines and few([*system.field, *system.surfaces]) else ""
+
+
+def printable(expression: sp.Expr) -> bool:
+    """Whether an expression is short enough to be set as a formula."""
+    return size(expression, MOST_OPERATIONS) <= MOST_OPERATIONS
+
+
+def few(expressions: Sequence[sp.Expr]) -> bool:
+    """Whether expressions have few enough operations, all together, to be printed."""
+    return total_size((e for e in expressions if printable(e)), MOST_IN_ALL) <= MOST_IN_ALL
+
+
+def derivative(state: sp.Symbol, rate: sp.Expr) -> str:
+    """A line of :func:`aligned`: a state's rate."""
+    return rf"\dot{{{symbol(state.name)}}} &= {latex(rate)}"
+
+
+def aligned(lines: Sequence[str]) -> str:
+    """Equations below each other, at their ``&=``."""
+    return "\\begin{aligned}\n" + " \\\\\n".join(lines) + "\n\\end{aligned}"

@@ -2,12 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass
 from dataclasses import field as dataclass_field
-from functools import cached_property
+from functools import cached_property, wraps
+from typing import Any, TypeVar, cast
 
 import sympy as sp
+
+Method = TypeVar("Method", bound=Callable[..., Any])
+
+
+def kept(method: Method) -> Method:
+    """A method whose results are kept with its object, by its arguments (given by place)."""
+
+    @wraps(method)
+    def of(self: Any, *arguments: Hashable) -> Any:
+        known: dict[Hashable, Any] = self.__dict__.setdefault("_kept", {})
+        key = method.__qualname__, arguments
+        if key not in known:
+            known[key] = method(self, *arguments)
+        return known[key]
+
+    return cast(Method, of)
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,7 +26,7 @@ from henon_ref.filippov.held_contacts import held_field
 from henon_ref.filippov.modes import Mode, replaced
 from henon_ref.filippov.overrides import Reset, SlidingOverride
 from henon_ref.filippov.sliding import filippov_sliding
-from henon_ref.filippov.switched_field import SwitchedField
+from henon_ref.filippov.switched_field import SwitchedField, kept
 from henon_ref.precision import one_at_a_time
 from henon_ref.taylor.tape import TIME
 
@@ -60,21 +60,16 @@ class FilippovSystem(SwitchedField):
     """Kinks of a branch that is not in use at the start of a run, without a value there: their signs stay open."""
 
     @cached_property
-    def _cache(self) -> dict[object, ModeEquations]:
-        return {}
-
-    @cached_property
     def _normal(self) -> tuple[sp.Expr, ...]:
         return tuple(along(h, self.states, self.field) for h in self.surfaces)
 
     def equations(self, mode: Mode) -> ModeEquations:
         """Equations of one mode, signs of the surfaces in slip put in as -1 or +1."""
-        key = ("mode", mode)
-        if key in self._cache:
-            return self._cache[key]
+        return self.shared.equations(mode) if self.shared is not None else self._equations(mode)
+
+    @kept
+    def _equations(self, mode: Mode) -> ModeEquations:
         with one_at_a_time():
-            if self.shared is not None:
-                return self.shared.equations(mode)
             shared = self.shared_equations(frozenset(i for i, s in enumerate(mode) if s == 0))
             slip = self.slip_signs(mode)
             made = ModeEquations(
@@ -84,8 +79,7 @@ class FilippovSystem(SwitchedField):
             )
             if any(e.has(sp.zoo, sp.nan) for e in (*made.field, *(g.expression for g in made.guards))):
                 raise ModelError("a contact that slides has no load in this mode, and no sign that keeps it there")
-            self._cache[key] = made
-        return self._cache[key]
+            return made
 
     def has_equations(self, mode: Mode) -> bool:
         """Whether a mode has equations."""
@@ -108,10 +102,10 @@ class FilippovSystem(SwitchedField):
             return False
         if self.switched is not None:
             return self._hides_in_all(index, tuple(mode[i] for i in sorted(self.switched.crossed)))
-        try:
-            shared = self.shared_equations(frozenset(i for i, s in enumerate(mode) if s == 0))
-        except ModelError:
+        sliding = frozenset(i for i, s in enumerate(mode) if s == 0)
+        if not self.can_slide(sliding):
             return False
+        shared = self.shared_equations(sliding)
         slip = {s: side for s, side in self.slip_signs(mode).items() if s != self.signs[index]}
         guards = [guard.expression for guard in shared.guards if guard.index != index or guard.kind != "surface"]
         return not any(put(e, slip).has(self.signs[index]) for e in (*shared.field, *guards, *self.sections))
@@ -132,17 +126,12 @@ class FilippovSystem(SwitchedField):
 
         return hides
 
+    @kept
     def unused_kinks(self, mode: Mode) -> frozenset[int]:
         """Kinks of branches that a mode does not use, which are open, or have no real value anywhere in the mode."""
-        if mode not in self._unused_kinks:
-            positive = [s * self.numeric(h) for h, s in zip(self.surfaces, mode, strict=True) if s and self.kinks]
-            found = {i for i in self.kinks - self.open_kinks if has_no_value(self.numeric(self.surfaces[i]), positive)}
-            self._unused_kinks[mode] = frozenset(i for i in found | self.open_kinks if self.hides(i, mode))
-        return self._unused_kinks[mode]
-
-    @cached_property
-    def _unused_kinks(self) -> dict[Mode, frozenset[int]]:
-        return {}
+        positive = [s * self.numeric(h) for h, s in zip(self.surfaces, mode, strict=True) if s and self.kinks]
+        found = {i for i in self.kinks - self.open_kinks if has_no_value(self.numeric(self.surfaces[i]), positive)}
+        return frozenset(i for i in found | self.open_kinks if self.hides(i, mode))
 
     def _in_mode(self, guard: Guard, mode: Mode, slip: Mapping[sp.Symbol, sp.Expr]) -> Guard:
         """A guard of shared equations in one mode. A run ends where kinks get a value, since their signs are open."""
@@ -154,6 +143,7 @@ class FilippovSystem(SwitchedField):
         ends: Refusal | None = None if unused <= self.unused_kinks(beyond) else "none"
         return replace(guard, to_sign=beyond[guard.index], expression=put(guard.expression, slip), ends=ends)
 
+    @kept
     def common_equations(self, mode: Mode) -> tuple[Mode | frozenset[int], ModeEquations]:
         """Equations that a mode may have in common with others, and what they go by.
 
@@ -163,18 +153,12 @@ class FilippovSystem(SwitchedField):
         """
         sliding = frozenset(i for i, s in enumerate(mode) if s == 0)
         shared = self.shared_equations(sliding)
-        if mode not in self._has_own:
-            slip, own = self.slip_signs(mode), self.equations(mode)
-            beside = [(normal, s) for normal, s, entry in zip(self._normal, self.signs, mode, strict=True) if entry]
-            speeds = [speed for normal, s in beside for speed in (normal, normal.xreplace({s: -s}))]
-            pairs = zip((*shared.of_signs, *speeds), (*own.of_signs, *(e.xreplace(slip) for e in speeds)), strict=True)
-            alone = bool(self.unused_kinks(mode))
-            self._has_own[mode] = alone or any(leaves_out(*pair, slip, {TIME, *self.states}) for pair in pairs)
-        return (mode, self.equations(mode)) if self._has_own[mode] else (sliding, shared)
-
-    @cached_property
-    def _has_own(self) -> dict[Mode, bool]:
-        return {}
+        slip, own = self.slip_signs(mode), self.equations(mode)
+        beside = [(normal, s) for normal, s, entry in zip(self._normal, self.signs, mode, strict=True) if entry]
+        speeds = [speed for normal, s in beside for speed in (normal, normal.xreplace({s: -s}))]
+        pairs = zip((*shared.of_signs, *speeds), (*own.of_signs, *(e.xreplace(slip) for e in speeds)), strict=True)
+        alone = bool(self.unused_kinks(mode)) or any(leaves_out(*pair, slip, {TIME, *self.states}) for pair in pairs)
+        return (mode, own) if alone else (sliding, shared)
 
     @cached_property
     def switched(self) -> SwitchedEquations | None:
@@ -188,30 +172,35 @@ class FilippovSystem(SwitchedField):
         """The same where contacts do not act on each other: a mode's own equations are put together from it."""
         return None if self.switched is None or self.switched.coupled else self.switched
 
+    @kept
     def shared_equations(self, sliding: frozenset[int]) -> ModeEquations:
         """Equations that all modes with this set of sliding surfaces share, slip signs kept as symbols.
 
         A ``surface`` guard is then ``s_i h_i`` and its ``to_sign`` is 0 (it is ``-s_i``).
         """
-        key = ("shared", sliding)
-        if key not in self._cache:
-            overridden = sliding & set(self.overrides)
-            releases: tuple[Guard, ...] = ()
-            signs: dict[int, sp.Expr] = {}
-            if not sliding:
-                rhs = self.field
-            elif overridden:
-                rhs, releases, signs = self._held(overridden, sliding)
-            elif any((i in sliding) != (j in sliding) for j, (i, _) in self.multiples.items()):
-                raise ModelError("surfaces that are multiples of each other slide together or not at all")
-            else:
-                rhs, releases, signs = filippov_sliding(self, tuple(sorted(sliding)))
-            surfaces = tuple(
-                Guard("surface", i, 0, self.signs[i] * h) for i, h in enumerate(self.surfaces) if i not in sliding
-            )
-            valid = tuple(Guard("valid", i, 0, e, ends="invalid") for i, e in enumerate(self.valid))
-            self._cache[key] = ModeEquations(tuple(rhs), surfaces + releases + valid, signs)
-        return self._cache[key]
+        overridden = sliding & set(self.overrides)
+        releases: tuple[Guard, ...] = ()
+        signs: dict[int, sp.Expr] = {}
+        if not sliding:
+            rhs = self.field
+        elif overridden:
+            rhs, releases, signs = self._held(overridden, sliding)
+        elif any((i in sliding) != (j in sliding) for j, (i, _) in self.multiples.items()):
+            raise ModelError("surfaces that are multiples of each other slide together or not at all")
+        else:
+            rhs, releases, signs = filippov_sliding(self, tuple(sorted(sliding)))
+        outside = (i for i in range(len(self.surfaces)) if i not in sliding)
+        surfaces = tuple(Guard("surface", i, 0, self.signs[i] * self.surfaces[i]) for i in outside)
+        valid = tuple(Guard("valid", i, 0, e, ends="invalid") for i, e in enumerate(self.valid))
+        return ModeEquations(tuple(rhs), surfaces + releases + valid, signs)
+
+    def can_slide(self, surfaces: frozenset[int]) -> bool:
+        """Whether surfaces can all be slid on at once."""
+        try:
+            self.shared_equations(surfaces)
+        except ModelError:
+            return False
+        return True
 
     def _held(
         self, overridden: frozenset[int], sliding: frozenset[int]
@@ -231,8 +220,8 @@ class FilippovSystem(SwitchedField):
                     "a surface that is a multiple of one with a sliding of its own does not slide beside it"
                 )
             rested = [self.overrides[i].field for i in overridden if self.rests(i)]
-            kept = {k for own in rested for k, rate in enumerate(own) if rate != self.field[k]}
-            field, ends, found = filippov_sliding(replace(self, field=field), others, kept)
+            still = {k for own in rested for k, rate in enumerate(own) if rate != self.field[k]}
+            field, ends, found = filippov_sliding(replace(self, field=field), others, still)
             own, signs = own + ends, signs | found
         known = {**made.signs, **{self.signs[i]: found for i, found in signs.items()}}
         releases = tuple(replace(g, expression=put(put(g.expression, made.on_surface), known)) for g in made.ends)
@@ -250,10 +239,7 @@ class FilippovSystem(SwitchedField):
         held = {i for i, own in self.overrides.items() if self.held_inside(i) and own.push}
         return self.resting | {i for i in held if self.signs[i] not in acting}
 
-    @cached_property
-    def _reacting(self) -> dict[frozenset[int], SwitchedField]:
-        return {}
-
+    @kept
     def with_reactions(self, surfaces: frozenset[int]) -> SwitchedField:
         """The field with the forces of some surfaces' contacts as their signs.
 
@@ -262,18 +248,15 @@ class FilippovSystem(SwitchedField):
         """
         if not surfaces:
             return self
-        if surfaces not in self._reacting:
-            signs = {i: self.signs[i] for i in sorted(surfaces)}
-            off = {s: sp.Integer(self.rests(i)) for i, s in signs.items()}
-            rates = tuple(
-                sp.Add(put(rate, off), *(self.overrides[i].push[k] * s for i, s in signs.items()))
-                for k, rate in enumerate(self.field)
-            )
-            velocities = tuple(
-                self._normal[i] if i in self.resting & surfaces else h for i, h in enumerate(self.surfaces)
-            )
-            self._reacting[surfaces] = SwitchedField(self.states, self.signs, velocities, rates, self.parameters)
-        return self._reacting[surfaces]
+        signs = {i: self.signs[i] for i in sorted(surfaces)}
+        off = {s: sp.Integer(self.rests(i)) for i, s in signs.items()}
+        rates = tuple(
+            sp.Add(put(rate, off), *(self.overrides[i].push[k] * s for i, s in signs.items()))
+            for k, rate in enumerate(self.field)
+        )
+        resting = self.resting & surfaces
+        velocities = tuple(self._normal[i] if i in resting else h for i, h in enumerate(self.surfaces))
+        return SwitchedField(self.states, self.signs, velocities, rates, self.parameters)
 
     @property
     def velocities(self) -> SwitchedField:
@@ -362,24 +345,15 @@ class FilippovSystem(SwitchedField):
             found.append(acting if own else everything)
         return tuple(found)
 
+    @kept
     def hold_guards(self, index: int, mode: Mode = ()) -> tuple[Guard, ...]:
         """The release guards of a surface's override: its hold zone is where all are positive.
 
         A load may depend on how other surfaces slip: the signs of the mode's slips are put in.
         """
-        key = index, mode
-        if key not in self._hold_guards:
-            slip = {s: side for s, side in self.slip_signs(mode).items() if s != self.signs[index]}
-            ends = (r.when if r.direction == "falling" else -r.when for r in self.overrides[index].release)
-            pairs = zip(self.overrides[index].release, ends, strict=True)
-            self._hold_guards[key] = tuple(
-                Guard("release", index, r.to, put(end, slip), rising_only=True) for r, end in pairs
-            )
-        return self._hold_guards[key]
-
-    @cached_property
-    def _hold_guards(self) -> dict[tuple[int, Mode], tuple[Guard, ...]]:
-        return {}
+        slip = {s: side for s, side in self.slip_signs(mode).items() if s != self.signs[index]}
+        ends = ((r, r.when if r.direction == "falling" else -r.when) for r in self.overrides[index].release)
+        return tuple(Guard("release", index, r.to, put(end, slip), rising_only=True) for r, end in ends)
 
     def held_inside(self, index: int) -> bool:
         """Whether arrival at a surface is decided by the hold zone of its override, not by the slip fields."""
@@ -394,9 +368,3 @@ class FilippovSystem(SwitchedField):
         if self.switched is not None and index in self.switched.crossed:
             return (-1, 1)
         return (0, 1) if entry >= 0 and self.rests(index) else (-1, 0, 1)
-
-    def transition_function(self, index: int = 0) -> sp.Expr:
-        """sigma = (dh/dt at s = +1)(dh/dt at s = -1), Eq. (8): sliding is where sigma <= 0 and both fields point in."""
-        normal = self.normal_velocity(index)
-        sign = self.signs[index]
-        return normal.xreplace({sign: sp.Integer(1)}) * normal.xreplace({sign: sp.Integer(-1)})

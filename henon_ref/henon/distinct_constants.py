@@ -6,7 +6,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.filippov.mode_tape import ModeTape
+from henon_ref.filippov.mode_evaluation import ModeTape
 from henon_ref.filippov.modes import Mode
 
 

@@ -10,13 +10,13 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.filippov.mode_evaluation import ModeWithTape
-from henon_ref.filippov.modes import Mode
-from henon_ref.filippov.switching import Switching
+from henon_ref.filippov.in_balls import BALLS, ball_function
+from henon_ref.filippov.in_doubles import DOUBLES
+from henon_ref.filippov.mode_evaluation import ModeEvaluation
 from henon_ref.henon.mode_constants import LoopData, ModeConstants, Pair
 from henon_ref.henon.pairs import Three, three_of
 from henon_ref.henon.parameter_programs import ParameterPrograms, numbers_behind
-from henon_ref.henon.precise_modes import BallSwitching, PreciseModes
+from henon_ref.henon.precise_modes import PreciseModes
 from henon_ref.taylor.tape import Tape
 
 
@@ -74,50 +74,43 @@ class DoubleConstants(ModeConstants):
         return signs[:count], signs[count:]
 
     @cached_property
-    def switching(self) -> Switching:
+    def in_doubles(self) -> ModeEvaluation:
         """See :class:`ModeConstants`."""
-        return DoubleSwitching(self._programs, self.doubles)
+        return ModeEvaluation(self._programs.system, DOUBLES, _DoubleTapes(self._programs, self.doubles))
 
     @cached_property
     def precise(self) -> PreciseModes:
         """See :class:`ModeConstants`."""
-        values = tuple(self._exact())
-        return PreciseModes(self._programs.system, self.switching, lambda: _PreciseSwitching(self._programs, values))
+        system, tapes = self._programs.system, _BallTapes(self._programs, tuple(self._exact()))
+        return PreciseModes(system, self.in_doubles, lambda: ModeEvaluation(system, BALLS, tapes))
 
 
-class DoubleSwitching(Switching):
-    """Decides modes with constants from programs, whose equations and tapes it shares with other values."""
+class _DoubleTapes:
+    """Tapes that are shared with other parameter values, their constants from programs."""
 
     def __init__(self, programs: ParameterPrograms, values: tuple[float, ...]) -> None:
-        self._programs, self._values = programs, values
-        super().__init__(programs.system)
+        self.mode, self._programs, self._values = programs.mode, programs, values
 
-    def _tape(self, mode: Mode) -> ModeWithTape | None:
-        return self._programs.mode(mode)
-
-    def _constants(self, tape: Tape) -> list[Any]:
+    def constants(self, tape: Tape) -> list[Any]:
         program = self._programs.constants(tape)
         registers = program.registers(np.array([self._values]))[0]
         found: list[float] = registers[list(program.outputs), 0].tolist()
         return found
 
-    def _function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
+    def function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
         function, values = self._programs.function(names, expressions), self._values
         return lambda *point: function(*point, *values)
 
 
-class _PreciseSwitching(BallSwitching):
+class _BallTapes:
     """The same in balls."""
 
     def __init__(self, programs: ParameterPrograms, values: tuple[sp.Expr, ...]) -> None:
-        self._programs, self._values = programs, values
-        super().__init__(programs.system)
+        self.mode, self._programs, self._values = programs.mode, programs, values
 
-    def _tape(self, mode: Mode) -> ModeWithTape | None:
-        return self._programs.mode(mode)
-
-    def _constants(self, tape: Tape) -> list[Any]:
+    def constants(self, tape: Tape) -> list[Any]:
         return [ball.mid() for ball in self._programs.constants(tape).balls(self._values)]
 
-    def _tape_of(self, names: tuple[sp.Symbol, ...], expressions: tuple[sp.Expr, ...]) -> Tape:
-        return self._programs.tape(names, expressions)
+    def function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
+        tape = self._programs.tape(tuple(names), tuple(expressions))
+        return ball_function(tape, self.constants(tape))

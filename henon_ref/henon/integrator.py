@@ -14,6 +14,7 @@ from henon_ref.filippov.decision import Decision
 from henon_ref.filippov.exact_numbers import double_double
 from henon_ref.filippov.modes import Mode, replaced
 from henon_ref.filippov.problem import Problem
+from henon_ref.filippov.selection import contact_orders, mode_by_signs, signs_at
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.double_constants import DoubleConstants
 from henon_ref.henon.mode_constants import ExactConstants, ModeConstants
@@ -118,8 +119,8 @@ class Integrator:
         """
         constants, x = self.constants(problem.system), [double_double(v) for v in problem.initial]
         time, point = double_double(problem.start), [high for high, _ in x]
-        surfaces, valid = constants.switching.signs_at(problem.start, problem.initial)
-        decision = constants.switching.mode_by_signs(time[0], point, surfaces, valid, problem.initial_mode)
+        surfaces, valid = signs_at(problem.system, problem.start, problem.initial)
+        decision = mode_by_signs(constants.in_doubles.at(time[0], point), surfaces, valid, problem.initial_mode)
         refused, row, zeros = self.entered(constants, time[0], point, decision, surfaces, valid)
         until = double_double(problem.until)
         return Start(time, until, tuple(x), refused, row, zeros, self.order, tolerance, landing, constants)
@@ -168,7 +169,7 @@ class Integrator:
             row, zeros = self.clear_start(constants, constants.start_signs(time, x), time[0], high)
         if row < 0:
             surfaces, valid = constants.exact_signs(exact_expression(start), [exact_expression(v) for v in initial])
-            decision = constants.switching.mode_by_signs(time[0], high, surfaces, valid, mode or {})
+            decision = mode_by_signs(constants.in_doubles.at(time[0], high), surfaces, valid, mode)
             refused, row, zeros = self.entered(constants, time[0], high, decision, surfaces, valid)
         return Start(time, end, tuple(x), refused, row, zeros, self.order, tolerance, landing, constants, **limits)
 
@@ -253,5 +254,5 @@ class Integrator:
         places = self.mode_table.places(mode)
         if not active and not edges:
             return (0,) * len(places)
-        orders = constants.switching.contact_orders(t, x, mode, active, edges)
+        orders = contact_orders(constants.in_doubles.at(t, x), mode, active, edges)
         return tuple(orders[place] if place >= 0 else 0 for place in places)

@@ -12,6 +12,7 @@ from henon_ref.filippov.after_jump import after_jump
 from henon_ref.filippov.decision import Decision
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode
+from henon_ref.filippov.selection import contact_orders, mode_by_signs
 from henon_ref.henon.precise_modes import PreciseModes
 from henon_ref.kernel.shared import EPS
 from henon_ref.precision import working_precision
@@ -79,7 +80,7 @@ class Jumps:
         most : float
             How long all later impacts may last together where they have come to their limit [s].
         """
-        system, switching = self._precise.system, self._precise.switching
+        system, in_doubles = self._precise.system, self._precise.in_doubles
         with working_precision(BITS):
             t, *x = (arb(high) + arb(low) for high, low in (time, *state))
             found = after_jump(system, self, mode, surfaces, hits, t, x, arb(most))
@@ -88,12 +89,12 @@ class Jumps:
                 return AfterJump(after, found.decision, ())
             applied = [(i, [float(value.mid()) for value in left]) for i, left in found.applied]
             place = [high for high, _ in after]
-            zeros = switching.contact_orders(time[0], place, found.decision.mode, found.on)
+            zeros = contact_orders(in_doubles.at(time[0], place), found.decision.mode, found.on)
             if found.rest is None:
                 return AfterJump(after, found.decision, zeros, applied)
             end, *resting = (_pair(value) for value in (t + found.rest.remaining, *found.rest.state))
         place = [high for high, _ in resting]
-        own = switching.contact_orders(end[0], place, found.rest.mode, found.on)
+        own = contact_orders(in_doubles.at(end[0], place), found.rest.mode, found.on)
         return AfterJump(
             after, found.decision, zeros, applied, Rest(end, resting, Decision("unique", found.rest.mode), own)
         )
@@ -102,7 +103,7 @@ class Jumps:
         """Expressions in time and states at a point; ValueError where one has none that is finite."""
         if expressions not in self._functions:
             states = self._precise.system.states
-            self._functions[expressions] = self._precise.precise_switching.function(states, expressions)
+            self._functions[expressions] = self._precise.in_balls.function(states, expressions)
         found = self._functions[expressions](t, *x)
         if not all(value.is_finite() for value in found):
             raise ValueError("a value is not finite")
@@ -110,7 +111,7 @@ class Jumps:
 
     def guard_series(self, mode: Mode, t: arb, x: Sequence[arb]) -> list[list[arb]]:
         """Taylor coefficients in time of a mode's guards."""
-        return self._precise.precise_switching.guard_series(mode, t, x)
+        return self._precise.in_balls.guard_series(mode, t, x)
 
     def sign(self, value: arb) -> int:
         """0 where it cannot be told from zero."""
@@ -118,9 +119,8 @@ class Jumps:
 
     def decide(self, t: arb, x: Sequence[arb], surfaces: Sequence[int], valid: Sequence[int]) -> Decision:
         """The mode at a point, in double precision."""
-        switching = self._precise.switching
-        switching.forget()  # what another run has worked out at the same point is none of this one's work
-        return switching.mode_by_signs(float(t), [float(value) for value in x], surfaces, valid, {})
+        at = self._precise.in_doubles.at(float(t), [float(value) for value in x])
+        return mode_by_signs(at, surfaces, valid, where="after the reset")
 
     def text(self, t: arb) -> str:
         """A time as messages have it."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import sympy as sp
 
-from henon_ref.filippov.mode_tape import ModeTape
+from henon_ref.filippov.mode_evaluation import ModeTape
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.resets import Jump, jump_of
 from henon_ref.filippov.resting import impact_of

@@ -15,6 +15,7 @@ from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode, numbered_mode, replaced, transition_kind
 from henon_ref.filippov.resets import resetting, rows_at
 from henon_ref.filippov.resting import REMAINING
+from henon_ref.filippov.selection import after_event, contact_orders
 from henon_ref.henon.endings import ending_of, vanishing_guard
 from henon_ref.henon.entries import written
 from henon_ref.henon.guard_branch_point import behind_branch_point
@@ -327,10 +328,8 @@ class ModeChanges(State):
             return self._jump(surfaces, hits)
         if self._misses_stick(hits):
             return None
-        x = self.x.tolist()
-        switching = self.start.constants.switching
-        switching.forget()  # what another run has worked out at the same point is none of this one's work
-        decision = switching.after_event(self.time, x, before, hits)
+        at = self.start.constants.in_doubles.at(self.time, self.x.tolist())
+        decision = after_event(at, before, hits)
         seen = decision.mode is not None and self.integrator.mode_table.known(decision.mode) is not None
         self._count("mode_selections" if seen else "new_modes")
         if decision.mode is None:
@@ -341,7 +340,7 @@ class ModeChanges(State):
         moved = {g.index for g in hits} | {i for i, s in enumerate(decision.mode) if s != before[i]}
         slides = [i for i, s in enumerate(decision.mode) if s == 0 or before[i] == 0]
         active = fresh | self.integrator.system.in_play(moved, slides)
-        orders = switching.contact_orders(self.time, x, decision.mode, active)
+        orders = contact_orders(at, decision.mode, active)
         tangential = [] if early else sorted({g.index for g in hits if g.kind == "surface"})
         return self._change_mode(decision, orders, tangential)
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from henon_ref.filippov.decoupled_contacts import SwitchedEquations
 from henon_ref.filippov.equations import Guard, along
-from henon_ref.filippov.mode_tape import ModeTape
+from henon_ref.filippov.mode_evaluation import ModeTape
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.tape_program import tape_program
@@ -28,7 +28,7 @@ from henon_ref.taylor.tape import Tape, build_tape
 BRANCHING = frozenset({"sqrt", "power", "asin", "acos"})
 """Operations with branch points."""
 Entries = tuple[tuple[Mapping[sp.Symbol, sp.Expr], ...], ...]
-"""See :class:`henon_ref.filippov.mode_tape.ModeTape`."""
+"""See :class:`henon_ref.filippov.mode_evaluation.ModeTape`."""
 MOST_WATCHED = 200
 """Operations up to which guards that hold more than the field does (a long expression whose extremes a sweep looks for)
 are compiled to the fastest code: beyond, that takes longer than most runs."""

@@ -14,12 +14,14 @@ from numpy.typing import NDArray
 
 from henon_ref.errors import ModelError
 from henon_ref.filippov.exact_numbers import double_double
-from henon_ref.filippov.switching import Switching
+from henon_ref.filippov.in_balls import in_balls
+from henon_ref.filippov.in_doubles import in_doubles
+from henon_ref.filippov.mode_evaluation import ModeEvaluation
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.growing_rows import GrowingRows
 from henon_ref.henon.jump import Jumps
 from henon_ref.henon.mode_table import CompiledModes, ModeTable
-from henon_ref.henon.precise_modes import BallSwitching, PreciseModes
+from henon_ref.henon.precise_modes import PreciseModes
 from henon_ref.jit.processor_time import compiling
 from henon_ref.kernel.shared import doubles, ffi, integers
 from henon_ref.precision import one_at_a_time
@@ -104,8 +106,8 @@ class ModeConstants(ABC):
 
     @property
     @abstractmethod
-    def switching(self) -> Switching:
-        """What decides modes in double precision."""
+    def in_doubles(self) -> ModeEvaluation:
+        """The modes in double precision."""
 
     @property
     @abstractmethod
@@ -162,15 +164,15 @@ class ExactConstants(ModeConstants):
         super().__init__(mode_table)
 
     @cached_property
-    def switching(self) -> Switching:
+    def in_doubles(self) -> ModeEvaluation:
         """See :class:`ModeConstants`."""
-        return Switching(self.table.system, self._system)
+        return in_doubles(self.table.system, self._system)
 
     @cached_property
     def precise(self) -> PreciseModes:
         """See :class:`ModeConstants`."""
         system, values = self.table.system, self._system
-        return PreciseModes(system, self.switching, lambda: BallSwitching(system, values))
+        return PreciseModes(system, self.in_doubles, lambda: in_balls(system, values))
 
     def _pairs(self, expressions: Sequence[sp.Expr]) -> NDArray[np.float64]:
         return np.array([part for each in expressions for part in self._pair(each)])

@@ -23,7 +23,7 @@ from henon_ref.filippov.decision import Decision
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.resets import resetting
-from henon_ref.filippov.switching import Switching
+from henon_ref.filippov.selection import after_event, contact_orders
 from henon_ref.henon.guard_events import GuardEvent, GuardSeries, first_guard_event, is_clear, load_equals_friction
 from henon_ref.henon.precise_modes import MOST_ORDER, PreciseModes
 from henon_ref.precision import working_precision
@@ -41,8 +41,8 @@ EXPANDED_PART = 1.25
 """So many times as far as the place that is suspected the motion is expanded: what lies behind has to wait."""
 SAME_MINIMUM_PART = 1e-12
 """Minima no farther from each other than this part of the step, one of them above zero, are left behind together."""
-TIE_LEVEL = 1e-15
-"""Relative size of zero where balls leave no mode: what rounding has left of a tie of steep guards."""
+TIE_LEVELS = (1e-15, 0.0)
+"""Relative sizes of zero where balls leave no mode: what rounding has left of a tie of steep guards."""
 _STEP_MARGIN = 1 + arb(2) ** -46
 """A root that rounding has put on the step's end may lie just behind it."""
 Pair = tuple[float, float]
@@ -218,18 +218,17 @@ def _next_mode(
     sliding = [i for i, s in enumerate(mode) if s == 0]
     off = modes.off_surfaces(sliding, time, state)
     state = [arb(x.mid(), float(x.rad()) + off) for x in state]
-    switching: Switching = modes.precise_switching
-    decision = switching.after_event(time, state, mode, hits)
+    at = modes.in_balls.at(time, state)
+    decision = after_event(at, mode, hits)
     if decision.status == "none":
-        time, state = float(time), [float(x) for x in state]
-        switching = modes.switching
-        decision = switching.after_event(time, state, mode, hits, zero=TIE_LEVEL)
+        at = modes.in_doubles.at(float(time), [float(x) for x in state], TIE_LEVELS)
+        decision = after_event(at, mode, hits)
     if decision.mode is None:
         return decision, ()
     zero = {g.index for g in hits if g.kind != "valid"}
     slid = {i for i, s in enumerate(decision.mode) if s == 0 or mode[i] == 0}
     active = modes.system.closed(zero, slid)
-    return decision, tuple(switching.contact_orders(time, state, decision.mode, active, zero=TIE_LEVEL))
+    return decision, tuple(contact_orders(at, decision.mode, active))
 
 
 def _unless_unique(
@@ -242,7 +241,7 @@ def _unless_unique(
     surfaces = [guard for guard in touching if guard.kind == "surface"]
     if not surfaces:
         return None
-    decision = modes.precise_switching.after_event(*point, mode, surfaces)
+    decision = after_event(modes.in_balls.at(*point), mode, surfaces)
     return decision if decision.status == "nonunique" else None
 
 

@@ -183,7 +183,7 @@ class ParameterPrograms:
         return signs
 
     def mode(self, mode: Mode) -> ModeWithTape | None:
-        """See :func:`henon_ref.filippov.switching.mode_with_tape`."""
+        """See :func:`henon_ref.filippov.mode_evaluation.mode_with_tape`."""
         if mode not in self._modes:
             with one_at_a_time():
                 self._modes[mode] = mode_with_tape(self.system, mode)

@@ -17,6 +17,7 @@ from flint import arb, fmpq
 
 from henon_ref.errors import ModelError
 from henon_ref.filippov.exact_numbers import double_double
+from henon_ref.filippov.selection import mode_by_signs
 from henon_ref.henon.double_constants import DoubleConstants
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.pairs import Pair, Three, exact_expression, exact_number, pair_of, three_of
@@ -161,7 +162,7 @@ class QuickStart:
             if row >= 0:
                 return None, row, zeros
         surfaces, valid = signs[: len(names)], signs[len(names) :]
-        decision = constants.switching.mode_by_signs(t, x, surfaces, valid, given)
+        decision = mode_by_signs(constants.in_doubles.at(t, x), surfaces, valid, given)
         if 0 in given.values() and decision.mode is not None and integrator.mode_table.row(decision.mode) is None:
             return None
         return integrator.entered(constants, t, x, decision, surfaces, valid)

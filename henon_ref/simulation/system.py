@@ -17,9 +17,9 @@ from henon_ref.casefile.model_form import plainly_fits
 from henon_ref.casefile.problem import written_model
 from henon_ref.casefile.source import Source
 from henon_ref.casefile.tree import MappingNode, ScalarNode, SequenceNode, child, merged
+from henon_ref.casefile.work import Work
 from henon_ref.errors import ArgumentError, ExpressionError, HenonRefError
 from henon_ref.filippov.exponents import parameters_in_exponents, with_rational_exponents
-from henon_ref.filippov.work import Work
 from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.written import mapping, tree_of, written, written_name
 from henon_ref.taylor.size import size

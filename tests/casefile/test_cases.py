@@ -8,7 +8,8 @@ import pytest
 import sympy as sp
 
 from henon_ref.casefile.case import load_case
-from henon_ref.filippov.switching import Switching
+from henon_ref.filippov.in_doubles import in_doubles
+from henon_ref.filippov.selection import initial_mode
 from henon_ref.harness.registry import fixed_step, names
 
 CASES = Path(__file__).parents[2] / "cases"
@@ -49,5 +50,5 @@ def test_fig_8_starts_at_the_lower_tangent_point_of_eq_24() -> None:
         assert velocity == sp.Rational(2, 5)
         mu0 = problem.system.parameters[sp.Symbol("mu0", real=True)]
         assert abs(sp.N(position - position**3 + mu0, 40)) < 1e-38
-        decision = Switching(problem.system).initial_mode(problem.start, problem.initial, problem.initial_mode)
+        decision = initial_mode(in_doubles(problem.system), problem.start, problem.initial, problem.initial_mode)
         assert decision.mode == mode

@@ -13,10 +13,10 @@ import henon_ref as hr
 from henon_ref.casefile.case import parse_case
 from henon_ref.casefile.expressions import parse_field
 from henon_ref.casefile.kinks import Kinks
+from henon_ref.casefile.work import Work
 from henon_ref.errors import CaseError, ExpressionError
 from henon_ref.filippov.kinks import continuous
 from henon_ref.filippov.problem import Problem
-from henon_ref.filippov.work import Work
 from henon_ref.harness.registry import solver
 from henon_ref.harness.report.text.model import kink_notes
 from henon_ref.harness.truth.compute import compute, stored_truth, truth_for

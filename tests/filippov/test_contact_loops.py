@@ -22,11 +22,12 @@ from henon_ref.casefile.case import parse_case
 from henon_ref.enclosure.balls import enclose
 from henon_ref.enclosure.run import certify
 from henon_ref.filippov.contact_loops import closed, cuts, independent, loops, relations
+from henon_ref.filippov.in_doubles import in_doubles
 from henon_ref.filippov.problem import Problem
+from henon_ref.filippov.selection import initial_mode
 from henon_ref.filippov.switched_field import SwitchedField
-from henon_ref.filippov.switching import Switching
 from henon_ref.harness.registry import solver
-from henon_ref.harness.truth.multiprecision.mode_selection import ModeSelection
+from henon_ref.harness.truth.multiprecision.points import SeriesEvaluation
 from henon_ref.simulation.simulate import simulate as simulate_run
 from henon_ref.simulation.system import System
 from henon_ref.taylor.tape import TIME
@@ -232,7 +233,7 @@ def test_the_cuts_say_what_a_linear_program_says() -> None:
         values = [float(g.expression.xreplace(at)) for g in guards]
         expected = carried(count, contacts, static, forces)
         assert (min(values) > 0) == expected, (contacts, static, forces, values)
-        mode = Switching(problem.system).initial_mode(problem.start, problem.initial, {}).mode
+        mode = initial_mode(in_doubles(problem.system), problem.start, problem.initial, {}).mode
         assert mode is not None
         assert (not any(mode)) == expected  # the problem of Gauss's principle says the same
         seen.add(expected)
@@ -381,8 +382,8 @@ def test_double_precision_and_multiprecision_agree_at_rest() -> None:
         at = problem.start, problem.initial, problem.initial_mode
         with ctx.workprec(256):
             one, other = (
-                Switching(problem.system).initial_mode(*at),
-                ModeSelection(problem.system, 256).initial_mode(*at),
+                initial_mode(in_doubles(problem.system), *at),
+                initial_mode(SeriesEvaluation(problem.system, 256), *at),
             )
         assert (one.status, one.mode) == (other.status, other.mode)
         assert (one.mode == (0, 0, 0)) == carried(2, [(0, 2), (1, 2), (0, 1)], static, forces)

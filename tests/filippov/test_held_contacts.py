@@ -16,10 +16,11 @@ from multiprecision import simulate
 from henon_ref.casefile.case import parse_case
 from henon_ref.enclosure.balls import enclose
 from henon_ref.enclosure.run import certify
+from henon_ref.filippov.in_doubles import in_doubles
 from henon_ref.filippov.problem import Problem
-from henon_ref.filippov.switching import Switching
+from henon_ref.filippov.selection import initial_mode
 from henon_ref.harness.registry import solver
-from henon_ref.harness.truth.multiprecision.mode_selection import ModeSelection
+from henon_ref.harness.truth.multiprecision.points import SeriesEvaluation
 
 HEAD = "schema: 1\nname: chain\ntitle: t\nsource: s\nequations: e\n"
 LIBRARIES = [("scipy-dop853", {"rtol": 1e-12}, 1e-9), ("heyoka", {"rtol": 1e-16}, 1e-12)]
@@ -106,9 +107,9 @@ def test_more_blocks_than_are_tried_exhaustively_are_searched() -> None:
     problem = chain(("1.2", "1.5", "-1.6", "0", "1.4", "-1.2"), "1", "0")
     expected = (0, -1, 1, 0, -1, 0)
     at = problem.start, problem.initial, problem.initial_mode
-    assert Switching(problem.system).initial_mode(*at).mode == expected
+    assert initial_mode(in_doubles(problem.system), *at).mode == expected
     with ctx.workprec(256):
-        assert ModeSelection(problem.system, 256).initial_mode(*at).mode == expected
+        assert initial_mode(SeriesEvaluation(problem.system, 256), *at).mode == expected
 
 
 def test_friction_without_a_static_limit_on_friction_without_one_on_a_held_block() -> None:

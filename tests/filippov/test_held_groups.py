@@ -20,9 +20,10 @@ from henon_ref.errors import ModelError
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.overrides import Release, SlidingOverride
 from henon_ref.filippov.problem import Problem
+from henon_ref.filippov.selection import initial_mode
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.harness.registry import solver
-from henon_ref.harness.truth.multiprecision.mode_selection import ModeSelection
+from henon_ref.harness.truth.multiprecision.points import SeriesEvaluation
 
 HEAD = "schema: 1\nname: stack\ntitle: t\nsource: s\nequations: e\n"
 LIBRARIES = [
@@ -56,7 +57,7 @@ def first_mode(problem: Problem) -> Mode | None:
     """The mode at the start by the multiprecision truth, whose run finds nothing else."""
     run = simulate(problem, 256)
     assert (run.status, run.events) == ("ok", []), run.reason
-    return ModeSelection(problem.system, 256).initial_mode(problem.start, problem.initial, {}).mode
+    return initial_mode(SeriesEvaluation(problem.system, 256), problem.start, problem.initial, {}).mode
 
 
 SETS_OFF = stack(["2", "2/5"], ["t", "0"], ["1", "3/10"]), [sp.Integer(2)] * 2, [(1, -1)] * 2

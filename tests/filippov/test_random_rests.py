@@ -23,9 +23,10 @@ from henon_ref.casefile.case import parse_case
 from henon_ref.enclosure.enclosure import UndecidedError
 from henon_ref.enclosure.mode_selection import initial_entry
 from henon_ref.enclosure.model import SystemModel
+from henon_ref.filippov.in_doubles import in_doubles
 from henon_ref.filippov.problem import Problem
-from henon_ref.filippov.switching import Switching
-from henon_ref.harness.truth.multiprecision.mode_selection import ModeSelection
+from henon_ref.filippov.selection import initial_mode
+from henon_ref.harness.truth.multiprecision.points import SeriesEvaluation
 from henon_ref.taylor.tape import TIME
 
 NAMES = ("a", "b", "c", "d")
@@ -98,9 +99,9 @@ def test_bodies_at_rest_start_as_gauss_principle_says(with_static: bool) -> None
         static = [limit if with_static and generator.integers(2) else None for limit in limits]
         problem = scene(contacts, stops, masses, limits, static, forces)
         system, start = problem.system, (problem.start, problem.initial)
-        mode = Switching(system).initial_mode(*start).mode
+        mode = initial_mode(in_doubles(system), *start).mode
         assert mode is not None
-        assert ModeSelection(system, 256).initial_mode(*start, {}).mode == mode
+        assert initial_mode(SeriesEvaluation(system, 256), *start, {}).mode == mode
         at = {TIME: 0} | dict.fromkeys(system.states, 0)
         rates = [float(rate.xreplace(at)) for rate in system.equations(mode).field[1::2]]
         expected = accelerations(contacts, stops, masses, limits, forces)[:count]
@@ -147,7 +148,7 @@ def test_groups_at_rest_start_by_their_static_friction(seed: int) -> None:
         given = {"stops": stops, "masses": masses, "forces": forces, "drives": drives}
         expected, slipped = with_static_friction(contacts, static, kinetic, **given)
         system, start = problem.system, (problem.start, problem.initial, {})
-        decisions = [Switching(system).initial_mode(*start), ModeSelection(system, 256).initial_mode(*start)]
+        decisions = [initial_mode(in_doubles(system), *start), initial_mode(SeriesEvaluation(system, 256), *start)]
         assert decisions[0].mode is not None, decisions[0].reason
         assert decisions[1].mode == decisions[0].mode
         at = {TIME: 0} | dict.fromkeys(system.states, 0)

@@ -20,14 +20,15 @@ from henon_ref.casefile.case import load_case, parse_case
 from henon_ref.enclosure.balls import enclose
 from henon_ref.enclosure.run import certify
 from henon_ref.errors import CaseError
+from henon_ref.filippov.in_doubles import in_doubles
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.overrides import Release, SlidingOverride
 from henon_ref.filippov.problem import Problem
-from henon_ref.filippov.switching import Switching
+from henon_ref.filippov.selection import after_event, initial_mode
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.harness.registry import solver
-from henon_ref.harness.truth.multiprecision.mode_selection import ModeSelection
 from henon_ref.harness.truth.multiprecision.numbers import exact_ball
+from henon_ref.harness.truth.multiprecision.points import SeriesEvaluation
 
 FS, FK, VB = sp.Rational(3, 2), sp.Integer(1), sp.Rational(1, 2)
 SOLVERS = [
@@ -111,9 +112,9 @@ def test_the_proof_does(made) -> None:  # type: ignore[no-untyped-def]
 def test_a_start_on_the_belt_is_held_up_to_the_limit(x: str, mode: Mode) -> None:
     problem = start(x, VB, "1e-5")
     at = problem.start, problem.initial, problem.initial_mode
-    assert Switching(problem.system).initial_mode(*at).mode == mode
+    assert initial_mode(in_doubles(problem.system), *at).mode == mode
     with ctx.workprec(256):
-        assert ModeSelection(problem.system, 256).initial_mode(*at).mode == mode
+        assert initial_mode(SeriesEvaluation(problem.system, 256), *at).mode == mode
     proof = certify(problem)
     assert (proof.status, proof.mode) == ("certified", mode)
     run = solver("henon").prepare(problem, rtol=1e-12)()
@@ -194,7 +195,7 @@ def test_beside_another_sliding_surface_the_load_alone_decides() -> None:
         problem = two_surfaces(load)
         hit = problem.system.equations((-1, 0)).guards[0]
         found: Mapping[str, Mode | None] = {
-            "float": Switching(problem.system).after_event(1.0, [0.0, 0.0], (-1, 0), [hit]).mode,
+            "float": after_event(in_doubles(problem.system).at(1.0, [0.0, 0.0]), (-1, 0), [hit]).mode,
             "run": simulate(problem, 128).events[0].after,
         }
         assert set(found.values()) == {after}

@@ -34,11 +34,6 @@ def test_release_is_where_friction_can_hold_no_longer() -> None:
     assert all(g.expression.subs(x1, 0) == mu for g in guards)  # positive inside the stick zone
 
 
-def test_transition_function_is_the_papers_product() -> None:
-    sigma = belt().transition_function().subs(x2, vp)
-    assert sp.expand(sigma - (x1**2 - mu**2)) == 0
-
-
 def test_a_moving_surface_is_followed() -> None:
     belt_speed = sp.sin(TIME)
     system = FilippovSystem((x1, x2), (s,), (x2 - belt_speed,), (x2, -x1 - s * mu))

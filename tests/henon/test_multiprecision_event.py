@@ -12,7 +12,7 @@ from flint import arb
 from problems import make_problem
 from runs import kinds, run
 
-from henon_ref.filippov.switching import Switching
+from henon_ref.filippov.in_doubles import in_doubles
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.multiprecision_event import LocatedEvent, UndecidedStep, locate_event
 from henon_ref.henon.precise_modes import PreciseModes
@@ -39,7 +39,7 @@ def locate(
     known = (zeros, *[0] * (len(system.surfaces) - 1))
     exact = [arb(high) + arb(low) for high, low in state]
     step = UndecidedStep(mode, time, exact, [0.0] * len(exact), reach, near, 0, known)
-    return locate_event(PreciseModes(system, Switching(system)), step)
+    return locate_event(PreciseModes(system, in_doubles(system)), step)
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,6 @@ from henon_ref.casefile.case import load_case
 from henon_ref.errors import ModelError
 from henon_ref.filippov.modes import replaced
 from henon_ref.filippov.problem import Problem
-from henon_ref.filippov.switching import Switching
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.records import HENON
 from henon_ref.henon.run import Run
@@ -135,7 +134,7 @@ def test_a_start_on_one_surface_is_decided_without_sympy(
     rate: str, mode: int, zeros: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     first, integrator = surfaces_start([rate, "1 - u/2"], [0.0, 1.0])
-    monkeypatch.setattr(Switching, "mode_by_signs", None)
+    monkeypatch.setattr("henon_ref.henon.integrator.mode_by_signs", None)
     for y in (1.0, -1.0):
         start = integrator.start_at((), [0.0, y], until=3.0, tolerance=1e-6, landing=HENON)
         assert integrator.mode_table.modes[start.row] == (mode, int(np.sign(y)))

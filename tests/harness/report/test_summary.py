@@ -19,6 +19,7 @@ from henon_ref.harness.report.text.published import orbit_table, printed_times_t
 from henon_ref.harness.report.text.summary import HEADINGS, solver_table
 from henon_ref.harness.report.text.tables import price_table
 from henon_ref.harness.report.text.truth import no_truth, truth_table
+from henon_ref.harness.rows import RunRow
 from henon_ref.trajectory import Transition
 
 RIGHT = "right"
@@ -104,8 +105,19 @@ def test_what_is_proven_of_a_truth_and_why_the_rest_is_not():
     partly = {"certified": False, "uncertified_because": "a graze, at t = 1."}
     assert truth(compared(proven=2, **partly))["certified"] == ("2 of 5", "a graze, at t = 1")
     assert truth(compared(proven=0, **partly))["certified"] == ("no", "a graze, at t = 1")
+    assert truth(compared(proven=2, **partly))["modes confirmed by"] == ("nothing independent", "")
     other = truth(compared(closed_forms=3, near_grazes=2))
     assert (other["closed forms of the case"][0], other["near touches"][0]) == ("3", "2")
+
+
+def test_a_truth_without_a_proof_names_the_libraries_that_find_its_modes():
+    """Not the reference, nor the library of the truth itself."""
+    result = compared(certified=False, uncertified_because="a graze").readings[0]
+    runs = [RunRow("a", "b", solver, status="ok", missed=0, spurious=0) for solver in ("henon", "heyoka", "ida")]
+    row = {row[0]: row[1:] for row in truth_table(result, runs).rows}["modes confirmed by"]
+    assert row == ("`ida`", "its driver finds the same transitions")
+    wrong = RunRow("a", "b", "ida", status="ok", missed=1, spurious=0)
+    assert ("modes confirmed by", "nothing independent", "") in truth_table(result, [wrong]).rows
 
 
 def test_an_exact_run_that_ends_early_says_why():

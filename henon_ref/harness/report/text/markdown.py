@@ -141,7 +141,7 @@ def _reading(comparison: Comparison, result: ReadingResult) -> dict[str, Any]:
         "orbit": _markdown(orbit_table(result)),
         "runs": run_table(records).markdown,
         "reasons": _markdown(reason_table(rows)),
-        "truth": truth_table(result).markdown,
+        "truth": truth_table(result, rows).markdown,
         "model": {
             "story": paragraphs(reading.story or ""),
             "effects": [part if isinstance(part, str) else part.markdown for part in effect_table(result) or ()],

@@ -10,10 +10,9 @@ import sympy as sp
 
 from henon_ref.casefile.assembly import Scene
 from henon_ref.errors import ModelError
-from henon_ref.filippov.formulas import MOST_OPERATIONS, aligned, derivative, few, printable
-from henon_ref.filippov.formulas import general_form as general_form
 from henon_ref.filippov.kinks import continuous
-from henon_ref.filippov.latex import latex, symbol
+from henon_ref.filippov.latex import MOST_OPERATIONS, aligned, derivative, few, latex, printable, symbol
+from henon_ref.filippov.latex import general_form as general_form
 from henon_ref.filippov.modes import Mode, mode_text
 from henon_ref.filippov.resting import REMAINING, impact_of
 from henon_ref.filippov.system import FilippovSystem

@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from henon_ref.harness.campaign.results import ReadingResult
 from henon_ref.harness.report.text.formats import exponential, listing, significant
+from henon_ref.harness.rows import RunRow
 from henon_ref.harness.score.reference import Expected
 from henon_ref.harness.table import Table
 from henon_ref.text import markdown
 
 HEADINGS = ("truth", "value", "note")
+DEPENDENT = ("henon", "heyoka")
+"""How names of solvers begin that share the library of a truth, or the rule that selects its modes."""
 
 
-def truth_table(result: ReadingResult) -> Table:
-    """The exact run: its end, its transitions, what is proven of them, how they were computed."""
+def truth_table(result: ReadingResult, runs: Iterable[RunRow] = ()) -> Table:
+    """The exact run: its end, its transitions, what is proven of them, how they were computed.
+
+    Where no enclosure certifies them, ``runs`` of other libraries say whether something else confirms their modes.
+    """
     statement, expected = result.statement, result.expected
     if expected is None:
         return Table(HEADINGS, "lll", [("exact run", "none, nothing is scored", _reason(result))])
@@ -23,6 +31,10 @@ def truth_table(result: ReadingResult) -> Table:
         ("touches", f"{touches}", "a surface is met and not crossed" if touches else ""),
         ("certified", *_certified(result, expected)),
     ]
+    if not statement.certified and expected.transitions:
+        names = sorted({f"`{run.solver}`" for run in runs if _confirms(run)})
+        note = "its driver finds the same transitions" if len(names) == 1 else "their drivers find the same transitions"
+        rows.append(("modes confirmed by", *((listing(names), note) if names else ("nothing independent", ""))))
     if expected.radius:
         radius = f"{exponential(expected.radius, 1)} s"
         rows.append(("largest radius of a transition time", radius, "no error is claimed below it"))
@@ -34,6 +46,11 @@ def truth_table(result: ReadingResult) -> Table:
     if statement.near_grazes:
         rows.append(("near touches", f"{statement.near_grazes}", "instants at which a surface is nearly met"))
     return Table(HEADINGS, "lll", rows)
+
+
+def _confirms(run: RunRow) -> bool:
+    """Whether a run of an independent library has all transitions of the truth, each with its modes, and no other."""
+    return run.status == "ok" and not run.missed and not run.spurious and not run.solver.startswith(DEPENDENT)
 
 
 def no_truth(result: ReadingResult) -> str:

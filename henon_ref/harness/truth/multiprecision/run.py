@@ -10,17 +10,17 @@ from time import process_time
 import numpy as np
 from flint import arb
 
-from henon_ref.filippov.after_jump import AfterJump, Rest
+from henon_ref.filippov.after_jump import AfterJump, Rest, after_jump
 from henon_ref.filippov.decision import Decision
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.resets import resetting, rows_at
 from henon_ref.filippov.resting import REMAINING, turning_in_flight
+from henon_ref.filippov.selection import after_event, initial_mode, signs_at
 from henon_ref.harness.truth.multiprecision.heyoka import to_real
-from henon_ref.harness.truth.multiprecision.jump import Jumps
-from henon_ref.harness.truth.multiprecision.mode_selection import ModeSelection, Point
 from henon_ref.harness.truth.multiprecision.numbers import GUARD_BITS, exact_ball, to_ball
+from henon_ref.harness.truth.multiprecision.points import Point, SeriesEvaluation
 from henon_ref.harness.truth.multiprecision.stepper import Step, Stepper
 from henon_ref.harness.truth.multiprecision.termination import CROWD, EndedError, Termination, written
 from henon_ref.harness.truth.reference import OUT_OF_TIME, NearGraze
@@ -118,14 +118,13 @@ class _Simulation:
         self.bits = bits
         self.zero = arb(2) ** (-(3 * bits) // 4)
         self.progress = progress
-        self.selection = ModeSelection(problem.system, bits)
-        self.jumps = Jumps(self.selection)
+        self.modes = SeriesEvaluation(problem.system, bits)
         # As heyoka rounds them: a horizon between two of its numbers would never be reached.
         self.start, self.until = (to_ball(to_real(exact_ball(t, bits), bits)) for t in (problem.start, problem.until))
         self.span = float(self.until - self.start)
         self.result = Run(bits)
         self.steppers: dict[Mode | frozenset[int], Stepper] = {}
-        self.point = Point(self.start, tuple(exact_ball(v, bits) for v in problem.initial))
+        self.point = self.modes.at(self.start, [exact_ball(v, bits) for v in problem.initial])
         self.mode: Mode = ()
         self.signs: list[int] = []
         """Sign of each guard since the last root (0: it stays zero and is not watched)."""
@@ -160,14 +159,9 @@ class _Simulation:
     def _begin(self) -> None:
         problem = self.problem
         self.result.end_time = self.start
-        decision = self.selection.initial_mode(problem.start, problem.initial, problem.initial_mode)
-        mode = self._decided(decision)
-        sides = self.selection.sides(problem.start, problem.initial, problem.system.surfaces)
-        self._enter(mode, frozenset(i for i, side in enumerate(sides) if side == 0))
-        for guard, sign in zip(problem.system.equations(self.mode).guards, self.signs, strict=True):
-            if guard.kind == "valid" and sign == 0:
-                expression = problem.system.valid[guard.index]
-                raise EndedError("invalid", f"{expression} is 0 at the start and does not rise")
+        decision = initial_mode(self.modes, problem.start, problem.initial, problem.initial_mode)
+        sides, _ = signs_at(problem.system, problem.start, problem.initial)
+        self._enter(self._decided(decision), frozenset(i for i, side in enumerate(sides) if side == 0))
 
     def _decided(self, decision: Decision) -> Mode:
         if decision.mode is not None:
@@ -179,7 +173,7 @@ class _Simulation:
         """Go on in a mode from the present point; what fails at once is the next event."""
         self.mode = mode
         self._keep_approaches()
-        terms = self.selection.leading_terms(self.point, mode, active)
+        terms = self.point.leading_terms(mode, active)
         if terms is None:
             raise EndedError("failed", f"the field is not finite at t = {self._now()}")
         guards = self.problem.system.equations(mode).guards
@@ -193,7 +187,7 @@ class _Simulation:
         if failing:
             self._change_mode(failing, 0.0)
             return
-        values = self.selection.values(self.point, mode)
+        values = self.point.guard_values(mode)
         self.stepper.start(mode, self.point.time, self.point.state, values)
 
     def _keep_approaches(self) -> None:
@@ -312,7 +306,7 @@ class _Simulation:
             left = [jumped.state if place is None else jumped.applied[place][1] for _, place in rows]
         else:
             resets, rest, left = (), None, []
-            after = self._decided(self.selection.after_event(point, before, hits, touched=touched))
+            after = self._decided(after_event(point, before, hits, touched=touched))
             active = self.problem.system.closed({g.index for g in hits}, {i for i, s in enumerate(before) if s == 0})
             changed = tuple(i for i in sorted(active) if after[i] != before[i])
         if self.accumulating and resets != self.accumulating and not self._turns_in_flight(hits):
@@ -339,7 +333,7 @@ class _Simulation:
         time = (self.point.time + rest.remaining).mid()
         late = bool(time > self.until)
         self.accumulating = ()
-        self.point = Point(self.until if late else time, tuple(rest.state))
+        self.point = self.modes.at(self.until if late else time, rest.state)
         self.result.end_time = self.point.time
         surfaces = tuple(i for i, s in enumerate(rest.mode) if s != before[i])
         if not late:
@@ -349,18 +343,26 @@ class _Simulation:
 
     def _jump(self, due: tuple[int, ...], hits: Sequence[Guard]) -> AfterJump:
         """Let the state jump, and go over to the mode after it."""
-        after = self.jumps.after(self.point, self.mode, due, hits, REMAINING * self.span)
+        after = after_jump(
+            self.problem.system,
+            self.modes,
+            self.mode,
+            due,
+            hits,
+            self.point.time,
+            self.point.state,
+            arb(REMAINING * self.span),
+        )
         self.mode = self._decided(after.decision)
-        self.point = Point(self.point.time, tuple(after.state))
+        self.point = self.modes.at(self.point.time, after.state)
         return after
 
     def _blurred(self, time: arb, state: Sequence[arb], step: Step) -> Point:
         """A point with the radii within which it counts as known."""
         scale = max(abs(float(time)), float(step.length))
         sizes = self.stepper.sizes(step)
-        return Point(
-            arb(time, self.zero * scale), tuple(arb(v, self.zero * s) for v, s in zip(state, sizes, strict=True))
-        )
+        known = [arb(v, self.zero * s) for v, s in zip(state, sizes, strict=True)]
+        return self.modes.at(arb(time, self.zero * scale), known)
 
     def _at_horizon(self) -> bool:
         """Whether the run is there, to the precision: heyoka's last step may end a rounding short."""

@@ -10,8 +10,9 @@ from flint import arb, ctx
 
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.overrides import SlidingOverride
+from henon_ref.filippov.selection import after_event, initial_mode
 from henon_ref.filippov.system import FilippovSystem
-from henon_ref.harness.truth.multiprecision.mode_selection import ModeSelection, Point
+from henon_ref.harness.truth.multiprecision.points import SeriesEvaluation
 from henon_ref.taylor.tape import TIME
 
 X, V, S, U = sp.symbols("x v s u", real=True)
@@ -25,7 +26,7 @@ def _precision() -> Iterator[None]:
 
 
 def initial(system: FilippovSystem, *state: sp.Expr, given: dict[int, int] | None = None) -> tuple[str, object]:
-    decision = ModeSelection(system, 128).initial_mode(ZERO, [sp.sympify(v) for v in state], given or {})
+    decision = initial_mode(SeriesEvaluation(system, 128), ZERO, [sp.sympify(v) for v in state], given or {})
     return decision.status, decision.mode
 
 
@@ -68,18 +69,17 @@ def test_rest_at_the_very_limit_of_friction_is_rest() -> None:
 
 
 def test_a_tie_within_the_radius_counts_as_a_tie() -> None:
-    selection = ModeSelection(line(2 - S), 128)
     guard = Guard("surface", 0, -1, X)
-    within = Point(arb(0), (arb("1e-35", arb("1e-30")),))
-    assert selection.after_event(within, (1,), [guard]).mode == (1,)
+    within = SeriesEvaluation(line(2 - S), 128).at(arb(0), [arb("1e-35", arb("1e-30"))])
+    assert after_event(within, (1,), [guard]).mode == (1,)
 
 
 @pytest.mark.parametrize("surface", [(X - 1) ** 3, X - 1 - sp.sin(X - 1), (X - 1) ** 5 * (1 + X)])
 def test_where_the_gradient_vanishes_fields_that_lead_through_the_surface_cross(surface: sp.Expr) -> None:
     """x' = 2 + s: x(t) is one and only, whatever expression's sign s is. A slide would have the sign -2 (0/0 here)."""
     for field, mode in ((2 + S, (1,)), (-S, (0,))):
-        selection = ModeSelection(FilippovSystem((X,), (S,), (surface,), (field,)), 128)
-        decision = selection.after_event(Point(arb(1), (arb(1),)), (-1,), [Guard("surface", 0, 1, -surface)])
+        at = SeriesEvaluation(FilippovSystem((X,), (S,), (surface,), (field,)), 128).at(arb(1), [arb(1)])
+        decision = after_event(at, (-1,), [Guard("surface", 0, 1, -surface)])
         assert (decision.status, decision.mode) == ("unique", mode)
 
 
@@ -103,7 +103,7 @@ def test_the_end_of_the_model_is_invalid() -> None:
     system = FilippovSystem((X,), (S,), (X - 5,), (S,), valid=(X,))
     assert initial(system, -1) == ("invalid", None)
     guard = Guard("valid", 0, 0, X, ends="invalid")
-    assert ModeSelection(system, 128).after_event(Point(arb(0), (arb(0),)), (-1,), [guard]).status == "invalid"
+    assert after_event(SeriesEvaluation(system, 128).at(arb(0), [arb(0)]), (-1,), [guard]).status == "invalid"
 
 
 def test_more_surfaces_than_are_tried_exhaustively_are_searched() -> None:

@@ -12,16 +12,21 @@ from runs import kinds, run
 
 from baselines.henon import HENON_SOLVER
 from henon_ref.filippov import mode_evaluation
-from henon_ref.filippov.derivatives import leading, rate_of
+from henon_ref.filippov.arithmetic import CLEAR
+from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.exact_numbers import exact_sign
-from henon_ref.filippov.switching import Switching
+from henon_ref.filippov.in_doubles import DOUBLES, in_doubles, rate_of
+from henon_ref.filippov.selection import after_event, contact_orders, initial_mode, sign_after
+from henon_ref.filippov.system import FilippovSystem
 from henon_ref.harness import registry
 from henon_ref.taylor.series import expand
+
+X, S = sp.symbols("x s", real=True)
 
 
 def decide(field: list[str], initial: list[str | int], states: str = "x", surfaces: dict[str, str] | None = None):
     problem = make_problem(states, field, surfaces or {"s": "x"}, initial, 1)
-    return Switching(problem.system).initial_mode(problem.start, problem.initial, problem.initial_mode)
+    return initial_mode(in_doubles(problem.system), problem.start, problem.initial, problem.initial_mode)
 
 
 def test_attracting_repelling_and_crossing() -> None:
@@ -65,7 +70,7 @@ def test_a_surface_that_no_sign_acts_on_does_not_keep_the_others_from_being_sear
     field = ["(3 + s)/2", "(3 + u)/2", "1", "(3 + r)/2", "(1 - 3*k)/4"]
     system = make_problem(names, field, dict(zip("suwrk", names.split(), strict=True)), [-1] * 5, 2).system
     hits = [g for g in system.equations((-1,) * 5).guards if g.kind == "surface"]
-    decision = Switching(system).after_event(1.0, [0.0] * 5, (-1,) * 5, hits)
+    decision = after_event(in_doubles(system).at(1.0, [0.0] * 5), (-1,) * 5, hits)
     assert decision.mode == (1, 1, 1, 1, 0)
 
 
@@ -79,19 +84,19 @@ def test_many_contacts_at_rest_are_searched_not_enumerated() -> None:
 
 def test_a_given_mode_settles_an_open_start_and_a_wrong_one_is_refused() -> None:
     problem = make_problem("x", ["s"], {"s": "x"}, [0], 1)
-    switching = Switching(problem.system)
-    assert switching.initial_mode(problem.start, problem.initial, {0: 1}).mode == (1,)
-    assert switching.initial_mode(problem.start, (sp.Integer(2),), {0: -1}).status == "invalid"
+    modes = in_doubles(problem.system)
+    assert initial_mode(modes, problem.start, problem.initial, {0: 1}).mode == (1,)
+    assert initial_mode(modes, problem.start, (sp.Integer(2),), {0: -1}).status == "invalid"
 
 
 def test_contact_orders_count_the_zeros_of_h() -> None:
     problem = make_problem("x v", ["v", "t - 1 + s"], {"s": "x"}, [0, 0], 1)
-    switching = Switching(problem.system)
-    assert switching.contact_orders(0.0, [0.0, 1.0], (1,), [0]) == [1]
-    assert switching.contact_orders(0.5, [0.0, 0.0], (1,), [0]) == [2]
-    assert switching.contact_orders(0.5, [0.0, 1e-17], (1,), [0]) == [2]  # a speed that rounding has left
-    assert switching.contact_orders(0.0, [0.0, 0.0], (1,), [0]) == [3]
-    assert switching.contact_orders(0.0, [0.0, 0.0], (1,), []) == [0]
+    at = in_doubles(problem.system).at
+    assert contact_orders(at(0.0, [0.0, 1.0]), (1,), [0]) == [1]
+    assert contact_orders(at(0.5, [0.0, 0.0]), (1,), [0]) == [2]
+    assert contact_orders(at(0.5, [0.0, 1e-17]), (1,), [0]) == [2]  # a speed that rounding has left
+    assert contact_orders(at(0.0, [0.0, 0.0]), (1,), [0]) == [3]
+    assert contact_orders(at(0.0, [0.0, 0.0]), (1,), []) == [0]
 
 
 def test_a_run_does_not_live_on_what_an_earlier_one_worked_out(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -121,7 +126,7 @@ def test_a_run_does_not_live_on_what_an_earlier_one_worked_out(monkeypatch: pyte
 
 
 def test_a_rate_that_has_no_powers_makes_no_number_overflow() -> None:
-    assert leading([1e-78, 0.0, 3.0, -0.27, -1.2, 0.068, 0.17, -0.0068, -0.013], 1, 1e39, 0.0, 1e-11) == 2
+    assert DOUBLES.leading([1e-78, 0.0, 3.0, -0.27, -1.2, 0.068, 0.17, -0.0068, -0.013], 1, 1e39, 0.0, 1e-11) == 2
 
 
 def test_a_slope_that_rounding_has_left_is_no_scale() -> None:
@@ -129,7 +134,7 @@ def test_a_slope_that_rounding_has_left_is_no_scale() -> None:
     states = [[1.0, -1e-78, 0.0, 1.0, 0.1, 0.0, 0.0, 0.0, 0.1], [-1e-78, 0.0, 3.0, 0.3, 0.0, 0.0, 0.0, 0.0, 0.8]]
     assert 0.1 < rate_of(states) < 10
     guard = [1e-78, 0.0, 3.0, -0.27, -1.2, 0.068, 0.17, -0.0068, -0.013]
-    assert leading(guard, 1, rate_of(states), 0.0, 1e-11) == 2
+    assert DOUBLES.leading(guard, 1, rate_of(states), 0.0, 1e-11) == 2
     fast = [[0.0, 1e-3, 0.0, -1.7e8, 0.0, 8.3e18, 0.0, -2e29, 0.0]]
     assert rate_of(fast) == pytest.approx(4.1e5, rel=0.1)
 
@@ -138,7 +143,7 @@ def test_a_slope_that_rounding_has_left_is_no_scale() -> None:
 def test_a_load_that_pulsates_down_to_nothing_holds(time: float) -> None:
     """At pi rounding leaves a force of 1e-16 of either slip, with the sign of the rounding."""
     system = make_problem("x v", ["v", "-(1 + cos(t))*s"], {"s": "v"}, [0, 0], 12).system
-    held = Switching(system).after_event(time, [0.0, 0.0], (0,), list(system.equations((0,)).guards))
+    held = after_event(in_doubles(system).at(time, [0.0, 0.0]), (0,), list(system.equations((0,)).guards))
     assert held.mode == (0,)
 
 
@@ -146,3 +151,24 @@ def test_a_load_that_pulsates_down_to_nothing_holds(time: float) -> None:
 def test_a_force_barely_above_friction_is_no_stick(excess: str) -> None:
     result = run(make_problem("v", [f"1 - (1 - {excess})*s"], {"s": "v"}, ["-1"], 2), rtol=1e-9)
     assert kinds(result) == ["crossing"]
+
+
+@pytest.mark.parametrize("below", [-2, 1, sp.Rational(1, 10**6)])
+@pytest.mark.parametrize("above", [-1, 3, -sp.Rational(1, 10**6)])
+def test_the_signs_say_what_the_search_of_modes_finds(below, above):
+    field = (below * (1 - S) + above * (1 + S)) / 2
+    system = FilippovSystem((X,), (S,), (X,), (field,))
+    sign = sign_after(float(below), float(above))
+    assert (sign is None) == (below < 0 < above)
+    if sign is None:
+        return
+    for mode in ((-1,), (1,)):
+        (hit,) = (g for g in system.equations(mode).guards if g.kind == "surface")
+        assert isinstance(hit, Guard)
+        assert after_event(in_doubles(system).at(0.0, (0.0,)), mode, [hit]).mode == (sign,)
+
+
+@pytest.mark.parametrize("velocity", [0.0, 0.5 * CLEAR, -0.5 * CLEAR, math.nan])
+def test_a_velocity_near_zero_decides_nothing(velocity):
+    for other in (-1.0, 1.0):
+        assert sign_after(velocity, other) is sign_after(other, velocity) is None
