@@ -17,6 +17,7 @@ from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.switching import Switching
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.jit.processor_time import compiling
+from henon_ref.taylor.fold import FUNCTIONS
 from henon_ref.taylor.series import Ring, expand
 from henon_ref.taylor.tape import INFINITE, Tape, build_tape
 
@@ -30,8 +31,7 @@ ENDING_ORDERS = 4
 """So many orders in a row that count for nothing end an expansion."""
 DIGITS = 75
 """Of the constants: more than the precision holds."""
-_NAMES = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "asin", "acos", "atan", "exp", "log", "sqrt")
-_RING = Ring({name: getattr(arb, name) for name in _NAMES}, arb.__pow__)
+_RING = Ring({name: getattr(arb, name) for name in (*FUNCTIONS, "sqrt")}, arb.__pow__)
 
 
 @dataclass(frozen=True)
