@@ -175,9 +175,12 @@ class ConstantProgram:
         """Expressions at one point of exact numbers, with the precision that python-flint has."""
         return self.over_ring([_ball(v) for v in values], _ball, arb.sqrt)
 
-    def signs(self, values: Sequence[sp.Expr]) -> list[int]:
-        """Signs of the expressions at one point of exact numbers: 0 for zero, and where 60 digits show nothing."""
-        return [int(v > 0) - int(v < 0) for v in self.exact_values(values)]
+    def signs(self, values: Sequence[sp.Expr]) -> list[int | None]:
+        """Signs of the expressions at one point of exact numbers: 0 for zero, and where BITS bits show nothing.
+
+        None where an expression has no finite real value.
+        """
+        return [int(v > 0) - int(v < 0) if v.is_finite() else None for v in self.exact_values(values)]
 
     def exact_values(self, values: Sequence[sp.Expr]) -> list[Any]:
         """Expressions at one point of exact numbers: balls, without radius where all is rational; NaN at a pole."""
@@ -186,8 +189,8 @@ class ConstantProgram:
                 exact = [fmpq(int(v.p), int(v.q)) for v in values]
                 try:
                     return list(map(arb, self.over_ring(exact, lambda n: fmpq(int(n.p), int(n.q)), arb.sqrt)))
-                except ZeroDivisionError:
-                    return [arb("nan")] * len(self.outputs)
+                except ZeroDivisionError:  # at a pole of one expression others have values
+                    pass
             return self.balls(values)
 
     @cached_property

@@ -189,7 +189,7 @@ def test_a_mode_is_put_together_as_it_would_be_written_out() -> None:
     integrator, model = integrator_of(system, LOCAL_ERROR), system.model
     values = {"F": 1, "d": 3, "vb": Fraction(1, 2)}
     given = tuple(values[symbol.name] for symbol in integrator.parameters)
-    begin = integrator.start_at(given, [*start(5, 1).values()], until=UNTIL, tolerance=1e-10, landing=HENON)
+    begin = integrator.begin(given, [*start(5, 1).values()], until=UNTIL, tolerance=1e-10, landing=HENON)
     own, table = Run(integrator, begin, block=1), integrator.mode_table
     at = places(10, table.most_guards, integrator.order, 5, table.row_length)
     seen = 0
@@ -227,7 +227,7 @@ def test_any_corner_is_decided_as_in_python() -> None:
             continue
         x = [*(0.0 for _ in every), *map(float, numbers)]
         begin = replace(
-            integrator.start_at((), [1.0] * 18, until=1.0, tolerance=1e-6, landing=HENON),
+            integrator.begin((), [1.0] * 18, until=1.0, tolerance=1e-6, landing=HENON),
             until=(0.0, 0.0), x=tuple((v, 0.0) for v in x), row=table.row(mode) or 0,
         )  # fmt: skip
         own = Run(integrator, begin)

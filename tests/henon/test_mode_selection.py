@@ -243,7 +243,9 @@ class Corner:
         self.integrator = Integrator(problem.system, 8)
         for mode in product((-1, 0, 1), repeat=surfaces):
             self.integrator.mode_table.row(mode)
-        self.constants = self.integrator.constants(problem.system)
+        self.constants = self.integrator.constants(
+            tuple(problem.system.parameters[p] for p in self.integrator.parameters)
+        )
 
     def both(self, numbers: Sequence[float], mode: Mode, hit: Sequence[int]) -> tuple[Mode | None, Any]:
         """What machine code makes of it (None: left to Python), and what Python does.
