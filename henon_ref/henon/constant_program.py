@@ -175,23 +175,23 @@ class ConstantProgram:
         """Expressions at one point of exact numbers, with the precision that python-flint has."""
         return self.over_ring([_ball(v) for v in values], _ball, arb.sqrt)
 
-    def signs(self, values: Sequence[sp.Expr]) -> list[int | None]:
+    def signs(self, values: Sequence[Any]) -> list[int | None]:
         """Signs of the expressions at one point of exact numbers: 0 for zero, and where BITS bits show nothing.
 
-        None where an expression has no finite real value.
+        None where an expression has no finite real value. Numbers are whole, Fraction, or SymPy's.
         """
         return [int(v > 0) - int(v < 0) if v.is_finite() else None for v in self.exact_values(values)]
 
-    def exact_values(self, values: Sequence[sp.Expr]) -> list[Any]:
+    def exact_values(self, values: Sequence[Any]) -> list[Any]:
         """Expressions at one point of exact numbers: balls, without radius where all is rational; NaN at a pole."""
         with working_precision(BITS):
-            if self.is_rational and all(v.is_Rational for v in values):
-                exact = [fmpq(int(v.p), int(v.q)) for v in values]
+            if self.is_rational and all(getattr(v, "is_Rational", True) for v in values):
+                exact = [fmpq(int(v.numerator), int(v.denominator)) for v in values]
                 try:
                     return list(map(arb, self.over_ring(exact, lambda n: fmpq(int(n.p), int(n.q)), arb.sqrt)))
                 except ZeroDivisionError:  # at a pole of one expression others have values
                     pass
-            return self.balls(values)
+            return self.balls(list(map(sp.sympify, values)))
 
     @cached_property
     def is_rational(self) -> bool:

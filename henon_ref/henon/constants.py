@@ -20,6 +20,7 @@ from henon_ref.henon.pairs import Pair, Three, three_of
 from henon_ref.henon.parameter_programs import LoopData, ParameterPrograms, loop_data, numbers_behind
 from henon_ref.henon.precise_modes import BallSwitching, PreciseModes
 from henon_ref.jit.processor_time import compiling
+from henon_ref.kernel.shared import kernel
 from henon_ref.precision import one_at_a_time
 from henon_ref.taylor.tape import Tape
 
@@ -54,11 +55,14 @@ class ModeConstants:
         self.programs, self.table, self.values, self.exact = programs, programs.table, values, exact
         self.no_zeros = programs.no_zeros
         self.doubles = tuple([high for high, _, _ in values])
-        made = programs.at_once(values)
-        self._values = np.zeros(1) if made is None else numbers_behind(made)
-        """See :class:`henon_ref.henon.distinct_constants.DistinctConstants`."""
+        made = self._at_once = programs.at_once(values)
         self.latest = self._extended(self.table.compiled) if made is None else made
         self.is_finite = made is not None or bool(np.isfinite(self.latest.numbers).all())
+
+    @cached_property
+    def _values(self) -> NDArray[np.float64]:
+        """See :class:`henon_ref.henon.distinct_constants.DistinctConstants`."""
+        return np.zeros(1) if self._at_once is None else numbers_behind(self._at_once)
 
     @cached_property
     def _rows(self) -> GrowingRows:
@@ -97,18 +101,16 @@ class ModeConstants:
     def signs(self, t: Pair, x: Sequence[Pair]) -> Sequence[int]:
         """Signs of the surfaces, then of the ``valid`` expressions, at a point; UNCLEAR_SIGN where one is not clear.
 
-        By a bound in doubles where all of them are short sums of products, else, or where it is not enough, by one in
-        double-double.
+        By a bound in doubles where all of them are short sums of products, else by one in double-double.
         """
         in_doubles = self.programs.signs_in_doubles
-        found = in_doubles and in_doubles(t[0], *[high for high, _ in x], *self.doubles)
-        if found:
-            return found
+        if in_doubles is not None:
+            return in_doubles(t[0], *[high for high, _ in x], *self.doubles) or (kernel.UNCLEAR_SIGN,)
         point = np.array([[*(three_of(pair) for pair in (t, *x)), *self.values]])
         signs: list[int] = self.programs.start_signs(point)[0].tolist()
         return signs
 
-    def exact_signs(self, point: Sequence[sp.Expr]) -> list[int | None]:
+    def exact_signs(self, point: Sequence[Any]) -> list[int | None]:
         """The same at a point of exact numbers; None where there is no value (see :meth:`ConstantProgram.signs`)."""
         return self.programs.start.signs((*point, *self.exact()))
 

@@ -11,10 +11,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from struct import Struct
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
-import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.filippov.decision import Decision
@@ -145,7 +144,7 @@ def begin(
     time: Pair,
     until: Pair,
     x: Sequence[Pair],
-    exact: Callable[[], Sequence[sp.Expr]],
+    exact: Callable[[], Sequence[Any]],
     mode: Mapping[int, int],
     **settings: Any,
 ) -> Start:
@@ -158,19 +157,20 @@ def begin(
         Initial time and horizon [s].
     x : sequence of Pair, shape (n,)
     exact : callable
-        Time and state as exact numbers, asked for where pairs do not tell a sign.
+        Time and state as exact numbers, of Python or SymPy, asked for where pairs do not tell a sign.
     mode : mapping
         Surface -> -1, 0 or +1, for a start on a surface that the fields leave open.
     **settings
         ``tolerance``, ``landing``, ``stop_falling``, ``stop_rising``, ``most_steps`` of :class:`Start`.
     """
-    table, high = constants.table, [v for v, _ in x]
-    refused, row, zeros = None, -1, constants.no_zeros
-    if not mode:
-        row, zeros = _clearly(constants, constants.signs(time, x), time[0], high)
+    table, high, refused = constants.table, [v for v, _ in x], None
+    row, zeros = (-1, ()) if mode else _clearly(constants, constants.signs(time, x), time[0], high)
     if row < 0:
         signs = constants.exact_signs(exact())
-        refused, row, zeros = _entered(constants, signs, time[0], high, mode)
+        if not mode and None not in signs:
+            row, zeros = _clearly(constants, cast(list[int], signs), time[0], high)
+        if row < 0:
+            refused, row, zeros = _entered(constants, signs, time[0], high, mode)
     return Start(time, until, tuple(x), refused, row, zeros, table.order, constants=constants, **settings)
 
 
@@ -188,6 +188,9 @@ def row_at_start(table: ModeTable, signs: Sequence[int]) -> tuple[int, int] | No
     """
     count = len(table.system.surfaces)
     mode = tuple(signs[:count])
+    clear = 0 not in signs and kernel.UNCLEAR_SIGN not in signs and -1 not in signs[count:]
+    if clear and (known := table.known(mode)) is not None:
+        return known, -1
     on = [i for i, sign in enumerate(mode) if sign == 0]
     if kernel.UNCLEAR_SIGN in mode or len(on) > 1 or any(sign != 1 for sign in signs[count:]):
         return None

@@ -18,7 +18,7 @@ from henon_ref.errors import ModelError
 from henon_ref.filippov.exact_numbers import double_double
 from henon_ref.henon.constants import ModeConstants
 from henon_ref.henon.integrator import Integrator
-from henon_ref.henon.pairs import Three, exact_expression, pair_of, three_of
+from henon_ref.henon.pairs import Three, exact_expression, exact_number, pair_of, three_of
 from henon_ref.henon.records import HENON
 from henon_ref.henon.start import Start, begin
 from henon_ref.kernel.shared import kernel
@@ -91,14 +91,14 @@ class QuickStart:
             if pair is None:
                 return None
             x.append(pair)
-        constants, given = self._constants(values, changes), self._entries(mode or {})
+        constants, given = self._constants(values, changes), self._entries(mode) if mode else {}
         if constants is None or given is None or not (end[0] - time[0]) + (end[1] - time[1]) > 0.0:
             return None
         point = (start, *(initial[name] for name in names))
         if self._in_kinks and kernel.UNCLEAR_SIGN in constants.signs(time, x):
             return None
         settings = {"tolerance": self._tolerance, "landing": HENON}
-        found = begin(constants, time, end, x, lambda: list(map(exact_expression, point)), given, **settings)
+        found = begin(constants, time, end, x, lambda: list(map(exact_number, point)), given, **settings)
         wrong = found.refused is not None and (given or found.refused.status == "failed")
         return None if wrong else found  # the exact way has the words
 
