@@ -15,6 +15,7 @@ from baselines.flow import LIMIT
 from baselines.mode_functions import ModeFunctions
 from henon_ref.errors import UnsupportedError
 from henon_ref.filippov.callables import rounded
+from henon_ref.taylor.fold import Rules, Walk, fold, fraction
 from henon_ref.taylor.tape import TIME
 
 FUNCTIONS = ("sin", "cos", "sinh", "cosh", "tanh", "exp", "log")
@@ -78,49 +79,39 @@ def to_diffsl(expression: sp.Expr, names: Mapping[sp.Symbol, str]) -> str:
         For a function that DiffSL does not have.
     """
 
-    def converted(e: sp.Expr) -> str:
-        if e.is_number:
-            return number(float(e))
-        if e == TIME:
-            return "t"
-        if e in names:
-            return names[e]
-        if e.is_Add:
-            return "(" + " + ".join(converted(a) for a in e.args) + ")"
-        if e.is_Mul:
-            return product(e)
-        if e.is_Pow:
-            return power(e)
-        name, inner = e.func.__name__, [converted(a) for a in e.args]
-        if name == "tan":
-            return f"(sin({inner[0]}) / cos({inner[0]}))"
-        if name not in FUNCTIONS:
-            raise UnsupportedError(f"DiffSL has no {name}")
-        return f"{name}({inner[0]})"
+    def product(e: sp.Expr, walk: Walk[str]) -> str:
+        above, below = fraction(e)
+        numerator = " * ".join(map(walk, above)) or "1.0"
+        return f"({numerator}" + "".join(f" / {walk(b)}" for b in below) + ")"
 
-    def product(e: sp.Expr) -> str:
-        above, below = [], []
-        for factor in e.args:
-            if factor.is_Pow and factor.exp.is_Rational and factor.exp.is_negative:
-                below.append(sp.Pow(factor.base, -factor.exp))
-            else:
-                above.append(factor)
-        numerator = " * ".join(converted(a) for a in above) or "1.0"
-        return f"({numerator}" + "".join(f" / {converted(b)}" for b in below) + ")"
-
-    def power(e: sp.Expr) -> str:
+    def power(e: sp.Expr, walk: Walk[str]) -> str:
         if e.base == sp.E:
-            return f"exp({converted(e.exp)})"
+            return f"exp({walk(e.exp)})"
         if e.exp.is_Rational and e.exp.is_negative:
-            return f"(1.0 / {converted(sp.Pow(e.base, -e.exp))})"
-        base = converted(e.base)
+            return f"(1.0 / {walk(sp.Pow(e.base, -e.exp))})"
+        base = walk(e.base)
         if e.exp.is_Integer and int(e.exp) <= MOST_FACTORS:
             return "(" + " * ".join([base] * int(e.exp)) + ")"
         if e.exp == sp.Rational(1, 2):
             return f"sqrt({base})"
-        return f"pow({base}, {number(float(e.exp)) if e.exp.is_number else converted(e.exp)})"
+        return f"pow({base}, {walk(e.exp)})"
 
-    return converted(rounded(expression))
+    def function(e: sp.Expr, walk: Walk[str]) -> str:
+        name, inner = e.func.__name__, walk(e.args[0])
+        if name == "tan":
+            return f"(sin({inner}) / cos({inner}))"
+        if name not in FUNCTIONS:
+            raise UnsupportedError(f"DiffSL has no {name}")
+        return f"{name}({inner})"
+
+    rules = Rules(
+        number=lambda e: number(float(e)),
+        add=lambda e, walk: "(" + " + ".join(map(walk, e.args)) + ")",
+        multiply=product,
+        power=power,
+        function=function,
+    )
+    return fold(rounded(expression), rules, {TIME: "t", **names})
 
 
 MOST_FACTORS = 4

@@ -13,9 +13,8 @@ import sympy as sp
 
 from henon_ref.errors import UnsupportedError
 from henon_ref.filippov.callables import rounded
+from henon_ref.taylor.fold import FUNCTIONS, Rules, Walk, fold, fraction
 from henon_ref.taylor.tape import TIME
-
-FUNCTIONS = ("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log")
 
 
 def to_heyoka(expression: sp.Expr, variables: Mapping[sp.Symbol, Any]) -> Any:
@@ -38,45 +37,22 @@ def to_heyoka(expression: sp.Expr, variables: Mapping[sp.Symbol, Any]) -> Any:
     def number(value: sp.Expr) -> Any:
         return hy.expression(float(value))
 
-    def converted(e: sp.Expr) -> Any:
-        if e.is_number:
-            return number(e)
-        if e == TIME:
-            return hy.time
-        if e in variables:
-            return variables[e]
-        if e.is_Add:
-            return hy.sum([converted(a) for a in e.args])
-        if e.is_Mul:
-            return product(e)
-        if e.is_Pow:
-            return power(e)
-        name = e.func.__name__
-        if name not in FUNCTIONS:
-            raise UnsupportedError(f"heyoka has no {name}")
-        return getattr(hy, name)(converted(e.args[0]))
+    def product(e: sp.Expr, walk: Walk[Any]) -> Any:
+        above, below = fraction(e)
+        numerator = hy.prod(list(map(walk, above))) if above else number(sp.Integer(1))
+        return numerator / hy.prod(list(map(walk, below))) if below else numerator
 
-    def product(e: sp.Expr) -> Any:
-        above, below = [], []
-        for factor in e.args:
-            if factor.is_Pow and factor.exp.is_Rational and factor.exp.is_negative:
-                below.append(sp.Pow(factor.base, -factor.exp))
-            else:
-                above.append(factor)
-        numerator = hy.prod([converted(a) for a in above]) if above else number(sp.Integer(1))
-        return numerator / hy.prod([converted(b) for b in below]) if below else numerator
-
-    def power(e: sp.Expr) -> Any:
+    def power(e: sp.Expr, walk: Walk[Any]) -> Any:
         if e.base == sp.E:
-            return hy.exp(converted(e.exp))
+            return hy.exp(walk(e.exp))
         if e.exp.is_Rational and e.exp.is_negative:
-            return number(sp.Integer(1)) / converted(sp.Pow(e.base, -e.exp))
-        base = converted(e.base)
+            return number(sp.Integer(1)) / walk(sp.Pow(e.base, -e.exp))
+        base = walk(e.base)
         if e.exp.is_Integer:
             return whole_power(base, int(e.exp))
         if e.exp == sp.Rational(1, 2):
             return hy.sqrt(base)
-        return base ** (float(e.exp) if e.exp.is_number else converted(e.exp))
+        return base ** (float(e.exp) if e.exp.is_number else walk(e.exp))
 
     def whole_power(base: Any, n: int) -> Any:
         # heyoka expands x**3 by a recurrence that divides by x: at x = 0 it is NaN, events on it are lost, and
@@ -85,4 +61,11 @@ def to_heyoka(expression: sp.Expr, variables: Mapping[sp.Symbol, Any]) -> Any:
             return base
         return whole_power(base, n - 1) * base if n % 2 else whole_power(base, n // 2) ** 2.0
 
-    return converted(rounded(expression))
+    def function(e: sp.Expr, walk: Walk[Any]) -> Any:
+        name = e.func.__name__
+        if name not in FUNCTIONS:
+            raise UnsupportedError(f"heyoka has no {name}")
+        return getattr(hy, name)(walk(e.args[0]))
+
+    rules = Rules(number, lambda e, walk: hy.sum(list(map(walk, e.args))), product, power, function)
+    return fold(rounded(expression), rules, {TIME: hy.time, **variables})

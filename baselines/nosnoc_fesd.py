@@ -46,6 +46,7 @@ from henon_ref.filippov.kinks import visible
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.problem import Problem
 from henon_ref.solver import Run
+from henon_ref.taylor.fold import FUNCTIONS
 from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Trajectory
 
@@ -67,7 +68,6 @@ MOST_SURFACES = 3
 """The regions are 2 to this power."""
 EMPTY = 1e-9
 """A finite element shorter than this part of its control step holds no mode."""
-FUNCTIONS = ("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log", "sqrt")
 
 
 @dataclass(frozen=True)
@@ -281,7 +281,7 @@ def _model(casadi: Any, problem: Problem, clocked: bool) -> dict[str, Any]:
 
     def converted(expressions: list[sp.Expr]) -> Any:
         exprs = [rounded(system.numeric(e)) for e in expressions]
-        functions = {name: getattr(casadi, name) for name in FUNCTIONS}
+        functions = {name: getattr(casadi, name) for name in (*FUNCTIONS, "sqrt")}
         values = sp.lambdify(names, exprs, modules=[functions], cse=True, dummify=True)(*casadi.vertsplit(state))
         return casadi.vertcat(*values)
 

@@ -14,9 +14,9 @@ from sympy.printing.str import StrPrinter
 
 from henon_ref.errors import UnsupportedError
 from henon_ref.filippov.callables import rounded
+from henon_ref.taylor.fold import FUNCTIONS
 from henon_ref.text import spelled
 
-FUNCTIONS = ("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log", "sqrt", "pow")
 MULTIPLIED = 4
 """Powers of a name up to this one are written as products."""
 _NAME = re.compile(r"(?<![\w.])[^\W\d_]\w*")
@@ -67,7 +67,7 @@ class _Printer(StrPrinter):
 
     def _print_Function(self, expr: sp.Expr) -> str:  # noqa: N802
         name = expr.func.__name__
-        if name not in FUNCTIONS:
+        if name not in (*FUNCTIONS, "sqrt", "pow"):
             raise UnsupportedError(f"the protocol has no function {name}")
         return f"{name}({', '.join(map(self._print, expr.args))})"
 

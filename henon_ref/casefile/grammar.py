@@ -13,6 +13,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from henon_ref.errors import ExpressionError
+from henon_ref.taylor.fold import FUNCTIONS as SMOOTH
 from henon_ref.text import did_you_mean, listed, shortened
 
 MAX_LENGTH = 10_000
@@ -30,7 +31,7 @@ MOST_STATES = 4_096
 MAX_DIGITS = 400
 """Digits a number may have, and the largest absolute decimal exponent."""
 
-FUNCTIONS = ("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log", "sqrt")
+FUNCTIONS = (*SMOOTH, "sqrt")
 """Functions allowed in every expression; each takes one argument."""
 MANY = 1_000
 """Arity of a function that takes two arguments or more."""

@@ -11,6 +11,7 @@ from flint import arb, fmpq, fmpz
 from henon_ref.errors import ModelError
 from henon_ref.filippov.algebra import simplified
 from henon_ref.filippov.bounds import terms
+from henon_ref.taylor.fold import FUNCTIONS, Rules, Walk, fold
 from henon_ref.taylor.size import size
 
 PATIENCE = 400
@@ -18,9 +19,8 @@ PATIENCE = 400
 quarter of that."""
 
 _FUNCTIONS: dict[str, Callable[[arb], arb]] = {
-    name: getattr(arb, name)
-    for name in ("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh", "log")
-} | {"exp": arb.exp, "Abs": abs}
+    name: getattr(arb, name) for name in (*FUNCTIONS, "asinh", "acosh", "atanh")
+} | {"Abs": abs}
 
 
 def enclose(expression: sp.Expr, values: Mapping[sp.Symbol, arb] | None = None) -> arb:
@@ -43,45 +43,37 @@ def enclose(expression: sp.Expr, values: Mapping[sp.Symbol, arb] | None = None) 
     >>> enclose(sp.sqrt(2) ** 2 - 1).contains(1)
     True
     """
-    return _walk(sp.sympify(expression), dict(values or {}))
+    return fold(sp.sympify(expression), _RULES, dict(values or {}))
 
 
-def _walk(e: sp.Expr, known: dict[sp.Expr, arb]) -> arb:
-    value = known.get(e)
-    if value is None:
-        value = known[e] = _make(e, known)
-    return value
-
-
-def _make(e: sp.Expr, known: dict[sp.Expr, arb]) -> arb:
+def _number(e: sp.Expr) -> arb:
     if e.is_Integer:
         return arb(fmpz(int(e)))
-    if e.is_Rational:
-        return arb(fmpq(int(e.p), int(e.q)))
-    if e.is_Float:
-        return _make(sp.Rational(e), known)  # the double that it is, exactly
-    if e is sp.pi:
-        return arb.pi()
-    if e is sp.E:
-        return arb.const_e()
-    if e.is_Add:
-        return reduce(arb.__add__, (_walk(a, known) for a in e.args))
-    if e.is_Mul:
-        return reduce(arb.__mul__, (_walk(a, known) for a in e.args))
-    if e.is_Pow:
-        return _power(e, known)
+    if e.is_Rational or e.is_Float:  # a Float is the double that it is, exactly
+        exact = sp.Rational(e)
+        return arb(fmpq(int(exact.p), int(exact.q)))
+    if e is sp.pi or e is sp.E:
+        return arb.pi() if e is sp.pi else arb.const_e()
+    raise _without_enclosure(e)
+
+
+def _function(e: sp.Expr, walk: Walk[arb]) -> arb:
     name = e.func.__name__
     if name == "atan2":
-        return _walk(e.args[0], known).atan2(_walk(e.args[1], known))
+        return walk(e.args[0]).atan2(walk(e.args[1]))
     if name in _FUNCTIONS and len(e.args) == 1:
-        return _FUNCTIONS[name](_walk(e.args[0], known))
-    raise ModelError(f"{e} has no enclosure: it is no exact number, state, time or elementary function")
+        return _FUNCTIONS[name](walk(e.args[0]))
+    raise _without_enclosure(e)
 
 
-def _power(e: sp.Expr, known: dict[sp.Expr, arb]) -> arb:
+def _without_enclosure(e: sp.Expr) -> ModelError:
+    return ModelError(f"{e} has no enclosure: it is no exact number, state, time or elementary function")
+
+
+def _power(e: sp.Expr, walk: Walk[arb]) -> arb:
     if e.base is sp.E:
-        return _walk(e.exp, known).exp()
-    base = _walk(e.base, known)
+        return walk(e.exp).exp()
+    base = walk(e.base)
     if e.exp.is_Integer:
         n = int(e.exp)
         # By products: arb's own power is undefined on a ball that holds zero.
@@ -91,7 +83,17 @@ def _power(e: sp.Expr, known: dict[sp.Expr, arb]) -> arb:
         return base.sqrt()
     if e.exp == -sp.Rational(1, 2):
         return base.rsqrt()
-    return base ** _walk(e.exp, known)
+    return base ** walk(e.exp)
+
+
+_RULES = Rules(
+    number=_number,
+    add=lambda e, walk: reduce(arb.__add__, map(walk, e.args)),
+    multiply=lambda e, walk: reduce(arb.__mul__, map(walk, e.args)),
+    power=_power,
+    function=_function,
+    into_numbers=True,
+)
 
 
 def proves_zero(expression: sp.Expr) -> bool:

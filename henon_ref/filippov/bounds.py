@@ -8,6 +8,7 @@ from math import comb
 import sympy as sp
 
 from henon_ref.errors import ExpressionError, ModelError
+from henon_ref.taylor.fold import FUNCTIONS
 from henon_ref.text import shortened
 
 MAX_BITS = 4_096
@@ -31,7 +32,7 @@ LARGEST = sp.Float("1.7976931348623157e308", 20)
 
 _DIGITS = 25
 """Decimal digits with which a number is held against a bound: beyond a double's 17."""
-_SMOOTH = (sp.sin, sp.cos, sp.tan, sp.asin, sp.acos, sp.atan, sp.sinh, sp.cosh, sp.tanh, sp.exp, sp.log)
+_SMOOTH = tuple(getattr(sp, name) for name in FUNCTIONS)
 
 
 def power(base: sp.Expr, exponent: sp.Expr, offset: int) -> sp.Expr:

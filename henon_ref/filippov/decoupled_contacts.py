@@ -230,7 +230,7 @@ class SwitchedEquations:
     def own_guards(self, mode: Mode) -> tuple[Guard, ...]:
         """Their guards."""
         slips = (self._leaving[i][entry] for i, entry in enumerate(mode) if entry)
-        held = (contact for entry, contact in zip(mode, self.contacts, strict=True) if not entry and contact is not None)
+        held = (c for entry, c in zip(mode, self.contacts, strict=True) if not entry and c is not None)
         ends: Iterable[Guard] = chain.from_iterable(contact.ends for contact in held)
         if sides := self.sides(mode):
             ends = (replace(end, expression=put(end.expression, sides)) for end in ends)

@@ -12,13 +12,13 @@ from henon_ref.filippov.arithmetic import CLEAR
 from henon_ref.filippov.mode_evaluation import ModeEvaluation, ModeWithTape, mode_with_tape
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.system import FilippovSystem
+from henon_ref.taylor.fold import FUNCTIONS
 from henon_ref.taylor.series import Ring, expand
 from henon_ref.taylor.tape import Tape, build_tape
 
 DIGITS = 75
 """Of the constants: more than the precision holds."""
-_NAMES = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "asin", "acos", "atan", "exp", "log", "sqrt")
-RING = Ring({name: getattr(arb, name) for name in _NAMES}, arb.__pow__)
+RING = Ring({name: getattr(arb, name) for name in (*FUNCTIONS, "sqrt")}, arb.__pow__)
 
 
 class Balls:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, reduce
 from itertools import groupby
 from typing import Any
 
@@ -22,6 +22,7 @@ from henon_ref.errors import ModelError
 from henon_ref.filippov.exact_numbers import double_double
 from henon_ref.kernel.shared import LEVELS, doubles, ffi, integers, kernel
 from henon_ref.precision import working_precision
+from henon_ref.taylor.fold import FUNCTIONS, Rule, Rules, Walk, fold
 
 ADD, MULTIPLY, POWER, SQRT = kernel.ADD, kernel.MULTIPLY, kernel.POWER, kernel.SQRT
 """Operations of the machine; POWER has a whole number in place of its second register."""
@@ -31,7 +32,7 @@ FUNCTION = 4
 """An operation that python-flint evaluates: its second operand is the function's number, or a register for powers."""
 POWER_OF = 5
 """A power whose exponent is no whole number."""
-NAMES = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "asin", "acos", "atan", "exp", "log", "Abs")
+NAMES = (*FUNCTIONS, "Abs")
 """Functions of one argument, by their numbers."""
 BITS = 256
 """Of python-flint's balls where a function is evaluated, and where a sign is asked for."""
@@ -174,20 +175,23 @@ class ConstantProgram:
         """Expressions at one point of exact numbers, with the precision that python-flint has."""
         return self.over_ring([_ball(v) for v in values], _ball, arb.sqrt)
 
-    def signs(self, values: Sequence[sp.Expr]) -> list[int]:
-        """Signs of the expressions at one point of exact numbers: 0 for zero, and where 60 digits show nothing."""
-        return [int(v > 0) - int(v < 0) for v in self.exact_values(values)]
+    def signs(self, values: Sequence[Any]) -> list[int | None]:
+        """Signs of the expressions at one point of exact numbers: 0 for zero, and where BITS bits show nothing.
 
-    def exact_values(self, values: Sequence[sp.Expr]) -> list[Any]:
+        None where an expression has no finite real value. Numbers are whole, Fraction, or SymPy's.
+        """
+        return [int(v > 0) - int(v < 0) if v.is_finite() else None for v in self.exact_values(values)]
+
+    def exact_values(self, values: Sequence[Any]) -> list[Any]:
         """Expressions at one point of exact numbers: balls, without radius where all is rational; NaN at a pole."""
         with working_precision(BITS):
-            if self.is_rational and all(v.is_Rational for v in values):
-                exact = [fmpq(int(v.p), int(v.q)) for v in values]
+            if self.is_rational and all(getattr(v, "is_Rational", True) for v in values):
+                exact = [fmpq(int(v.numerator), int(v.denominator)) for v in values]
                 try:
                     return list(map(arb, self.over_ring(exact, lambda n: fmpq(int(n.p), int(n.q)), arb.sqrt)))
-                except ZeroDivisionError:
-                    return [arb("nan")] * len(self.outputs)
-            return self.balls(values)
+                except ZeroDivisionError:  # at a pole of one expression others have values
+                    pass
+            return self.balls(list(map(sp.sympify, values)))
 
     @cached_property
     def is_rational(self) -> bool:
@@ -262,7 +266,8 @@ class _Builder:
         for expression in expressions:
             self._find_numbers(expression)
         self._first = len(symbols) + len(self.numbers)
-        self.outputs = [self._register(e) for e in expressions]
+        rules = Rules(self._number, self._chain(ADD), self._chain(MULTIPLY), self._power, self._function)
+        self.outputs = [fold(e, rules, self._known) for e in expressions]
 
     def _find_numbers(self, e: sp.Expr) -> None:
         """Give the exact numbers in an expression their registers, which stand before those of results."""
@@ -275,29 +280,25 @@ class _Builder:
         for part in [e.base] if e.is_Pow and _is_operation(e.exp) else e.args:
             self._find_numbers(part)
 
-    def _register(self, e: sp.Expr) -> int:
-        if e not in self._known:
-            self._known[e] = self._make(e)
-        return self._known[e]
+    def _number(self, e: sp.Expr) -> int:
+        raise ModelError(f"no program for {e}")  # all that may stand in expressions have their registers
 
-    def _make(self, e: sp.Expr) -> int:
-        if e.is_Add or e.is_Mul:
-            what = ADD if e.is_Add else MULTIPLY
-            place, *rest = (self._register(each) for each in e.args)
-            for other in rest:
-                place = self._operation(what, place, other)
-            return place
-        if e.is_Pow:
-            base, exponent = self._register(e.base), e.exp
-            if exponent.is_Integer:
-                return self._operation(POWER, base, int(exponent))
-            if exponent == sp.Rational(1, 2):
-                return self._operation(SQRT, base, base)
-            return self._operation(POWER_OF, base, self._register(exponent))
+    def _chain(self, what: int) -> Rule[int]:
+        return lambda e, walk: reduce(lambda a, b: self._operation(what, a, b), list(map(walk, e.args)))
+
+    def _power(self, e: sp.Expr, walk: Walk[int]) -> int:
+        base = walk(e.base)
+        if e.exp.is_Integer:
+            return self._operation(POWER, base, int(e.exp))
+        if e.exp == sp.Rational(1, 2):
+            return self._operation(SQRT, base, base)
+        return self._operation(POWER_OF, base, walk(e.exp))
+
+    def _function(self, e: sp.Expr, walk: Walk[int]) -> int:
         name = type(e).__name__
-        if name in NAMES and len(e.args) == 1:
-            return self._operation(FUNCTION, self._register(e.args[0]), NAMES.index(name))
-        raise ModelError(f"no program for {e}")
+        if name not in NAMES or len(e.args) != 1:
+            raise ModelError(f"no program for {e}")
+        return self._operation(FUNCTION, walk(e.args[0]), NAMES.index(name))
 
     def _operation(self, what: int, i: int, j: int) -> int:
         key = what, i, j

@@ -1,5 +1,5 @@
 """Compiled modes of one system: the tables that the mode loop reads. What they hold at parameter values is apart from
-them (:mod:`henon_ref.henon.mode_constants`)."""
+them (:mod:`henon_ref.henon.constants`)."""
 
 from __future__ import annotations
 

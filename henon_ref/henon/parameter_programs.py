@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import chain
 from struct import Struct
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import sympy as sp
@@ -17,7 +18,6 @@ from henon_ref.filippov.mode_evaluation import ModeWithTape, mode_with_tape
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.constant_program import ConstantProgram, constant_program
-from henon_ref.henon.mode_constants import LoopData, loop_data
 from henon_ref.henon.mode_table import CompiledModes, ModeTable
 from henon_ref.henon.pairs import Three
 from henon_ref.kernel.shared import doubles, ffi, integers, kernel
@@ -31,6 +31,55 @@ SHARE = 25
 TABLES = ffi.sizeof("struct tables") // 8
 """Length of the tables at the begin of a block, in doubles."""
 _BLOCK = ffi.typeof("double[]")
+CLEAR = 1e-9
+"""Part of the size of its terms that a sum is larger than where its sign is beyond rounding: a thousand terms of a
+thousand factors each are off by less."""
+MOST_TERMS = 100
+"""Terms of one polynomial: more are left to others."""
+
+
+class LoopData(NamedTuple):
+    """What the compiled loop reads of the modes that are compiled, apart from a run's own memory."""
+
+    compiled: CompiledModes
+    constants: Any
+    """The memory of the modes' constants, and of those of the normal velocities."""
+    tables: Any
+    """All this as the loop takes it: ``struct tables`` of ``henon_ref/kernel/kernel.h``, which points into it."""
+
+    @property
+    def numbers(self) -> NDArray[np.float64]:
+        """(M, 2 or 3, K): for each mode the constants of its expansion, of its probe, and of the maps of resets where
+        compiled code makes jumps, rounded to double; behind them what the rounding lost of each. A copy."""
+        shape = self.tables.count, self.tables.tapes, self.tables.length
+        memory = ffi.buffer(self.tables.numbers, 8 * math.prod(shape))
+        return np.frombuffer(memory, dtype=np.float64).reshape(shape).copy()
+
+
+def loop_data(
+    mode_table: ModeTable, compiled: CompiledModes, numbers: NDArray[np.float64], normals: NDArray[np.float64]
+) -> LoopData:
+    """Modes that are compiled with their constants; those of the first point where there are several points'.
+
+    numbers : ndarray, shape (..., M, tapes, K)
+        See :attr:`LoopData.numbers`.
+    normals : ndarray
+        Constants of the normal velocities of all surfaces, likewise; none where the loop selects no mode by them.
+    """
+    tables = ffi.new("struct tables *")
+    tables.modes, tables.count = ffi.from_buffer(compiled.records), len(compiled.records)
+    tables.numbers = doubles(numbers)
+    tables.tapes, tables.length = numbers.shape[-2:]
+    if mode_table.contacts and len(compiled.records):
+        owned = mode_table.owned
+        tables.contacts, tables.owned_ends, tables.owned = mode_table.contacts, *map(integers, owned)
+    velocities, selection = mode_table.normals, tables.selection
+    if velocities is not None:
+        selection.velocities, selection.constants = ffi.cast("expand_code", velocities.address), doubles(normals)
+        selection.surfaces, selection.decoupled = len(mode_table.system.surfaces), mode_table.decoupled
+        if velocities.contacts is not None:
+            selection.contact, selection.beside = integers(velocities.contacts), integers(velocities.beside)
+    return LoopData(compiled, (numbers, normals), tables)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +118,7 @@ class LoopProgram:
         Returns
         -------
         numbers : ndarray, shape (points, M, tapes, K)
-            See :attr:`henon_ref.henon.mode_constants.LoopData.numbers`.
+            See :attr:`LoopData.numbers`.
         normals : ndarray, shape (points, 2 k + 1)
             Constants of the normal velocities.
         """
@@ -129,6 +178,7 @@ class ParameterPrograms:
         self.table = mode_table
         self.system = mode_table.system
         self.parameters = parameters_in(self.system)
+        self.no_zeros = (0,) * mode_table.most_guards
         self._loop: LoopProgram | None = None
         self._asked, self._asked_for = 0, self.table.compiled
         self._modes: dict[Mode, ModeWithTape | None] = {}
@@ -158,6 +208,13 @@ class ParameterPrograms:
             with one_at_a_time():
                 made = self._loop = self._loop_program(self.table.compiled)
         return made
+
+    @cached_property
+    def signs_in_doubles(self) -> Callable[..., tuple[int, ...] | None] | None:
+        """See :func:`sign_function`: of surfaces and ``valid`` expressions, from time, state and parameter values."""
+        with one_at_a_time():
+            inputs = (TIME, *self.system.states, *self.parameters)
+            return sign_function(inputs, (*self.system.surfaces, *self.system.valid))
 
     @cached_property
     def start(self) -> ConstantProgram:
@@ -232,3 +289,50 @@ def parameters_in(system: FilippovSystem) -> tuple[sp.Symbol, ...]:
         expressions += reset.map.values()
     symbols = set().union(*(e.free_symbols for e in set(expressions))) - {TIME, *system.states, *system.signs}
     return tuple(sorted(symbols, key=lambda symbol: symbol.name))
+
+
+def sign_function(
+    symbols: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]
+) -> Callable[..., tuple[int, ...] | None] | None:
+    """What gives the signs of some expressions at a point; None where one of them is no short sum of products.
+
+    Parameters
+    ----------
+    symbols : sequence of Symbol
+        What the function takes, as floats that are off by no more than rounding.
+    expressions : sequence of Expr
+
+    Returns
+    -------
+    callable or None
+        It returns None where a sign is not beyond rounding.
+    """
+    sums = [sp.Add.make_args(sp.expand(e)) for e in expressions]
+    if any(len(terms) > MOST_TERMS or not all(map(_is_product, terms)) for terms in sums):
+        return None
+    values_at = sp.lambdify(symbols, [_value_and_size(terms) for terms in sums], "math")
+
+    def signs(*point: float) -> tuple[int, ...] | None:
+        found = []
+        try:
+            values = values_at(*point)
+        except ArithmeticError:
+            return None
+        for value, size in values:
+            if not abs(value) > CLEAR * size:  # nor where they are not finite
+                return None
+            found.append(1 if value > 0.0 else -1)
+        return tuple(found)
+
+    return signs
+
+
+def _value_and_size(terms: Sequence[sp.Expr]) -> tuple[sp.Expr, sp.Expr]:
+    """A sum, and that of the sizes of its terms, as they are to be evaluated."""
+    return sp.Add(*terms, evaluate=False), sp.Add(*(sp.Abs(term, evaluate=False) for term in terms), evaluate=False)
+
+
+def _is_product(term: sp.Expr) -> bool:
+    """Whether a term is a product of rational numbers and whole powers of symbols."""
+    factors = (factor.as_base_exp() for factor in sp.Mul.make_args(term))
+    return all((base.is_Rational or base.is_Symbol) and exponent.is_Integer for base, exponent in factors)

@@ -9,14 +9,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from henon_ref.errors import ModelError
 from henon_ref.filippov.modes import Mode
 from henon_ref.henon.entries import numbered, words_of, written
 from henon_ref.henon.integrator import Integrator
-from henon_ref.henon.mode_constants import LoopData, loop_data
 from henon_ref.henon.pairs import decimal_pairs, exact_expression, threes
+from henon_ref.henon.parameter_programs import LoopData, loop_data
 from henon_ref.henon.records import HENON, TRANSITION_PLACES, transition_dtype
 from henon_ref.henon.run import Run
-from henon_ref.henon.start import MOST_STEPS, Start, out_of_steps
+from henon_ref.henon.start import MOST_STEPS, Start, out_of_steps, row_at_start
 from henon_ref.henon.transition_array import numbered_rows
 from henon_ref.henon.workspace import CHUNK, Workspace
 from henon_ref.kernel.shared import doubles, ffi, integers, kernel, record_dtype
@@ -55,7 +56,7 @@ NOTHING = Keep(kinds=0)
 
 
 class ExactPoint(NamedTuple):
-    """Numbers of a point as :meth:`Integrator.start_at` takes them."""
+    """Numbers of a point as :meth:`Integrator.begin` takes them."""
 
     values: tuple[Any, ...]
     initial: Sequence[Any]
@@ -128,6 +129,8 @@ class PointRuns:
         most_steps: int = MOST_STEPS,
         exact: Callable[[int], ExactPoint] | None = None,
     ) -> None:
+        if integrator.system.parameters:
+            raise ModelError("an integrator of a system with values of its parameters runs that system alone")
         self.integrator, self.keep, self._exact = integrator, keep, exact
         self.values = threes(_pairs(values, 2))
         self.initial = _pairs(initial, 2)
@@ -186,7 +189,7 @@ class PointRuns:
     def start(self, point: int) -> Start:
         """Where the run of a point starts, as :class:`Run` takes it."""
         values, initial, begin, until = self.exact(point)
-        return self.integrator.start_at(
+        return self.integrator.begin(
             values,
             initial,
             start=begin,
@@ -248,7 +251,7 @@ class _Part:
         rows, surfaces = self._rows()
         times = runs.times[self.part].reshape(-1, 4)
         initial = np.ascontiguousarray(runs.initial[self.part].transpose(0, 2, 1)).reshape(len(times), -1)
-        template = replace(runs.start(self.first), zeros=runs.integrator.no_zeros).written()
+        template = replace(runs.start(self.first), zeros=runs.integrator.programs.no_zeros).written()
         points = ffi.new("struct points *")
         points.count, points.block, points.start = len(times), doubles(workspace.block), doubles(template)
         points.times, points.initial = doubles(times), doubles(initial)
@@ -310,7 +313,7 @@ class _Part:
         rows, surfaces = np.full((len(points), max(self.words, 1)), -1), np.full(len(points), -1)
         modes, places = np.unique(signs, axis=0, return_inverse=True)
         for k, mode in enumerate(modes.tolist()):
-            found = integrator.row_at_start(tuple(mode))
+            found = row_at_start(integrator.mode_table, mode)
             if found is not None:
                 own = places.ravel() == k
                 row, surfaces[own] = found

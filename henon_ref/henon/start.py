@@ -1,23 +1,37 @@
-"""Where a run starts, and what it is to do, as the compiled loop takes it."""
+"""Where a run starts, in which mode, and what it is to do: in exact terms, then as the compiled loop takes it.
+
+Signs of the surfaces at the start come from a bound in doubles, then in double-double, then from balls (exactly where
+all numbers are rational); the mode off all surfaces, or on one that is left or slid on clearly, from compiled normal
+velocities; every other mode from :mod:`henon_ref.filippov.selection`.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from struct import Struct
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from henon_ref.filippov.decision import Decision
+from henon_ref.filippov.modes import replaced
 from henon_ref.filippov.resting import REMAINING
+from henon_ref.filippov.selection import contact_orders, mode_by_signs
+from henon_ref.henon.constants import ModeConstants
 from henon_ref.henon.entries import words_of, written
-from henon_ref.henon.mode_constants import ModeConstants
+from henon_ref.henon.mode_table import ModeTable
+from henon_ref.henon.pairs import Pair
 from henon_ref.henon.workspace import CHUNK, LAST_STEPS, RUN_VIEW, STATE_PLACE, places
-from henon_ref.kernel.shared import ffi
+from henon_ref.kernel.shared import doubles, ffi, kernel
 from henon_ref.trajectory import Trajectory
 
 NO_LIMIT = 1 << 62
 """More steps than any run takes."""
+NONE = Decision("none", None)
+"""No mode to begin with."""
 MOST_STEPS = 100_000_000
 """Steps of a run that has no limit of its own."""
 _BEGIN, _HORIZON, _MODE = Struct("4d"), Struct("2d"), Struct("q")
@@ -124,3 +138,121 @@ def _template(
     run.stop_falling, run.stop_rising, run.most_steps = stop_falling, stop_rising, most_steps
     run.contacts, run.constants = contacts, constants
     return state
+
+
+def begin(
+    constants: ModeConstants,
+    time: Pair,
+    until: Pair,
+    x: Sequence[Pair],
+    exact: Callable[[], Sequence[Any]],
+    mode: Mapping[int, int],
+    **settings: Any,
+) -> Start:
+    """Where a run starts: in microseconds where that is clearly off every surface.
+
+    Parameters
+    ----------
+    constants : ModeConstants
+    time, until : Pair
+        Initial time and horizon [s].
+    x : sequence of Pair, shape (n,)
+    exact : callable
+        Time and state as exact numbers, of Python or SymPy, asked for where pairs do not tell a sign.
+    mode : mapping
+        Surface -> -1, 0 or +1, for a start on a surface that the fields leave open.
+    **settings
+        ``tolerance``, ``landing``, ``stop_falling``, ``stop_rising``, ``most_steps`` of :class:`Start`.
+    """
+    table, high, refused = constants.table, [v for v, _ in x], None
+    row, zeros = (-1, ()) if mode else _clearly(constants, constants.signs(time, x), time[0], high)
+    if row < 0:
+        signs = constants.exact_signs(exact())
+        if not mode and None not in signs:
+            row, zeros = _clearly(constants, cast(list[int], signs), time[0], high)
+        if row < 0:
+            refused, row, zeros = _entered(constants, signs, time[0], high, mode)
+    return Start(time, until, tuple(x), refused, row, zeros, table.order, constants=constants, **settings)
+
+
+def row_at_start(table: ModeTable, signs: Sequence[int]) -> tuple[int, int] | None:
+    """Row of a start's mode, and the surface that it is on (-1: none); None where Python has to decide the mode.
+
+    On a surface the row is that of the mode below it; those that may follow are compiled. Of contacts that do not act
+    on each other it is the mode's number.
+
+    Parameters
+    ----------
+    table : ModeTable
+    signs : sequence of int
+        Of the surfaces, then of the ``valid`` expressions.
+    """
+    count = len(table.system.surfaces)
+    mode = tuple(signs[:count])
+    clear = 0 not in signs and kernel.UNCLEAR_SIGN not in signs and -1 not in signs[count:]
+    if clear and (known := table.known(mode)) is not None:
+        return known, -1
+    on = [i for i, sign in enumerate(mode) if sign == 0]
+    if kernel.UNCLEAR_SIGN in mode or len(on) > 1 or any(sign != 1 for sign in signs[count:]):
+        return None
+    if on and table.system.overrides:
+        return None
+    rows = [table.row(replaced(mode, i, entry)) for i in on for entry in (-1, 0, 1)]
+    row = rows[0] if on else table.row(mode)
+    return None if row is None else (row, on[0] if on else -1)
+
+
+def _clearly(
+    constants: ModeConstants, signs: Sequence[int], t: float, x: Sequence[float]
+) -> tuple[int, tuple[int, ...]]:
+    """Row and known zeros of the mode at a start off all surfaces, or on one that is left or slid on clearly; else -1.
+
+    ``signs``: see :func:`row_at_start`.
+    """
+    table = constants.table
+    found = row_at_start(table, signs)
+    if found is None or (found[1] >= 0 and table.contacts):
+        return -1, constants.no_zeros
+    if found[1] < 0:
+        return found[0], constants.no_zeros
+    data = constants.latest if constants.latest.compiled is table.compiled else constants.update()
+    point, speeds = np.array(x, dtype=np.float64), np.empty(len(x) + 2 * len(constants.no_zeros))
+    zeros, guards = ffi.new("int64_t *"), len(constants.no_zeros)
+    row = kernel.mode_on_surface(data.tables, *found, t, doubles(point), len(x), guards, doubles(speeds), zeros)
+    order = zeros[0]
+    if row < 0 or order == 0:
+        return row, constants.no_zeros
+    own = tuple(order if g.kind == "surface" and g.index == found[1] else 0 for g in table.guards(table.mode(row)))
+    return row, own + constants.no_zeros[len(own) :]
+
+
+def _entered(
+    constants: ModeConstants, signs: Sequence[int | None], t: float, x: list[float], given: Mapping[int, int]
+) -> tuple[Trajectory | None, int, tuple[int, ...]]:
+    """What every run comes to that cannot begin, else None; row and known zeros of the mode that is decided."""
+    table = constants.table
+    count, system = len(table.system.surfaces), table.system
+
+    def ended(decision: Decision, reason: str) -> tuple[Trajectory, int, tuple[int, ...]]:
+        return Trajectory(decision.ending, (), t, tuple(x), (0,) * count, reason), 0, constants.no_zeros
+
+    known = [1 if sign is None else sign for sign in signs]
+    surfaces, valid = known[:count], known[count:]
+    at = constants.in_doubles.at(t, x)
+    decision = mode_by_signs(at, surfaces, valid, given)
+    unused = system.unused_kinks(decision.mode) if None in signs and decision.mode else frozenset[int]()
+    for i, sign in enumerate(signs):
+        if sign is None and i not in unused:  # a kink in a branch that the mode does not use needs no value
+            what = f"the surface of '{system.sign_names[i]}'" if i < count else "an expression of 'valid'"
+            return ended(NONE, f"{what} has no finite real value at the start")
+    if decision.mode is None:
+        return ended(decision, decision.reason)
+    row = table.row(decision.mode)
+    if row is None:
+        return ended(NONE, "the mode at the start has no equations")
+    active, edges = ([i for i, sign in enumerate(signs) if sign == 0] for signs in (surfaces, valid))
+    own: tuple[int, ...] = ()
+    if active or edges:
+        orders = contact_orders(at, decision.mode, active, edges)
+        own = tuple(orders[place] if place >= 0 else 0 for place in table.places(decision.mode))
+    return None, row, own + constants.no_zeros[len(own) :]

@@ -1,7 +1,7 @@
 """A start from numbers that need no reading: microseconds, where the exact way takes a millisecond.
 
-What it cannot decide by itself is left to the exact way, which also says what is wrong: other values than int and
-float, names that are not the system's, a start on a surface, constants that are not finite.
+What it cannot read is left to the exact way, which also says what is wrong: other values than int and float, names that
+are not the system's, constants that are not finite.
 """
 
 from __future__ import annotations
@@ -13,22 +13,17 @@ from functools import lru_cache
 from typing import Any
 
 import sympy as sp
-from flint import arb, fmpq
 
 from henon_ref.errors import ModelError
 from henon_ref.filippov.exact_numbers import double_double
-from henon_ref.filippov.selection import mode_by_signs
-from henon_ref.henon.double_constants import DoubleConstants
+from henon_ref.henon.constants import ModeConstants
 from henon_ref.henon.integrator import Integrator
-from henon_ref.henon.pairs import Pair, Three, exact_expression, exact_number, pair_of, three_of
+from henon_ref.henon.pairs import Three, exact_expression, exact_number, pair_of, three_of
 from henon_ref.henon.records import HENON
-from henon_ref.henon.start import Start
+from henon_ref.henon.start import Start, begin
 from henon_ref.kernel.shared import kernel
-from henon_ref.simulation.clear_signs import sign_function
 from henon_ref.simulation.dependent_parameters import DependentParameters
 from henon_ref.simulation.system import System
-from henon_ref.taylor.tape import TIME
-from henon_ref.trajectory import Trajectory
 
 KEPT = 64
 """Parameter values of which the constants are kept."""
@@ -60,10 +55,9 @@ class QuickStart:
         self._dependents: dict[tuple[str, ...], DependentParameters | None] = {}
         self._conditions = sp.lambdify(list(self._own), system.conditions, "math") if system.conditions else None
         self._floats = {symbol.name: float(value) for symbol, value in self._own.items()}
+        # A kink may lie at the end of the range where it has a value, which decides whether it is open.
+        self._in_kinks = bool(system.model.kinks) and not programs.start.is_rational
         self._constants = lru_cache(maxsize=KEPT)(self._made)
-        model = integrator.system
-        inputs = (TIME, *model.states, *programs.parameters)
-        self._signs = sign_function(inputs, [*model.surfaces, *model.valid])
 
     @classmethod
     def of(cls, system: System, integrator: Integrator, tolerance: float) -> QuickStart | None:
@@ -97,75 +91,23 @@ class QuickStart:
             if pair is None:
                 return None
             x.append(pair)
-        constants = self._constants(values, changes)
-        if constants is None or not (end[0] - time[0]) + (end[1] - time[1]) > 0.0:
+        constants, given = self._constants(values, changes), self._entries(mode) if mode else {}
+        if constants is None or given is None or not (end[0] - time[0]) + (end[1] - time[1]) > 0.0:
             return None
-        integrator, refused, zeros = self._integrator, None, self._integrator.no_zeros
-        row = None if mode else self._row_off_surfaces(constants, time, x)
-        if row is None:
-            signs = self._exact_signs(start, initial, parameters or {})
-            found = signs and self._decided(constants, signs, time[0], [high for high, _ in x], mode)
-            if not found:
-                return None
-            refused, row, zeros = found
-        return Start(time, end, tuple(x), refused, row, zeros, integrator.order, self._tolerance, HENON, constants)
+        point = (start, *(initial[name] for name in names))
+        if self._in_kinks and kernel.UNCLEAR_SIGN in constants.signs(time, x):
+            return None
+        settings = {"tolerance": self._tolerance, "landing": HENON}
+        found = begin(constants, time, end, x, lambda: list(map(exact_number, point)), given, **settings)
+        wrong = found.refused is not None and (given or found.refused.status == "failed")
+        return None if wrong else found  # the exact way has the words
 
-    def _row_off_surfaces(self, constants: DoubleConstants, time: Pair, x: list[Pair]) -> int | None:
-        """Row of the mode at the start; None where that may be on a surface, and where the model may not hold."""
-        count = len(self._integrator.system.surfaces)
-        if self._signs is None:
-            signs: tuple[int, ...] | None = constants.start_signs(time, x)
-        else:
-            signs = self._signs(time[0], *[high for high, _ in x], *constants.doubles)
-        if signs is None or kernel.UNCLEAR_SIGN in signs or 0 in signs or -1 in signs[count:]:
+    def _entries(self, mode: Mapping[Any, Any]) -> dict[int, int] | None:
+        """A mode by the surfaces' indices; None where it cannot be one."""
+        names = self._system.model.sign_names
+        if any(name not in names or type(entry) is not int or entry not in (-1, 0, 1) for name, entry in mode.items()):
             return None
-        return self._integrator.mode_table.known(signs[:count])
-
-    def _exact_signs(
-        self, start: Any, initial: Mapping[str, Any], parameters: Mapping[str, Any]
-    ) -> tuple[int, ...] | None:
-        """Signs of the surfaces, then of the ``valid`` expressions; None where fractions do not give them."""
-        program = self._integrator.programs.start
-        values = self._exact(tuple(parameters.items()))
-        if not program.is_rational or not all(value.is_Rational for value in values):
-            return None
-        point = (exact_number(start), *(exact_number(initial[name]) for name in self._system.state))
-        rational = [fmpq(number.numerator, number.denominator) for number in point]
-        rational += [fmpq(int(value.p), int(value.q)) for value in values]
-        try:
-            found = program.over_ring(rational, lambda number: fmpq(int(number.p), int(number.q)), arb.sqrt)
-        except ZeroDivisionError:
-            return None
-        return tuple((value > 0) - (value < 0) for value in found)
-
-    def _decided(
-        self,
-        constants: DoubleConstants,
-        signs: tuple[int, ...],
-        t: float,
-        x: list[float],
-        mode: Mapping[Any, Any] | None,
-    ) -> tuple[Trajectory | None, int, tuple[int, ...]] | None:
-        """What every run comes to that cannot begin, else None; row and known zeros of the mode at the start.
-
-        None where a mode that is given is not one of the system's, or is contradicted by a sign.
-        """
-        integrator, names = self._integrator, self._system.model.sign_names
-        given: dict[int, int] = {}
-        for name, entry in (mode or {}).items():
-            index = names.index(name) if name in names else -1
-            if index < 0 or type(entry) is not int or entry not in (-1, 0, 1) or signs[index] not in (0, entry):
-                return None
-            given[index] = entry
-        if not given:
-            row, zeros = integrator.clear_start(constants, signs, t, x)
-            if row >= 0:
-                return None, row, zeros
-        surfaces, valid = signs[: len(names)], signs[len(names) :]
-        decision = mode_by_signs(constants.in_doubles.at(t, x), surfaces, valid, given)
-        if 0 in given.values() and decision.mode is not None and integrator.mode_table.row(decision.mode) is None:
-            return None
-        return integrator.entered(constants, t, x, decision, surfaces, valid)
+        return {names.index(name): entry for name, entry in mode.items()}
 
     def _changed(self, parameters: Mapping[Any, Any]) -> Values | None:
         """Values of the parameters, some of them others; None where they are not to be had like that.
@@ -216,10 +158,10 @@ class QuickStart:
             return False
         return all(condition > CLEARLY for condition in found)
 
-    def _made(self, values: Values, changes: Changes) -> DoubleConstants | None:
+    def _made(self, values: Values, changes: Changes) -> ModeConstants | None:
         """Constants at some values; None where some of them are not finite."""
         programs = self._integrator.programs
-        made = DoubleConstants(programs, values, lambda: self._exact(changes))
+        made = ModeConstants(programs, values, lambda: self._exact(changes))
         return made if made.is_finite else None
 
     def _exact(self, changes: Changes) -> list[sp.Expr]:

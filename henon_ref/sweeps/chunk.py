@@ -6,6 +6,7 @@ import pickle
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property, lru_cache
+from itertools import product
 from time import thread_time
 from typing import Any
 
@@ -23,7 +24,7 @@ from henon_ref.sweeps.kernel import Ended, joined, refused_runs, run_points, tog
 from henon_ref.sweeps.observations import Observation
 from henon_ref.sweeps.parameter_values import PointNumbers
 from henon_ref.sweeps.points import Vector
-from henon_ref.sweeps.refusals import refusals
+from henon_ref.sweeps.refusals import NO_KINKS, refusals
 from henon_ref.sweeps.runs import Columns, Runs, Settings
 from henon_ref.sweeps.sections import Section, with_sections
 
@@ -85,18 +86,22 @@ class Work:
 
         return bytes(cloudpickle.dumps(self))
 
-    def _prepared(self, *exponents: tuple[str, float]) -> tuple[Integrator, dict[sp.Expr, Section]]:
+    def _prepared(
+        self, *exponents: tuple[str, float], open_kinks: frozenset[int] = NO_KINKS
+    ) -> tuple[Integrator, dict[sp.Expr, Section]]:
         """The compiled system, sections included, and where each section stands.
 
         Parameters
         ----------
         *exponents : tuple of str and float
             Parameters that stand in exponents, and their values: with others it is another system.
+        open_kinks : frozenset of int
+            See :class:`henon_ref.filippov.system.FilippovSystem`.
         """
         system = self.settings.system
         wanted = [e for o in self.observations for e in o.sections(system)]
         whole, sections = with_sections(system.with_parameters(dict(exponents)) if exponents else system, wanted)
-        return integrator_of(whole, local_error(self.settings.rtol)), sections
+        return integrator_of(whole, local_error(self.settings.rtol), open_kinks), sections
 
 
 @lru_cache(maxsize=KEPT_SWEEPS)
@@ -168,7 +173,9 @@ def run_chunk(work: Work, columns: Mapping[str, Vector], count: int, first: int 
     )
     start, until = (numbers.number(name, swept, count) for name in (START, UNTIL))
     highs = {name: pairs[:, 0] for name, pairs in parameters.items()}
-    wrong = refusals(settings, columns, highs, initial[:, :, 0], np.column_stack([start[:, 0], until[:, 0]]))
+    wrong, open_kinks = refusals(
+        settings, columns, highs, initial[:, :, 0], np.column_stack([start[:, 0], until[:, 0]])
+    )
     parts: list[tuple[Any, Ended]] = []
     for step in range(work.chain):
         own = np.arange(step, count, work.chain)
@@ -178,7 +185,7 @@ def run_chunk(work: Work, columns: Mapping[str, Vector], count: int, first: int 
             initial[own[carried]] = decimal_pairs(ended.end_state[carried])
         at_step = {name: v[own] for name, v in parameters.items()}
         times = np.stack([start[own], until[own]], axis=1)
-        parts.append((own, _run_step(work, at_step, initial[own], times, wrong[own])))
+        parts.append((own, _run_step(work, at_step, initial[own], times, wrong[own], open_kinks[own])))
     return Runs(
         settings=settings,
         sections=work.prepared()[1],
@@ -197,8 +204,9 @@ def _run_step(
     initial: Vector,
     times: Vector,
     wrong: NDArray[Any],
+    open_kinks: NDArray[Any],
 ) -> Ended:
-    """Runs that do not wait for each other; one compiled system for each set of exponents."""
+    """Runs that do not wait for each other; one compiled system for each set of exponents, and of open kinks."""
     settings = work.settings
     names = sorted(settings.system.exponent_parameters & work.numbers.moved)
     refused = wrong != None  # noqa: E711 - entry by entry
@@ -221,10 +229,11 @@ def _run_step(
         axis=0,
         return_inverse=True,
     )
-    for k, exponents in enumerate(values.tolist()):
-        own = there[which.ravel() == k]
+    for k, kinks in product(range(len(values)), set(open_kinks[there].tolist())):
+        own = there[(which.ravel() == k) & (open_kinks[there] == kinks)]
+        exponents = values[k].tolist()
         try:
-            integrator, _ = work.prepared(*zip(names, exponents, strict=False))
+            integrator, _ = work.prepared(*zip(names, exponents, strict=False), open_kinks=kinks)
         except HenonRefError as error:
             parts.append((own, refused_runs([str(error)] * len(own), initial[own], times[own])))
         else:

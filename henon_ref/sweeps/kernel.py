@@ -166,7 +166,7 @@ def _one_by_one(
     ends, records, nowhere = [], [np.zeros(0, dtype=transition_dtype(states))], []
     numbers: dict[Mode, int] = {}
     for own in points:
-        start = integrator.start_at(
+        start = integrator.begin(
             own.values, own.initial, start=own.start, until=own.until, tolerance=local_error(settings.rtol),
             landing=HENON, mode=mode, most_steps=settings.max_steps,
         )  # fmt: skip

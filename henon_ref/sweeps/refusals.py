@@ -11,19 +11,22 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.errors import HenonRefError
+from henon_ref.filippov.system import FilippovSystem
 from henon_ref.simulation.arguments import problem_of
 from henon_ref.simulation.quick_start import CLEARLY
 from henon_ref.simulation.system import System
 from henon_ref.sweeps.runs import Settings, Vector
+from henon_ref.taylor.tape import TIME
 
 KEPT = 256
-"""Conditions that are kept as functions."""
+"""Expressions that are kept as functions."""
+NO_KINKS = frozenset[int]()
 
 
 def refusals(
     settings: Settings, columns: Mapping[str, Vector], parameters: Mapping[str, Vector], initial: Vector, times: Vector
-) -> NDArray[Any]:
-    """Why each of K points has no run, as text; None where it has one.
+) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Why each of K points has no run, as text (None where it has one), and its open kinks.
 
     What doubles do not clearly allow is read exactly, as :func:`henon_ref.simulate` reads it.
 
@@ -37,6 +40,12 @@ def refusals(
     initial : ndarray, shape (K, n)
     times : ndarray, shape (K, 2)
         Initial time and horizon [s].
+
+    Returns
+    -------
+    reasons : ndarray of str or None, shape (K,)
+    open_kinks : ndarray of frozenset, shape (K,)
+        See :class:`henon_ref.filippov.system.FilippovSystem`.
     """
     system = settings.system
     with np.errstate(all="ignore"):
@@ -44,20 +53,52 @@ def refusals(
         for column in parameters.values():
             clear &= np.isfinite(column)
         for condition in system.conditions:
-            names, function = _function(condition)
-            clear &= np.asarray(function(*(parameters[name] for name in names))) > CLEARLY
-    found = np.full(len(initial), None, dtype=object)
+            clear &= _values(condition, parameters, len(initial)) > CLEARLY
+        clear &= ~_has_open_kinks(system.model, parameters, initial, times)
+    reasons, open_kinks = np.full(len(initial), None, dtype=object), np.full(len(initial), NO_KINKS, dtype=object)
     for k in np.flatnonzero(~clear).tolist():
         values = {name: float(column[k]) for name, column in columns.items()}
-        found[k] = exact_refusal(settings, values) or _unclear(system, parameters, initial, times, k)
+        try:
+            open_kinks[k] = point_problem(settings, values).system.open_kinks
+            reasons[k] = _unclear(system, parameters, initial, times, k)
+        except HenonRefError as error:
+            reasons[k] = str(error)
+    return reasons, open_kinks
+
+
+def _has_open_kinks(
+    model: FilippovSystem, parameters: Mapping[str, Vector], initial: Vector, times: Vector
+) -> NDArray[np.bool_]:
+    """Whether a kink has no value at a start, in a mode of which it is not known that it does without."""
+    found = np.zeros(len(initial), dtype=np.bool_)
+    if not model.kinks:
+        return found
+    point = {**parameters, TIME.name: times[:, 0], **dict(zip(model.state_names, initial.T, strict=True))}
+    values = np.array([_values(h, point, len(initial)) for h in model.surfaces])
+    without, signs = ~np.isfinite(values), np.sign(values)
+    for i in model.kinks:
+        for power in model.surfaces[i].atoms(sp.Pow):
+            if not power.exp.is_Integer:  # the end of the range where it has a value
+                without[i] |= _values(power.base, point, len(initial)) == 0.0
+    modes, places = np.unique(np.where(without, 1.0, signs)[:, without.any(axis=0)], axis=1, return_inverse=True)
+    for k, mode in enumerate(modes.T.astype(int).tolist()):
+        used = [i not in model.unused_kinks(tuple(mode)) for i in range(len(mode))]
+        own = np.flatnonzero(without.any(axis=0))[places.ravel() == k]
+        found[own] = without[:, own][used].any(axis=0)
     return found
 
 
+def _values(expression: sp.Expr, point: Mapping[str, Vector], count: int) -> Vector:
+    """An expression at many points: NaN where it has no value."""
+    names, function = _function(expression)
+    return np.broadcast_to(np.asarray(function(*(point[name] for name in names)), dtype=np.float64), count)
+
+
 @lru_cache(maxsize=KEPT)
-def _function(condition: sp.Expr) -> tuple[list[str], Callable[..., Any]]:
-    """A condition as a function of arrays, and the parameters that it takes."""
-    symbols = sorted(condition.free_symbols, key=lambda s: s.name)
-    return [s.name for s in symbols], sp.lambdify(symbols, condition, "numpy")
+def _function(expression: sp.Expr) -> tuple[list[str], Callable[..., Any]]:
+    """An expression as a function of arrays, and the names that it takes."""
+    symbols = sorted(expression.free_symbols, key=lambda s: s.name)
+    return [s.name for s in symbols], sp.lambdify(symbols, expression, "numpy")
 
 
 def exact_refusal(settings: Settings, values: Mapping[str, float]) -> str | None:

@@ -22,6 +22,7 @@ import sympy as sp
 from henon_ref.simulation.dense_output import DenseOutput
 from henon_ref.sweeps.observations import rank_in_run
 from henon_ref.sweeps.runs import Vector
+from henon_ref.taylor.fold import FUNCTIONS
 from henon_ref.taylor.series import Ring, along
 from henon_ref.taylor.tape import build_tape
 
@@ -35,8 +36,7 @@ NEWTON = 8
 MOST_PIECES = 4096
 """Pieces of one run that are halved at a time; there are more only where an expression is rounding alone."""
 _NAMES = {"asin": "arcsin", "acos": "arccos", "atan": "arctan"}
-_FUNCTIONS = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "asin", "acos", "atan", "exp", "log", "sqrt")
-NUMPY = Ring({name: getattr(np, _NAMES.get(name, name)) for name in _FUNCTIONS}, np.power)
+NUMPY = Ring({name: getattr(np, _NAMES.get(name, name)) for name in (*FUNCTIONS, "sqrt")}, np.power)
 """Arrays of doubles."""
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from operator import add, mul, sub
 from typing import Any
 
+from henon_ref.taylor.fold import FUNCTIONS
 from henon_ref.taylor.rules import (
     RULES,
     SELF,
@@ -32,8 +33,7 @@ class Ring:
     """(base, constant exponent) -> base**exponent."""
 
 
-_NAMES = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "asin", "acos", "atan", "exp", "log", "sqrt")
-FLOAT = Ring({name: getattr(math, name) for name in _NAMES}, math.pow)
+FLOAT = Ring({name: getattr(math, name) for name in (*FUNCTIONS, "sqrt")}, math.pow)
 """IEEE double."""
 
 

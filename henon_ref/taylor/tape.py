@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import sympy as sp
 
 from henon_ref.errors import ModelError
+from henon_ref.taylor.fold import fraction
 from henon_ref.taylor.rules import RULES, Linear, Product, Quotient
 from henon_ref.taylor.size import size
 
@@ -231,7 +232,7 @@ class _Builder:
     def _scaled(self, factor: sp.Expr, e: sp.Expr) -> int:
         if factor == 1:
             return self.node(e)
-        numerator, denominator = _fraction(e)
+        numerator, denominator = _quotient(e)
         if self._is_constant(numerator) and denominator != 1:
             return self._op("recip", self.node(denominator), constants=(factor * numerator,))
         return self._op("scale", self.node(e), constants=(factor,))
@@ -242,7 +243,7 @@ class _Builder:
             return self._sum(rest.args, factor)
         if factor != 1:
             return self._scaled(factor, rest)
-        numerator, denominator = _fraction(rest)
+        numerator, denominator = _quotient(rest)
         if denominator != 1:
             below = self.node(denominator)
             if self._is_constant(numerator):
@@ -353,12 +354,7 @@ def _repeated(expressions: Iterable[sp.Expr]) -> frozenset[sp.Expr]:
     return frozenset(twice)
 
 
-def _fraction(e: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
-    """Numerator and denominator by sight (integer and half-integer negative powers go below)."""
-    above, below = [], []
-    for factor in sp.Mul.make_args(e):
-        if factor.is_Pow and factor.exp.is_Rational and factor.exp.is_negative and factor.base != sp.E:
-            below.append(sp.Pow(factor.base, -factor.exp))
-        else:
-            above.append(factor)
+def _quotient(e: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
+    """Numerator and denominator by sight."""
+    above, below = fraction(e)
     return sp.Mul(*above), sp.Mul(*below)

@@ -13,6 +13,7 @@ import sympy as sp
 
 import henon_ref as hr
 from henon_ref.filippov.problem import Problem
+from henon_ref.filippov.selection import after_event
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.entries import numbered, packed, read, unpacked, words_of, written
 from henon_ref.henon.integrator import Integrator
@@ -243,7 +244,7 @@ def test_a_mode_is_put_together_as_it_would_be_written_out() -> None:
     integrator, model = integrator_of(system, LOCAL_ERROR), system.model
     values = {"F": 1, "d": 3, "vb": Fraction(1, 2)}
     given = tuple(values[symbol.name] for symbol in integrator.parameters)
-    begin = integrator.start_at(given, [*start(5, 1).values()], until=UNTIL, tolerance=1e-10, landing=HENON)
+    begin = integrator.begin(given, [*start(5, 1).values()], until=UNTIL, tolerance=1e-10, landing=HENON)
     own, table = Run(integrator, begin, block=1), integrator.mode_table
     at = places(10, table.most_guards, integrator.order, 5, table.row_length)
     seen = 0
@@ -281,7 +282,7 @@ def test_any_corner_is_decided_as_in_python() -> None:
             continue
         x = [*(0.0 for _ in every), *map(float, numbers)]
         begin = replace(
-            integrator.start_at((), [1.0] * 18, until=1.0, tolerance=1e-6, landing=HENON),
+            integrator.begin((), [1.0] * 18, until=1.0, tolerance=1e-6, landing=HENON),
             until=(0.0, 0.0), x=tuple((v, 0.0) for v in x), row=table.row(mode) or 0,
         )  # fmt: skip
         own = Run(integrator, begin)
@@ -289,7 +290,7 @@ def test_any_corner_is_decided_as_in_python() -> None:
         own.scalars.guard, own.scalars.event_pending = 2 * hit[0], 1
         code = kernel.advance(own.workspace.run, begin.constants.update().tables, ffi.NULL, 0)
         asked = [g for g in table.guards(mode) if g.kind == "surface" and g.index in hit]
-        theirs = begin.constants.switching.after_event(0.0, x, mode, asked)
+        theirs = after_event(begin.constants.in_doubles.at(0.0, x), mode, asked)
         assert code in (kernel.HORIZON, kernel.SELECT_MODE)
         assert code != kernel.HORIZON or (theirs.status, theirs.mode) == ("unique", own.mode), (numbers, mode, hit)
         assert code == kernel.HORIZON or own.mode == mode

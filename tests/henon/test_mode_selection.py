@@ -17,6 +17,7 @@ from baselines.henon import HENON_SOLVER
 from henon_ref.casefile.case import load_case, parse_case
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.problem import Problem
+from henon_ref.filippov.selection import after_event
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.mode_changes import ModeChanges
 from henon_ref.henon.records import HENON
@@ -243,7 +244,9 @@ class Corner:
         self.integrator = Integrator(problem.system, 8)
         for mode in product((-1, 0, 1), repeat=surfaces):
             self.integrator.mode_table.row(mode)
-        self.constants = self.integrator.constants(problem.system)
+        self.constants = self.integrator.constants(
+            tuple(problem.system.parameters[p] for p in self.integrator.parameters)
+        )
 
     def both(self, numbers: Sequence[float], mode: Mode, hit: Sequence[int]) -> tuple[Mode | None, Any]:
         """What machine code makes of it (None: left to Python), and what Python does.
@@ -269,8 +272,8 @@ class Corner:
         run.hits[: len(hits)] = hits
         found = kernel.test_select_mode(run.workspace.run, self.constants.update().tables)
         asked = [g for g, zero in zip(guards, at_zero, strict=True) if zero]
-        switching = self.constants.switching
-        return compiled.modes[found] if found >= 0 else None, switching.after_event(0.0, x, mode, asked)
+        theirs = after_event(self.constants.in_doubles.at(0.0, x), mode, asked)
+        return compiled.modes[found] if found >= 0 else None, theirs
 
 
 @pytest.mark.parametrize(

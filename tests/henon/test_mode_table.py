@@ -6,7 +6,7 @@ import numpy as np
 
 import henon_ref as hr
 from henon_ref.filippov.modes import Mode
-from henon_ref.henon.mode_constants import ExactConstants
+from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.mode_table import ModeTable
 
 
@@ -24,12 +24,16 @@ def chain(blocks: int) -> hr.System:
 
 def test_a_row_is_that_of_the_mode_written_out() -> None:
     model = chain(3).model
-    table = ModeTable(model, 8)
+    integrator = Integrator(model, 8)
+    table = integrator.mode_table
     modes = [(1, -1, 0), (0, -1, 0), (1, -1, 1), (1, 0, 0)]
     for mode in modes:
         table.row(mode)
     index: dict[Mode, int] = {mode: row for row, mode in enumerate(modes)}
-    compiled, constants = table.compiled, ExactConstants(table, model).update()
+    compiled, constants = (
+        table.compiled,
+        integrator.constants(tuple(model.parameters[p] for p in integrator.parameters)).update(),
+    )
     for row, mode in enumerate(modes):
         own = compiled.records["guards"][row]
         for g, guard in enumerate(table.guards(mode)):

@@ -107,7 +107,7 @@ def test_every_point_has_the_bits_of_its_run_alone(
     for point in range(len(initial)):
         run = Run(
             second,
-            second.start_at(
+            second.begin(
                 tuple(values[point].tolist()), initial[point].tolist(),
                 start=start, until=start + until, tolerance=TOLERANCE, landing=HENON,
             ),

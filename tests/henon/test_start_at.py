@@ -17,8 +17,11 @@ from shipped import CASES, paths, read
 import henon_ref as hr
 from henon_ref.casefile.case import load_case
 from henon_ref.errors import ModelError
+from henon_ref.filippov.exact_numbers import double_double
+from henon_ref.filippov.in_doubles import in_doubles
 from henon_ref.filippov.modes import replaced
 from henon_ref.filippov.problem import Problem
+from henon_ref.filippov.selection import contact_orders, mode_by_signs, signs_at
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.records import HENON
 from henon_ref.henon.run import Run
@@ -26,8 +29,8 @@ from henon_ref.henon.start import Start
 from henon_ref.kernel.shared import ffi
 
 
-def both(problem: Problem) -> tuple[Start, Start, Integrator]:
-    """From doubles and from the decimal numbers that they are; the system comes without values."""
+def from_doubles(problem: Problem) -> tuple[Start, Problem, Integrator]:
+    """A start from doubles, and the problem of the decimal numbers that they are; the system comes without values."""
     integrator = Integrator(replace(problem.system, parameters={}), 12)
     values = {symbol: sp.Rational(repr(float(value))) for symbol, value in problem.system.parameters.items()}
     start, until, *initial = (float(v) for v in (problem.start, problem.until, *problem.initial))
@@ -39,9 +42,22 @@ def both(problem: Problem) -> tuple[Start, Start, Integrator]:
         initial=tuple(sp.Rational(repr(v)) for v in initial),
     )
     own = tuple(float(values[symbol]) for symbol in integrator.parameters)
-    settings = {"tolerance": 1e-9, "landing": HENON}
-    fast = integrator.start_at(own, initial, start=start, until=until, mode=problem.initial_mode, **settings)
-    return fast, integrator.start(exact, **settings), integrator
+    settings = {"tolerance": 1e-9, "landing": HENON, "mode": problem.initial_mode}
+    return integrator.begin(own, initial, start=start, until=until, **settings), exact, integrator
+
+
+def both(problem: Problem) -> tuple[Start, Start, Integrator]:
+    """The start from doubles, and that from the decimal numbers that they are."""
+    fast, exact, integrator = from_doubles(problem)
+    return fast, integrator.start(exact, tolerance=1e-9, landing=HENON), integrator
+
+
+def exact_pair(number: sp.Expr) -> tuple[float, float]:
+    """A constant rounded once, by SymPy; NaN for one that is none."""
+    try:
+        return double_double(number)
+    except ModelError:
+        return float("nan"), float("nan")
 
 
 OTHERS = [path for number, path in enumerate(paths()) if number % 3 or path.stem == "burridge_knopoff"]
@@ -49,18 +65,29 @@ OTHERS = [path for number, path in enumerate(paths()) if number % 3 or path.stem
 
 
 @pytest.mark.parametrize("path", daily(paths(), slow=OTHERS), ids=lambda path: path.stem)
-def test_every_case_starts_as_from_exact_numbers(path: Path) -> None:
-    """In the same mode, with the same known zeros and, but for the last bits of what rounding lost, constants."""
-    fast, exact, _ = both(read(path).readings[0].problem)
-    assert (fast.row, fast.zeros, fast.x, fast.time, fast.until) == (
-        exact.row, exact.zeros, exact.x, exact.time, exact.until,
-    )  # fmt: skip
-    assert (fast.refused is None) == (exact.refused is None)
-    if fast.refused is not None and exact.refused is not None:
-        assert fast.refused.status == exact.refused.status
+def test_every_case_starts_as_sympy_says(path: Path) -> None:
+    """In the mode that exact signs lead to, with its known zeros, and constants that are right to the last bit."""
+    fast, exact, integrator = from_doubles(read(path).readings[0].problem)
+    table, t, x = integrator.mode_table, float(exact.start), list(map(float, exact.initial))
+    at = in_doubles(integrator.system, exact.system).at(t, x)
+    surfaces, valid = signs_at(exact.system, exact.start, exact.initial)
+    decision = mode_by_signs(at, surfaces, valid, exact.initial_mode)
+    assert [fast.time, fast.until, *fast.x] == [double_double(v) for v in (exact.start, exact.until, *exact.initial)]
+    assert (fast.refused is None) == (decision.mode is not None)
+    if fast.refused is not None:
+        assert fast.refused.status == decision.ending
         return
-    one, other = fast.constants.update().numbers, exact.constants.update().numbers
-    assert one == pytest.approx(other, rel=2e-16, abs=1e-29 * np.nanmax(np.abs(other)), nan_ok=True)
+    assert table.mode(fast.row) == decision.mode
+    active = [i for i, sign in enumerate(surfaces) if sign == 0]
+    orders = contact_orders(at, decision.mode, active) if active else []
+    assert [o for o in fast.zeros if o] == [orders[p] for p in table.places(decision.mode) if orders and orders[p]]
+    numeric = exact.system.numeric
+    expected = [exact_pair(numeric(e)) for e in table.constants.expressions[: table.compiled.constants]]
+    fast.constants.update()
+    found = fast.constants._values[1:].reshape(-1, 2)
+    assert found[:, 0].tolist() == pytest.approx([high for high, _ in expected], rel=0, abs=0, nan_ok=True)
+    rest = np.array(expected)
+    assert found[:, 1] == pytest.approx(rest[:, 1], abs=1e-29 * np.nanmax(np.abs(rest), initial=1), nan_ok=True)
 
 
 AT_ONCE = ["stribeck_belt", "two_blocks", "bouncing_ball", "static_belt", "clutch_pair"]
@@ -77,9 +104,9 @@ def test_constants_of_a_point_are_the_same_made_at_once(name: str, monkeypatch: 
     values = tuple(float(system.parameters[symbol]) for symbol in integrator.parameters)
     with monkeypatch.context() as patch:
         patch.setattr(integrator.programs, "at_once", lambda _: None)
-        slowly = integrator._double_constants(values)
+        slowly = integrator._constants(values)
     integrator.programs.loop()
-    at_once = integrator._double_constants(values)
+    at_once = integrator._constants(values)
     assert isinstance(slowly.latest.constants, tuple)
     assert not isinstance(at_once.latest.constants, tuple)
     integrator.mode_table.row(replaced(first, 0, 0))
@@ -101,7 +128,7 @@ def test_a_point_whose_terms_cancel_is_not_made_at_once() -> None:
     integrator.programs.loop()
     near = Fraction(1) + Fraction(1, 10**30)
     values = (2.0, 1.0, 3.0), (near, 1.0, 1.0), (2.0, 1.0, 0.0)
-    whole, cancelled, infinite = (integrator._double_constants(each) for each in values)
+    whole, cancelled, infinite = (integrator._constants(each) for each in values)
     assert [isinstance(each.latest.constants, tuple) for each in (whole, cancelled, infinite)] == [False, True, True]
     assert (cancelled.is_finite, infinite.is_finite) == (True, False)
     assert -1e-30 in cancelled.latest.numbers
@@ -124,7 +151,7 @@ def test_a_run_goes_on_from_there_as_from_exact_numbers(path: Path) -> None:
 def surfaces_start(field: Sequence[str], initial: Sequence[float]) -> tuple[Start, Integrator]:
     problem = make_problem("x y", field, {"s": "x", "u": "y"}, initial, 3)
     integrator = Integrator(problem.system, 8)
-    return integrator.start_at((), initial, until=3.0, tolerance=1e-6, landing=HENON), integrator
+    return integrator.begin((), initial, until=3.0, tolerance=1e-6, landing=HENON), integrator
 
 
 @pytest.mark.parametrize(
@@ -134,16 +161,16 @@ def test_a_start_on_one_surface_is_decided_without_sympy(
     rate: str, mode: int, zeros: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     first, integrator = surfaces_start([rate, "1 - u/2"], [0.0, 1.0])
-    monkeypatch.setattr("henon_ref.henon.integrator.mode_by_signs", None)
+    monkeypatch.setattr("henon_ref.henon.start.mode_by_signs", None)
     for y in (1.0, -1.0):
-        start = integrator.start_at((), [0.0, y], until=3.0, tolerance=1e-6, landing=HENON)
+        start = integrator.begin((), [0.0, y], until=3.0, tolerance=1e-6, landing=HENON)
         assert integrator.mode_table.modes[start.row] == (mode, int(np.sign(y)))
         guards = integrator.mode_table.guards(integrator.mode_table.modes[start.row])
         assert [z for z, g in zip(start.zeros, guards, strict=False) if g.index == 0 and g.kind == "surface"] == (
             [zeros] if mode else []
         )
         assert sum(start.zeros) == zeros
-    assert first.zeros == integrator.start_at((), [0.0, 1.0], until=3.0, tolerance=1e-6, landing=HENON).zeros
+    assert first.zeros == integrator.begin((), [0.0, 1.0], until=3.0, tolerance=1e-6, landing=HENON).zeros
 
 
 @pytest.mark.parametrize(
@@ -170,7 +197,7 @@ def test_a_start_that_is_off_by_one_bit_is_on_no_surface() -> None:
     integrator = Integrator(replace(problem.system, surfaces=(x - a,)), 8)
 
     def mode(value: float) -> tuple[int, ...]:
-        start = integrator.start_at((0.1,), [value], until=3.0, tolerance=1e-6, landing=HENON)
+        start = integrator.begin((0.1,), [value], until=3.0, tolerance=1e-6, landing=HENON)
         return integrator.mode_table.modes[start.row]
 
     assert [mode(v) for v in (np.nextafter(0.1, 0), 0.1, np.nextafter(0.1, 1))] == [(-1,), (0,), (1,)]
@@ -181,7 +208,7 @@ def test_a_model_that_does_not_hold_at_the_start_is_refused() -> None:
     integrator = Integrator(problem.system, 8)
 
     def refused(x: float) -> str | None:
-        start = integrator.start_at((), [x], until=3.0, tolerance=1e-6, landing=HENON)
+        start = integrator.begin((), [x], until=3.0, tolerance=1e-6, landing=HENON)
         return start.refused.status if start.refused else None
 
     assert [refused(x) for x in (0.5, 1.0, 1.5)] == [None, None, "invalid"]
@@ -190,4 +217,4 @@ def test_a_model_that_does_not_hold_at_the_start_is_refused() -> None:
 def test_an_integrator_of_a_system_with_values_refuses_others() -> None:
     problem = load_case(CASES / "stribeck_belt.yaml").readings[0].problem
     with pytest.raises(ModelError, match="values of its parameters"):
-        Integrator(problem.system, 8).start_at((1.0,), [1.0, 0.0], until=1.0, tolerance=1e-6, landing=HENON)
+        Integrator(problem.system, 8).begin((1.0,), [1.0, 0.0], until=1.0, tolerance=1e-6, landing=HENON)

@@ -159,7 +159,8 @@ def test_surfaces_that_are_no_polynomials_have_their_signs_from_programs(exact: 
     quick, slow = (hr.simulate(moving, given.pop("initial"), **given) for given in (number, text))
     assert everything(quick) == everything(slow)
     assert len(exact) == 1
-    hr.simulate(moving, {"x": 0.7, "v": 0}, until=1)  # on the surface at t = 0, by no rational number
+    on = [hr.simulate(moving, {"x": kind(0.7), "v": 0}, until=1) for kind in (float, str)]
+    assert everything(on[0]) == everything(on[1])  # on the surface at t = 0, by balls
     assert len(exact) == 2
 
 

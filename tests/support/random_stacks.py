@@ -67,7 +67,7 @@ def draws(number: int, seed: int, seconds: float) -> Iterator[tuple[dict[str, fl
             "A": draw(0, 4), "u": draw(0.5, 3), "B": draw(0, 3), "w": draw(0.5, 3),
         }  # fmt: skip
         velocities = draw(-2, 2), draw(-2, 2)
-        start = integrator.start_at(
+        start = integrator.begin(
             tuple(values[p.name] for p in integrator.parameters),
             (0.0, velocities[0], 0.0, velocities[1]),
             until=seconds,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import reduce
+from operator import mul
 from typing import Any
 
 import heyoka as hy
@@ -12,13 +13,9 @@ from flint import arb
 
 from henon_ref.errors import ModelError
 from henon_ref.harness.truth.multiprecision.numbers import decimal_digits, exact_text
+from henon_ref.taylor.fold import FUNCTIONS, Rules, Walk, fold
 
 Number = Callable[[sp.Expr], Any]
-
-_FUNCTIONS = {
-    name: getattr(hy, name)
-    for name in ("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log")
-}
 
 
 def exact_real(number: sp.Expr, bits: int) -> Any:
@@ -77,28 +74,14 @@ def to_heyoka(expression: sp.Expr, symbols: Mapping[sp.Symbol, Any], constant: N
     ModelError
         For a function that heyoka does not integrate.
     """
-    memo: dict[sp.Expr, Any] = dict(symbols)
 
-    def walk(e: sp.Expr) -> Any:
-        if e not in memo:
-            memo[e] = constant(e) if e.is_number else make(e)
-        return memo[e]
+    def parts(e: sp.Expr, walk: Walk[Any]) -> list[Any]:
+        """Those that move, then the product or sum of all numbers among them, as one."""
+        numbers, moving = ([a for a in e.args if a.is_number is still] for still in (True, False))
+        return list(map(walk, [*moving, e.func(*numbers)] if numbers else moving))
 
-    def make(e: sp.Expr) -> Any:
-        if e.is_Add or e.is_Mul:
-            numbers = [a for a in e.args if a.is_number]
-            parts = [walk(a) for a in e.args if not a.is_number]
-            if numbers:
-                parts.append(walk(e.func(*numbers)))
-            return hy.sum(parts) if e.is_Add else reduce(lambda a, b: a * b, parts)
-        if e.is_Pow:
-            return power(e.base, e.exp)
-        name = e.func.__name__
-        if name not in _FUNCTIONS:
-            raise ModelError(f"heyoka has no Taylor recurrence for {e}: a field is smooth in t and x")
-        return _FUNCTIONS[name](walk(e.args[0]))
-
-    def power(base: sp.Expr, exponent: sp.Expr) -> Any:
+    def power(e: sp.Expr, walk: Walk[Any]) -> Any:
+        base, exponent = e.base, e.exp
         if not exponent.is_number:
             return hy.exp(walk(exponent) * hy.log(walk(base)))
         if exponent.could_extract_minus_sign():
@@ -109,7 +92,20 @@ def to_heyoka(expression: sp.Expr, symbols: Mapping[sp.Symbol, Any], constant: N
             return _natural_power(hy.sqrt(walk(base)), int(2 * exponent))
         return walk(base) ** constant(exponent)
 
-    return walk(expression)
+    def function(e: sp.Expr, walk: Walk[Any]) -> Any:
+        name = e.func.__name__
+        if name not in FUNCTIONS:
+            raise ModelError(f"heyoka has no Taylor recurrence for {e}: a field is smooth in t and x")
+        return getattr(hy, name)(walk(e.args[0]))
+
+    rules = Rules(
+        number=constant,
+        add=lambda e, walk: hy.sum(parts(e, walk)),
+        multiply=lambda e, walk: reduce(mul, parts(e, walk)),
+        power=power,
+        function=function,
+    )
+    return fold(expression, rules, dict(symbols))
 
 
 def _natural_power(base: Any, exponent: int) -> Any:

@@ -1,6 +1,6 @@
 """Taylor series of smooth expressions in ball arithmetic: signs that are known, and signs that are not.
 
-This is a walk over the SymPy expression with truncated power series; it shares no code with the Taylor tape
+This is a walk over the SymPy expression with truncated power series; it shares no recurrence with the Taylor tape
 nor with heyoka, so that what it decides is a check on both.
 """
 
@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import reduce
-from typing import Any
+from operator import add, mul
 
 import sympy as sp
 from flint import arb, arb_series, ctx
 
 from henon_ref.errors import ModelError
 from henon_ref.harness.truth.multiprecision.numbers import exact_ball
+from henon_ref.taylor.fold import Rules, Walk, fold
 from henon_ref.taylor.tape import TIME
 
 ORDER = 12
@@ -37,34 +38,29 @@ def series(expression: sp.Expr, values: Mapping[sp.Expr, arb_series], bits: int)
     ModelError
         For a function that has no power series here.
     """
-    memo: dict[sp.Expr, Any] = dict(values)
 
-    def walk(e: sp.Expr) -> arb_series:
-        if e not in memo:
-            memo[e] = arb_series([exact_ball(e, bits)]) if e.is_number else make(e)
-        return memo[e]
+    def power(e: sp.Expr, walk: Walk[arb_series]) -> arb_series:
+        if not e.exp.is_number:
+            return (walk(e.exp) * walk(e.base).log()).exp()
+        return constant_power(walk(e.base), e.exp)
 
-    def make(e: sp.Expr) -> arb_series:
-        if e.is_Add:
-            return reduce(lambda a, b: a + b, (walk(a) for a in e.args))
-        if e.is_Mul:
-            return reduce(lambda a, b: a * b, (walk(a) for a in e.args))
-        if e.is_Pow:
-            return power(walk(e.base), e.exp)
-        return _function(e.func.__name__, walk(e.args[0]), e)
-
-    def power(base: arb_series, exponent: sp.Expr) -> arb_series:
-        if not exponent.is_number:
-            return (walk(exponent) * base.log()).exp()
+    def constant_power(base: arb_series, exponent: sp.Expr) -> arb_series:
         if exponent.could_extract_minus_sign():
-            return 1 / power(base, -exponent)
+            return 1 / constant_power(base, -exponent)
         if exponent.is_Integer:
-            return reduce(lambda a, b: a * b, [base] * int(exponent))
+            return reduce(mul, [base] * int(exponent))
         if (2 * exponent).is_Integer:
-            return power(base.sqrt(), 2 * exponent)
+            return constant_power(base.sqrt(), 2 * exponent)
         return (exact_ball(exponent, bits) * base.log()).exp()
 
-    return walk(expression)
+    rules = Rules(
+        number=lambda e: arb_series([exact_ball(e, bits)]),
+        add=lambda e, walk: reduce(add, map(walk, e.args)),
+        multiply=lambda e, walk: reduce(mul, map(walk, e.args)),
+        power=power,
+        function=lambda e, walk: _function(e.func.__name__, walk(e.args[0]), e),
+    )
+    return fold(expression, rules, dict(values))
 
 
 def _function(name: str, a: arb_series, e: sp.Expr) -> arb_series:

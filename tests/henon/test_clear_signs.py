@@ -8,7 +8,7 @@ from fractions import Fraction
 import pytest
 import sympy as sp
 
-from henon_ref.simulation.clear_signs import sign_function
+from henon_ref.henon.parameter_programs import sign_function
 
 X, V, B = sp.symbols("x v b", real=True)
 
