@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from importlib.metadata import version
 
 import numpy as np
 from numpy.typing import NDArray
 
+import henon_ref
 from henon_ref.errors import UnsupportedError
 from henon_ref.filippov.problem import Problem
 from henon_ref.henon.prepared_run import prepared_run
@@ -37,7 +37,7 @@ class HenonSolver:
 
     @property
     def version(self) -> str:
-        return version("henon-ref")
+        return henon_ref.__version__
 
     def prepare(
         self,

@@ -247,6 +247,14 @@ def library_version(name: str) -> str:
         return ""
 
 
+def missing_package(name: str) -> str:
+    """What pip installs where a built-in solver's library is missing; empty where it is there, or is no package."""
+    entry = _BUILT_IN.get(base_name(name))
+    if entry is None or entry.version or library_version(name):
+        return ""
+    return "henon-ref[peers]" if entry.peer else entry.distribution
+
+
 def program_versions() -> dict[str, str]:
     """Versions of what solvers rest on that is no package of Python; empty where it is not installed."""
     return {package: str(_imported(target)()) for package, target in _programs().items()}

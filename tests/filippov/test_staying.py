@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 
 import pytest
+from multiprecision import multiprecision
 
 import henon_ref as hr
 from henon_ref.casefile.case import Case, parse_case
 from henon_ref.filippov.problem import Problem
 from henon_ref.harness.registry import solver
 from henon_ref.harness.truth.compute import compute
-from henon_ref.harness.truth.multiprecision.route import multiprecision
 
 SOLVERS = pytest.mark.parametrize("name", ["henon", "henon-rk4", "scipy-dop853", "cvode-bdf@offset"])
 """CVODE by itself takes a guard that begins at zero, and stays there, out of play: it is lifted."""
