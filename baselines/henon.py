@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-import henon_ref
 from henon_ref.errors import UnsupportedError
 from henon_ref.filippov.problem import Problem
 from henon_ref.henon.prepared_run import prepared_run
 from henon_ref.henon.records import BRENT, HENON, LANDINGS, NEWTON
 from henon_ref.solver import Run
+from henon_ref.workers.machine import library_versions
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class HenonSolver:
 
     @property
     def version(self) -> str:
-        return henon_ref.__version__
+        return library_versions(("henon-ref",))["henon-ref"] or "not installed"
 
     def prepare(
         self,
