@@ -11,7 +11,7 @@ from henon_ref.casefile.case import Case
 from henon_ref.harness.campaign.case_files import load_cases
 from henon_ref.harness.campaign.comparison import Comparison, compare_all
 from henon_ref.harness.campaign.journal import FILE, read
-from henon_ref.harness.campaign.options import Observer, Options
+from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.campaign.plan import check_required, check_solvers
 from henon_ref.harness.campaign.progress import ProgressLine
 from henon_ref.harness.cli import status_line
@@ -21,20 +21,12 @@ from henon_ref.harness.cli.request import Request
 from henon_ref.harness.report.case_report import write_report
 from henon_ref.harness.report.files.figure_jobs import figure_job, preload
 from henon_ref.harness.report.files.folder_lock import locked, locked_for_a_moment
-from henon_ref.harness.report.files.manifest import Provenance, provenance
-from henon_ref.harness.report.files.write import check_index, check_writable, remove_if_empty
+from henon_ref.harness.report.files.manifest import provenance
+from henon_ref.harness.report.files.write import check_writable, remove_if_empty
 from henon_ref.harness.report.folder_report import write_folder_report
 from henon_ref.harness.report.text.gate import bounds_left_out, demands_state, gate_state, why_unchecked
 from henon_ref.harness.report.text.markdown import environment
-from henon_ref.harness.report.text.paired_times import FOLDER as PAIRED_TIMES
-from henon_ref.harness.report.text.restarts import FOLDER as RESTARTS
 from henon_ref.harness.score.gate import Demand, Gate, demand
-from henon_ref.harness.studies.atlas.page import FOLDER as ATLAS
-from henon_ref.harness.studies.atlas.run import run_atlas
-from henon_ref.harness.studies.causes import FOLDER as CAUSES
-from henon_ref.harness.studies.causes import write_causes
-from henon_ref.harness.studies.price.report_pairs import run_paired_times
-from henon_ref.harness.studies.restarts.run import run_restarts
 from henon_ref.text import message
 
 
@@ -56,9 +48,6 @@ def run(request: Request) -> Unmet:
         For a case file or an argument that cannot be used; nothing has been written then.
     """
     check_writable(request.out)
-    further = [request.out / page for page in (ATLAS, RESTARTS, CAUSES, PAIRED_TIMES)] if request.whole else []
-    for page in further:
-        check_index(page)
     cases = load_cases(request.cases)
     options = Options(
         keep_journals=True,
@@ -72,7 +61,7 @@ def run(request: Request) -> Unmet:
     )
     check_solvers(cases, options)
     check_required(request.required, cases, options)
-    with locked([*(request.out / case.name for case in cases), *further]):
+    with locked([request.out / case.name for case in cases]):
         _mention_unfinished(cases, request)
         return _compared(cases, options, request)
 
@@ -101,12 +90,9 @@ def _compared(cases: Sequence[Case], options: Options, request: Request) -> Unme
     with ProgressLine() as shown:
         draw = figure_job if request.figures else None
         compare_all(cases, options, deliver, draw=draw, ready=preload, observer=shown)
-        if request.whole:
-            written += experiments(cases, options, origin, request.out, shown)
     with locked_for_a_moment(request.out):
         index = write_folder_report(request.out)
-    for folder in (request.out, request.out / ATLAS):
-        discard(folder, cases)
+    discard(request.out, cases)
     where = written[0] if len(written) == 1 else index
     gate = sum(gates, Gate())
     state = gate_state(gate, bool(failures), wanted=request.gate)
@@ -120,19 +106,6 @@ def _compared(cases: Sequence[Case], options: Options, request: Request) -> Unme
     if request.gate and gate.left_out:
         say(f"gate: {bounds_left_out(gate)}")
     return Unmet(failures, [words for solver, own in demands.items() for words in own.unmet(solver)])
-
-
-def experiments(
-    cases: Sequence[Case], options: Options, origin: Provenance, out: Path, observer: Observer
-) -> list[Path]:
-    """What a whole folder gets besides its reports: atlas, restarts, causes, paired times; the pages written."""
-    pages = [
-        run_atlas(cases, options, origin, out, observer),
-        run_restarts(cases, options, origin, out, observer),
-        write_causes(out),
-        run_paired_times(cases, options, origin, out, observer),
-    ]
-    return [page for page in pages if page is not None]
 
 
 def discard(folder: Path, cases: Sequence[Case]) -> None:

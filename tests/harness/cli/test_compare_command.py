@@ -230,19 +230,6 @@ def test_the_rerun_command_has_every_digit_that_was_given():
     assert rerun_command(replace(request, timeout=5.0)).endswith("--timeout 5")
 
 
-def test_a_folder_gets_the_further_pages_unless_something_was_chosen(tmp_path):
-    """The atlas is of one run: a comparison of some solvers would leave it without the others."""
-    plain = Request(
-        cases=(tmp_path,), out=Path("out"), solvers=None, tolerances=None, repeats=None, timeout=10.0, processes=1,
-        resume=False,
-    )  # fmt: skip
-    assert plain.whole
-    assert replace(plain, solvers=("all",)).whole
-    for chosen in ({"solvers": ("octave-ode45",)}, {"tolerances": (1e-6,)}):
-        assert not replace(plain, **chosen).whole
-    assert not replace(plain, cases=(Path("a.yaml"),)).whole
-
-
 def test_one_file_by_several_paths_is_one_case(made_up, tmp_path):
     (tmp_path / "other").mkdir()
     (tmp_path / "link.yaml").symlink_to(made_up)

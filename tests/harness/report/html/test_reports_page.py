@@ -23,7 +23,7 @@ from henon_ref.harness.campaign.options import MOST_DRAWN
 from henon_ref.harness.cli.check import page_differences
 from henon_ref.harness.report.case_report import write_report
 from henon_ref.harness.report.folder_report import write_folder_report
-from henon_ref.harness.report.html.content import CELL, NIGHT, PAPER, SEEN, contrast, solver_lines
+from henon_ref.harness.report.html.content import CELL, NIGHT, PAPER, SEEN, contrast, few_readings, solver_lines
 from henon_ref.harness.report.html.embedded import embedded, read_embedded
 from henon_ref.harness.report.html.packed_runs import FIELDS, Words, field_values, packed, unpacked
 from henon_ref.harness.report.html.portrait import CELLS, MOST_POINTS
@@ -57,6 +57,13 @@ class Tags(HTMLParser):
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         self.found.append((tag, dict(attrs)))
+
+
+def test_solvers_that_were_run_on_few_readings_stand_apart() -> None:
+    every = [("a", "1"), ("a", "2"), ("b", "1")]
+    ran = {"often": every, "half": every[:2], "seldom": every[:1]}
+    rows = [MatrixRow(case, "", reading, None, solver) for solver, own in ran.items() for case, reading in own]
+    assert few_readings(rows) == {"seldom"}
 
 
 def test_the_page_has_the_numbers_of_the_rows(reports: Path) -> None:
