@@ -161,6 +161,7 @@ def test_a_table_is_a_regular_file(tmp_path: Path, kind: str) -> None:
 
 def test_a_table_of_too_many_rows_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a Parquet file by what it says of itself: of one number a billion times it has some kB."""
+    pytest.importorskip("pyarrow")
     monkeypatch.setattr(point_files, "MOST_NUMBERS", 1000)
     frame = pd.DataFrame({"a": np.ones(501), "b": np.ones(501)})
     frame.to_parquet(tmp_path / "points.parquet")

@@ -16,9 +16,8 @@ from henon_ref.figures.style import Line, lines_of
 from henon_ref.harness import registry
 from henon_ref.harness.report.files.write import MANIFEST, PAGE, RUNS
 from henon_ref.harness.report.html.case_file import read_case_file
-from henon_ref.harness.report.html.embedded import read_embedded
 from henon_ref.harness.report.html.packed_runs import FIELDS, Words, field_values, packed, trimmed, unpacked
-from henon_ref.harness.report.html.rounding import rounded
+from henon_ref.harness.report.html.rendering import read_embedded, rounded
 from henon_ref.harness.report.projects import PROJECTS
 from henon_ref.harness.report.text.choice import UNKNOWN, by_kind
 from henon_ref.harness.report.text.matrix import solvers_of

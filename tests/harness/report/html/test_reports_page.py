@@ -24,11 +24,10 @@ from henon_ref.harness.cli.check import page_differences
 from henon_ref.harness.report.case_report import write_report
 from henon_ref.harness.report.folder_report import write_folder_report
 from henon_ref.harness.report.html.content import CELL, NIGHT, PAPER, SEEN, contrast, few_readings, solver_lines
-from henon_ref.harness.report.html.embedded import embedded, read_embedded
 from henon_ref.harness.report.html.packed_runs import FIELDS, Words, field_values, packed, unpacked
 from henon_ref.harness.report.html.portrait import CELLS, MOST_POINTS
 from henon_ref.harness.report.html.portrait import packed as packed_portrait
-from henon_ref.harness.report.html.rendering import MOST_BYTES
+from henon_ref.harness.report.html.rendering import MOST_BYTES, embedded, read_embedded
 from henon_ref.harness.report.html.reports_page import choice_rows, page_text
 from henon_ref.harness.report.projects import PROJECTS
 from henon_ref.harness.report.text.choice import choice_table
