@@ -71,7 +71,7 @@ class AdapterFile:
 SUNDIALS = "sundials"
 """The C library itself, as it is installed for a compiler."""
 
-_FILES = (
+FILES = (
     AdapterFile(
         "henon",
         "henon-ref",
@@ -117,7 +117,7 @@ _FILES = (
     AdapterFile("nosnoc_fesd", "nosnoc", {"nosnoc": "NOSNOC"}, peer=True),
 )
 """One a file."""
-_PLAIN = {name: file for file in _FILES for name in file.solvers}
+_PLAIN = {name: file for file in FILES for name in file.solvers}
 _BUILT_IN = dict(sorted(_PLAIN.items(), key=lambda named: "+" in named[0])) | {
     name + COMPILED: file for name, file in _PLAIN.items() if file.callbacks
 }

@@ -19,6 +19,7 @@ from made_reports import ORIGIN, changed
 
 from henon_ref.errors import CaseError
 from henon_ref.figures.curves import Curves
+from henon_ref.harness import registry
 from henon_ref.harness.campaign.options import MOST_DRAWN
 from henon_ref.harness.cli.check import page_differences
 from henon_ref.harness.report.case_report import write_report
@@ -57,6 +58,13 @@ class Tags(HTMLParser):
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         self.found.append((tag, dict(attrs)))
+
+
+def test_every_built_in_solver_is_of_a_project_with_an_address_and_a_line() -> None:
+    for package, (address, line) in PROJECTS.items():
+        assert address.startswith("https://") or package == "henon-ref"
+        assert 10 < len(line) < 90
+    assert {file.distribution for file in registry.FILES} == set(PROJECTS)
 
 
 def test_solvers_that_were_run_on_few_readings_stand_apart() -> None:
