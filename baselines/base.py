@@ -139,7 +139,7 @@ class SmoothMode(ABC):
         fresh: Sequence[Fresh],
         wanted: NDArray[np.float64] | None,
     ) -> Stop:
-        """What the driver calls, see :class:`baselines.flow.Flow`: sets the guards, then :meth:`integrate`."""
+        """What the driver calls (:class:`baselines.flow.Flow`): sets the guards, then :meth:`integrate`."""
         self.gates.open(t, x, fresh, self.horizon)
         self.last.start(t, tuple(x))
         self.wanted = wanted

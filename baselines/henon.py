@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from importlib.metadata import version
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +12,7 @@ from henon_ref.filippov.problem import Problem
 from henon_ref.henon.prepared_run import prepared_run
 from henon_ref.henon.records import BRENT, HENON, LANDINGS, NEWTON
 from henon_ref.solver import Run
+from henon_ref.workers.machine import library_versions
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class HenonSolver:
 
     @property
     def version(self) -> str:
-        return version("henon-ref")
+        return library_versions(("henon-ref",))["henon-ref"] or "not installed"
 
     def prepare(
         self,

@@ -88,5 +88,3 @@ class _Flow(SundialsFlow):
 
 ADAMS = SundialsCvode("cvode-adams", "Adams")
 BDF = SundialsCvode("cvode-bdf", "BDF")
-ADAMS_NUMBA = SundialsCvode("cvode-adams+numba", "Adams", callbacks="numba")
-BDF_NUMBA = SundialsCvode("cvode-bdf+numba", "BDF", callbacks="numba")

@@ -200,4 +200,3 @@ def _compiled_residual(equations: _Equations) -> Callable[..., None]:
 
 
 IDA = SundialsIda("ida")
-IDA_NUMBA = SundialsIda("ida+numba", callbacks="numba")

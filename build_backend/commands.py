@@ -12,7 +12,7 @@ from setuptools.command.build import build
 from setuptools.errors import CompileError
 
 from build_backend.compilers import CompilerError
-from build_backend.libraries import ROOT, compile_all, compiler, library_files
+from build_backend.libraries import ROOT, compile_all, compiler, installed, library_files
 
 
 class PlatformDistribution(Distribution):
@@ -60,8 +60,9 @@ class BuildLibraries(Command):
         return Path(self.build_lib)
 
     def get_source_files(self) -> list[str]:
-        """What an sdist needs to build: this package; the sources in C are data of theirs."""
-        return [file.relative_to(ROOT).as_posix() for file in sorted((ROOT / "build_backend").glob("*.py"))]
+        """What an sdist needs besides the modules of a wheel: this package, and the door to ``baselines`` in a tree."""
+        folders = (ROOT / "build_backend", ROOT / "henon_ref/baselines")
+        return [file.relative_to(ROOT).as_posix() for folder in folders for file in sorted(folder.glob("*.py"))]
 
     def get_outputs(self) -> list[str]:
         """The libraries, as they lie in a wheel."""
@@ -69,7 +70,7 @@ class BuildLibraries(Command):
 
     def get_output_mapping(self) -> dict[str, str]:
         """The libraries as they lie in a wheel and in an editable tree."""
-        return {str(self._folder() / file): str(file) for file in library_files()}
+        return {str(self._folder() / installed(file)): str(file) for file in library_files()}
 
 
 class PlatformWheel(bdist_wheel):

@@ -20,6 +20,8 @@ from build_backend.compilers import Compiler, CompilerError, choose, platform_as
 ROOT = Path(__file__).parents[1]
 SOURCES = ("henon_ref/kernel/kernel.c", "baselines/paper/paper.c")
 """One translation unit each, that includes all it is made of."""
+INSIDE = ("baselines", "cases")
+"""Folders of the tree that an installation has inside ``henon_ref``."""
 _RECIPE: dict[str, Any] = runpy.run_path(str(ROOT / "henon_ref/kernel/compilation.py"))
 """Flags, processors and hash, which the loader needs, too; by path: the package itself cannot be imported yet."""
 FLAGS: tuple[str, ...] = _RECIPE["FLAGS"]
@@ -47,13 +49,18 @@ def library_files() -> list[Path]:
     return [_RECIPE["library_file"](Path(source), variant) for source, variant in _libraries()]
 
 
+def installed(path: str | Path) -> Path:
+    """Where an installation has a file of the tree, both relative to their roots."""
+    return Path("henon_ref", path) if Path(path).parts[0] in INSIDE else Path(path)
+
+
 def compile_all(into: Path = ROOT, *, root: Path = ROOT, extra: tuple[str, ...] = ()) -> None:
     """Compile every source for every kind of processor.
 
     Parameters
     ----------
     into : Path
-        Folder that stands for the tree's root: each library lies in it as its source in the tree.
+        The tree's root, where each library lies beside its source, or a folder that is laid out as an installation.
     root : Path
         The tree's root.
     extra : tuple of str
@@ -71,7 +78,7 @@ def compile_all(into: Path = ROOT, *, root: Path = ROOT, extra: tuple[str, ...] 
         def compile_one(library: tuple[str, Any]) -> None:
             source, variant = library
             given = f'-DHENON_SOURCES="{_RECIPE["sources_hash"](root / source, _machine())}"'
-            file = _RECIPE["library_file"](into / source, variant)
+            file = _RECIPE["library_file"](into / (source if into == root else installed(source)), variant)
             _compile(chosen, (*FLAGS, given, *extra), variant.architecture, root, source, file, environment)
 
         list(pool.map(compile_one, _libraries()))

@@ -29,8 +29,10 @@ from henon_ref.jit.cache_folder import VARIABLE, cache_root
 
 LIBRARIES = {"heyoka": "heyoka", "scikit-sundae": "sksundae"}
 """Packages that a machine may be without, and their modules."""
-ABSENT = {f"{package} is not installed" for package, module in LIBRARIES.items() if find_spec(module) is None}
-"""What their solvers say then."""
+ABSENT = [f"{package} is not installed" for package, module in LIBRARIES.items() if find_spec(module) is None]
+"""What is said then by their solvers, and below by what needs the extra ``sweep``."""
+if find_spec("pyarrow") is None:
+    ABSENT.append("needs pyarrow, which is not installed")
 hypothesis.settings.register_profile("busy", deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow])
 hypothesis.settings.load_profile("busy")  # no example has a time limit: the machine may do other things
 sys.dont_write_bytecode = False  # whatever the environment says: hundreds of processes that tests begin would compile
@@ -57,12 +59,15 @@ def pytest_collection_finish() -> None:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_pyfunc_call() -> Generator[None, object, object]:
-    """Skip a test that calls a solver whose library is not installed here; one that expects it to say so is run."""
+    """Skip a test that calls what is not installed here; one that expects just that to be said is run."""
     try:
         return (yield)
-    except UnavailableError as error:
-        if str(error) in ABSENT:
-            pytest.skip(str(error))
+    except (UnavailableError, AssertionError) as error:
+        cause: BaseException | None = error
+        while cause is not None and not isinstance(cause, UnavailableError):
+            cause = cause.__context__
+        if any(words in str(cause) for words in ABSENT):
+            pytest.skip(str(cause))
         raise
 
 

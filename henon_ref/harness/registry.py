@@ -11,11 +11,12 @@ are not listed by :func:`names`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from importlib import import_module
 from importlib.metadata import EntryPoint, PackageNotFoundError, entry_points, version
+from types import ModuleType
 from typing import Any, TypeVar, cast
 
 from henon_ref.errors import CaseError, UnavailableError
@@ -41,79 +42,86 @@ COMPILED = "+numba"
 
 
 @dataclass(frozen=True)
-class Entry:
-    """Where a built-in solver is found, and what can be said of it without importing it."""
+class AdapterFile:
+    """What can be said of the solvers in one file of ``baselines`` without importing it."""
 
-    target: str
-    """``module:OBJECT``."""
+    module: str
+    """Below ``baselines``."""
     distribution: str
-    """The installed package whose version the results name."""
-    version: str = ""
-    """``module:FUNCTION`` that tells the version of what is no package of Python; empty elsewhere."""
-    fixed_step: bool = False
-    by_default: bool = True
-    """Run where neither the case nor the command names solvers."""
+    """The installed package, or the program, whose version the results name."""
+    solvers: Mapping[str, str]
+    """Name of each solver -> object of the module."""
     restart: str = ""
-    """Its default restart; empty for a solver that has no library to restart."""
+    """Their default restart; empty where there is no library to restart."""
+    default: tuple[str, ...] | None = None
+    """Those that run where neither the case nor the command names solvers; None: all of them."""
+    fixed_step: bool = False
     peer: bool = False
-    """Its library comes with an extra of this project: it runs where it is named, or with ``all`` where it is there."""
+    """Its library comes with an extra of this project, or is a program: it runs where it is named, or with ``all``."""
+    version: str = ""
+    """Function of the module that tells the version of what is no package of Python; empty elsewhere."""
+    callbacks: bool = False
+    """Its callbacks can be compiled: each solver is there as ``NAME+numba``, too."""
+
+    def by_default(self, name: str) -> bool:
+        """Whether a solver runs where nobody names any."""
+        return not self.peer and name in (self.solvers if self.default is None else self.default)
 
 
 SUNDIALS = "sundials"
 """The C library itself, as it is installed for a compiler."""
-_SUNDIALS_VERSION = "baselines.cvode_c.build:library_version"
 
-_BUILT_IN = {
-    "henon": Entry("baselines.henon:HENON_SOLVER", "henon-ref"),
-    "henon-newton": Entry("baselines.henon:HENON_NEWTON", "henon-ref", by_default=False),
-    "henon-brent": Entry("baselines.henon:HENON_BRENT", "henon-ref", by_default=False),
-    "henon-rk4": Entry("baselines.paper.rk4:RK4", "henon-ref", fixed_step=True),
-    "henon-listing": Entry("baselines.paper.listing:LISTING", "henon-ref", fixed_step=True, by_default=False),
-    "heyoka": Entry("baselines.heyoka_taylor:HEYOKA", "heyoka", restart="offset"),
-    "cvode-adams": Entry("baselines.sundials_cvode:ADAMS", "scikit-sundae", restart="direction"),
-    "cvode-bdf": Entry("baselines.sundials_cvode:BDF", "scikit-sundae", restart="direction"),
-    "ida": Entry("baselines.sundials_ida:IDA", "scikit-sundae", restart="offset"),
-    "scipy-rk45": Entry("baselines.scipy_ivp:RK45", "scipy", restart="offset"),
-    "scipy-dop853": Entry("baselines.scipy_ivp:DOP853", "scipy", restart="offset"),
-    "scipy-radau": Entry("baselines.scipy_ivp:RADAU", "scipy", restart="offset"),
-    "scipy-bdf": Entry("baselines.scipy_ivp:BDF", "scipy", restart="offset"),
-    "scipy-lsoda": Entry("baselines.scipy_ivp:LSODA", "scipy", restart="offset"),
-    "cvode-c-adams": Entry("baselines.cvode_c.solver:ADAMS", SUNDIALS, _SUNDIALS_VERSION, by_default=False, peer=True),
-    "cvode-c-bdf": Entry("baselines.cvode_c.solver:BDF", SUNDIALS, _SUNDIALS_VERSION, by_default=False, peer=True),
-    "octave-ode45": Entry(
-        "baselines.octave.solver:ODE45", "octave", "baselines.octave.solver:octave_version", by_default=False, peer=True
+FILES = (
+    AdapterFile(
+        "henon",
+        "henon-ref",
+        {"henon": "HENON_SOLVER", "henon-newton": "HENON_NEWTON", "henon-brent": "HENON_BRENT"},
+        default=("henon",),
     ),
-    "siconos": Entry(
-        "baselines.siconos.solver:RELAY",
-        "siconos",
-        "baselines.siconos.solver:siconos_version",
-        fixed_step=True,
-        by_default=False,
+    AdapterFile("paper.rk4", "henon-ref", {"henon-rk4": "RK4"}, fixed_step=True),
+    AdapterFile("paper.listing", "henon-ref", {"henon-listing": "LISTING"}, default=(), fixed_step=True),
+    AdapterFile(
+        "heyoka_taylor",
+        "heyoka",
+        {"heyoka": "HEYOKA", "heyoka+fastmath": "HEYOKA_FAST_MATH"},
+        "offset",
+        default=("heyoka",),
+    ),
+    AdapterFile(
+        "sundials_cvode", "scikit-sundae", {"cvode-adams": "ADAMS", "cvode-bdf": "BDF"}, "direction", callbacks=True
+    ),
+    AdapterFile("sundials_ida", "scikit-sundae", {"ida": "IDA"}, "offset", callbacks=True),
+    AdapterFile(
+        "scipy_ivp",
+        "scipy",
+        {f"scipy-{method.lower()}": method for method in ("RK45", "DOP853", "RADAU", "BDF", "LSODA")},
+        "offset",
+        callbacks=True,
+    ),
+    AdapterFile(
+        "cvode_c.solver",
+        SUNDIALS,
+        {"cvode-c-adams": "ADAMS", "cvode-c-bdf": "BDF"},
         peer=True,
+        version="library_version",
     ),
-    "scipy-smoothed": Entry("baselines.scipy_naive:SMOOTHED", "scipy"),
-    "scipy-sign": Entry("baselines.scipy_naive:SIGN", "scipy"),
-    "diffrax-dopri8": Entry("baselines.diffrax_ode:DOPRI8", "diffrax", restart="offset", by_default=False, peer=True),
-    "diffrax-kvaerno5": Entry(
-        "baselines.diffrax_ode:KVAERNO5", "diffrax", restart="offset", by_default=False, peer=True
+    AdapterFile("octave.solver", "octave", {"octave-ode45": "ODE45"}, peer=True, version="octave_version"),
+    AdapterFile(
+        "siconos.solver", "siconos", {"siconos": "RELAY"}, peer=True, version="siconos_version", fixed_step=True
     ),
-    "diffsol-tsit45": Entry("baselines.diffsol_ode:TSIT45", "pydiffsol", restart="offset", by_default=False, peer=True),
-    "diffsol-bdf": Entry("baselines.diffsol_ode:BDF", "pydiffsol", restart="offset", by_default=False, peer=True),
-    "nosnoc": Entry("baselines.nosnoc_fesd:NOSNOC", "nosnoc", by_default=False, peer=True),
-    "heyoka+fastmath": Entry("baselines.heyoka_taylor:HEYOKA_FAST_MATH", "heyoka", by_default=False, restart="offset"),
-    "cvode-adams+numba": Entry(
-        "baselines.sundials_cvode:ADAMS_NUMBA", "scikit-sundae", by_default=False, restart="direction"
+    AdapterFile("scipy_naive", "scipy", {"scipy-smoothed": "SMOOTHED", "scipy-sign": "SIGN"}),
+    AdapterFile(
+        "diffrax_ode", "diffrax", {"diffrax-dopri8": "DOPRI8", "diffrax-kvaerno5": "KVAERNO5"}, "offset", peer=True
     ),
-    "cvode-bdf+numba": Entry(
-        "baselines.sundials_cvode:BDF_NUMBA", "scikit-sundae", by_default=False, restart="direction"
-    ),
-    "ida+numba": Entry("baselines.sundials_ida:IDA_NUMBA", "scikit-sundae", by_default=False, restart="offset"),
-    "scipy-rk45+numba": Entry("baselines.scipy_ivp:RK45_NUMBA", "scipy", by_default=False, restart="offset"),
-    "scipy-dop853+numba": Entry("baselines.scipy_ivp:DOP853_NUMBA", "scipy", by_default=False, restart="offset"),
-    "scipy-radau+numba": Entry("baselines.scipy_ivp:RADAU_NUMBA", "scipy", by_default=False, restart="offset"),
-    "scipy-bdf+numba": Entry("baselines.scipy_ivp:BDF_NUMBA", "scipy", by_default=False, restart="offset"),
-    "scipy-lsoda+numba": Entry("baselines.scipy_ivp:LSODA_NUMBA", "scipy", by_default=False, restart="offset"),
+    AdapterFile("diffsol_ode", "pydiffsol", {"diffsol-tsit45": "TSIT45", "diffsol-bdf": "BDF"}, "offset", peer=True),
+    AdapterFile("nosnoc_fesd", "nosnoc", {"nosnoc": "NOSNOC"}, peer=True),
+)
+"""One a file."""
+_PLAIN = {name: file for file in FILES for name in file.solvers}
+_BUILT_IN = dict(sorted(_PLAIN.items(), key=lambda named: "+" in named[0])) | {
+    name + COMPILED: file for name, file in _PLAIN.items() if file.callbacks
 }
+"""Name of a solver -> its file; variants come last."""
 
 
 @cache
@@ -128,12 +136,12 @@ def names() -> tuple[str, ...]:
 
 def default_names() -> tuple[str, ...]:
     """The solvers that run where nobody names any."""
-    return tuple(name for name in names() if name not in _BUILT_IN or _BUILT_IN[name].by_default)
+    return tuple(name for name in names() if name not in _BUILT_IN or _BUILT_IN[name].by_default(name))
 
 
 def expanded(wanted: Sequence[T]) -> tuple[T | str, ...]:
     """The solvers, ``all`` replaced by those that run by default and the peers that are installed; each name once."""
-    peers = tuple(name for name, entry in _BUILT_IN.items() if entry.peer and library_version(name))
+    peers = tuple(name for name, file in _BUILT_IN.items() if file.peer and library_version(name))
     every = (*default_names(), *peers)
     found: dict[str, T | str] = {}
     for entry in wanted:
@@ -240,16 +248,24 @@ def library_version(name: str) -> str:
     """Version of the package a solver comes from, without importing it; empty where it is not installed."""
     package = distribution(name)
     if package in (programs := _programs()):
-        return str(_imported(programs[package])())
+        return str(programs[package]())
     try:
         return version(package) if package else ""
     except PackageNotFoundError:
         return ""
 
 
+def missing_package(name: str) -> str:
+    """What pip installs where a built-in solver's library is missing; empty where it is there, or is no package."""
+    file = _BUILT_IN.get(base_name(name))
+    if file is None or file.version or library_version(name):
+        return ""
+    return "henon-ref[peers]" if file.peer else file.distribution
+
+
 def program_versions() -> dict[str, str]:
     """Versions of what solvers rest on that is no package of Python; empty where it is not installed."""
-    return {package: str(_imported(target)()) for package, target in _programs().items()}
+    return {package: str(tell()) for package, tell in _programs().items()}
 
 
 def all_versions() -> dict[str, str]:
@@ -257,9 +273,13 @@ def all_versions() -> dict[str, str]:
     return library_versions((*LIBRARIES, *COMPARED)) | program_versions()
 
 
-def _programs() -> dict[str, str]:
-    """Name of each of these -> the function that tells its version."""
-    return {entry.distribution: entry.version for entry in _BUILT_IN.values() if entry.version}
+def _programs() -> dict[str, Callable[[], str]]:
+    """Name of each of these -> what tells its version."""
+    return {file.distribution: partial(_version, file) for file in _BUILT_IN.values() if file.version}
+
+
+def _version(file: AdapterFile) -> str:
+    return str(getattr(_module(file), file.version)())
 
 
 def solver(name: str) -> Solver:
@@ -276,14 +296,13 @@ def solver(name: str) -> Solver:
     base, restart = _base_and_restart(name)
     if base not in _BUILT_IN:
         return loaded(_third_party()[base])
+    file, plain = _BUILT_IN[base], base.removesuffix(COMPILED)
     try:
-        instance = cast(Solver, _imported(_BUILT_IN[base].target))
+        instance: Any = getattr(_module(file), file.solvers[plain])
     except ImportError as error:
         raise UnavailableError(f"{name} cannot be imported: {error}") from error
-    if not restart:
-        return instance
-    frozen: Any = instance  # a dataclass with a field for it: its entry here says so
-    return cast(Solver, replace(frozen, name=name, restart=restart))
+    options = ({"restart": restart} if restart else {}) | ({"callbacks": "numba"} if base != plain else {})
+    return cast(Solver, replace(instance, name=name, **options) if options else instance)
 
 
 def loaded(point: EntryPoint) -> Solver:
@@ -312,6 +331,5 @@ def loaded(point: EntryPoint) -> Solver:
     return cast(Solver, found)
 
 
-def _imported(target: str) -> Any:
-    module, _, name = target.partition(":")
-    return getattr(import_module(module), name)
+def _module(file: AdapterFile) -> ModuleType:
+    return import_module(f"baselines.{file.module}")

@@ -159,8 +159,8 @@ class RunRow(Row):
 
 
 @dataclass(frozen=True)
-class TransitionRow(Row):
-    """A transition, of the truth or of the run or (matched) of both (``transitions.csv``)."""
+class PartRow(Row):
+    """What a run has several of, by their number."""
 
     case: str
     reading: str
@@ -168,6 +168,12 @@ class TransitionRow(Row):
     rtol: float | None
     step_s: float | None
     index: int
+
+
+@dataclass(frozen=True)
+class TransitionRow(PartRow):
+    """A transition, of the truth or of the run or (matched) of both (``transitions.csv``)."""
+
     kind: str
     surface: str
     """Name of the surface's sign."""
@@ -194,15 +200,9 @@ class TransitionRow(Row):
 
 
 @dataclass(frozen=True)
-class StickRow(Row):
+class StickRow(PartRow):
     """A stick that ends within the measured window, of the truth or of the run or of both (``sticks.csv``)."""
 
-    case: str
-    reading: str
-    solver: str
-    rtol: float | None
-    step_s: float | None
-    index: int
     start_s: float | None = None
     duration_s: float | None = None
     reference_s: float | None = None
@@ -262,14 +262,7 @@ def csv_field(value: object) -> str:
 
 
 class TableError(ValueError):
-    """What is wrong with a result file, and where.
-
-    Parameters
-    ----------
-    message : str
-    line, column : int
-        Counted from 1; the column is that of a character.
-    """
+    """What is wrong with a result file, and where: line and column (of a character), counted from 1."""
 
     def __init__(self, message: str, line: int = 1, column: int = 1) -> None:
         super().__init__(message)
@@ -291,7 +284,8 @@ def read_rows(kind: type[AnyRow], path: Path) -> list[AnyRow]:
     reader, rows = csv.reader(lines, strict=True), []
     try:
         present = [name.strip() for name in next(reader, [])]
-        readers = _readers(kind)
+        types = get_type_hints(kind)
+        readers = {column: _READERS[types[column]] for column in kind.columns()}
         needed = [own.name for own in fields(kind) if own.default is MISSING and own.default_factory is MISSING]
         for column in needed:
             if column not in present:
@@ -343,12 +337,6 @@ _READERS: Mapping[object, Callable[[str], Any]] = {
     float | None: _optional(_number),
 }
 """How a field is read, by its type."""
-
-
-def _readers(kind: type[Row]) -> dict[str, Callable[[str], Any]]:
-    """How each column is read."""
-    types = get_type_hints(kind)
-    return {column: _READERS[types[column]] for column in kind.columns()}
 
 
 def _read(reader: Callable[[str], Any], text: str, line: int, written: str) -> Any:

@@ -14,12 +14,13 @@ import sympy as sp
 import systems
 
 from baselines.heyoka_taylor import HEYOKA
-from baselines.scipy_ivp import BDF, DOP853, DOP853_NUMBA, LSODA, RADAU, RK45
-from baselines.sundials_cvode import ADAMS, ADAMS_NUMBA
+from baselines.scipy_ivp import BDF, DOP853, LSODA, RADAU, RK45
+from baselines.sundials_cvode import ADAMS
 from baselines.sundials_cvode import BDF as CVODE_BDF
-from baselines.sundials_ida import IDA, IDA_NUMBA
+from baselines.sundials_ida import IDA
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem
+from henon_ref.harness import registry
 from henon_ref.solver import Solver
 from henon_ref.taylor.tape import TIME
 
@@ -167,7 +168,9 @@ def test_samples_do_not_change_the_run(solver: Any, rtol: float, bound: float) -
 
 
 @pytest.mark.parametrize(
-    ("plain", "compiled"), [(DOP853, DOP853_NUMBA), (ADAMS, ADAMS_NUMBA), (IDA, IDA_NUMBA)], ids=lambda s: s.name
+    ("plain", "compiled"),
+    [(own, registry.solver(own.name + registry.COMPILED)) for own in (DOP853, ADAMS, IDA)],
+    ids=lambda s: s.name,
 )
 def test_compiled_callbacks_change_nothing_but_the_price(plain: Any, compiled: Any) -> None:
     problem = systems.free_coulomb(until="4")

@@ -9,6 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
+from multiprecision import multiprecision
 
 import henon_ref as hr
 from henon_ref.analysis.variational import fundamental_matrix
@@ -17,7 +18,6 @@ from henon_ref.errors import UnsupportedError
 from henon_ref.filippov.problem import Problem
 from henon_ref.harness.registry import solver
 from henon_ref.harness.truth.conditioning import conditioning
-from henon_ref.harness.truth.multiprecision.route import multiprecision
 from henon_ref.harness.truth.proofs import prove
 from henon_ref.harness.truth.reference import Route
 from henon_ref.trajectory import Trajectory

@@ -149,6 +149,7 @@ def test_a_half_written_file_that_is_a_link_is_not_written_through(tmp_path: Pat
 def test_the_command_draws_into_no_folder_of_somebody_elses(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    pytest.importorskip("pyarrow")
     monkeypatch.chdir(tmp_path)
     Path("belts.yaml").write_text(SWEEP)
     arguments = ["belts.yaml", "--jobs", "1", "--quiet"]
@@ -178,6 +179,7 @@ def test_a_folder_is_one_sweeps_at_a_time(tmp_path: Path) -> None:
 
 
 def test_two_processes_do_not_mix_their_results(tmp_path: Path) -> None:
+    pytest.importorskip("pyarrow")
     code = (
         "import sys, henon_ref as hr\n"
         "block = hr.System(['x', 'v'], {'F': 0.5}, {'s': 'v'}, ['v', '-F*s'])\n"

@@ -50,6 +50,7 @@ def test_what_is_no_grid_is_refused(axes: dict[str, object], words: str) -> None
 
 
 def test_a_table_is_a_data_frame_a_csv_or_a_parquet_file(tmp_path) -> None:
+    pytest.importorskip("pyarrow")
     frame = pd.DataFrame({"vb": [0.1, 0.30000000000000004], "x": [1.0, 2.0]})
     frame.to_csv(tmp_path / "points.csv", index=False)
     frame.to_parquet(tmp_path / "points.parquet")
@@ -160,6 +161,7 @@ def test_a_table_is_a_regular_file(tmp_path: Path, kind: str) -> None:
 
 def test_a_table_of_too_many_rows_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a Parquet file by what it says of itself: of one number a billion times it has some kB."""
+    pytest.importorskip("pyarrow")
     monkeypatch.setattr(point_files, "MOST_NUMBERS", 1000)
     frame = pd.DataFrame({"a": np.ones(501), "b": np.ones(501)})
     frame.to_parquet(tmp_path / "points.parquet")
@@ -201,6 +203,7 @@ def test_numbers_of_a_csv_file_are_read_to_the_last_bit(tmp_path: Path) -> None:
 
 
 def test_a_parquet_files_index_is_none_of_its_columns(tmp_path: Path) -> None:
+    pytest.importorskip("pyarrow")
     frame = pd.DataFrame({"a": [1, 2], "b": [0.5, 1.5]}, index=pd.Index(["one", "two"], name="run"))
     frame.to_parquet(tmp_path / "points.parquet")
     assert table(tmp_path / "points.parquet").values.tolist() == [[1, 0.5], [2, 1.5]]

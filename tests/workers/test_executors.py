@@ -108,6 +108,7 @@ def on_a_cluster() -> SweepTable:
 
 
 def test_a_dask_cluster_changes_no_bit(whole: SweepTable, another: ProcessPoolExecutor) -> None:
+    pytest.importorskip("distributed")
     assert_same(another.submit(on_a_cluster).result(), whole)
 
 
@@ -141,6 +142,7 @@ def on_a_cluster_that_dies(out: Path) -> str:
 
 def test_a_scheduler_that_dies_leaves_word_of_what_is_finished(tmp_path: Path, another: ProcessPoolExecutor) -> None:
     """It was a bare CancelledError."""
+    pytest.importorskip("distributed")
     out = tmp_path / "out"
     said = another.submit(on_a_cluster_that_dies, out).result().splitlines()
     finished = len(list(out.glob("points/*.parquet")))
@@ -232,6 +234,7 @@ def test_a_script_needs_no_guard(tmp_path: Path) -> None:
 
 def test_workers_that_are_killed_leave_the_same_files(tmp_path: Path) -> None:
     """From outside, while it is at work."""
+    pytest.importorskip("pyarrow")
     code = dedent(
         f"""
         import numpy as np, henon_ref as hr

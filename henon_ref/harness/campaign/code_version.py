@@ -5,9 +5,11 @@ from __future__ import annotations
 import hashlib
 import os
 from functools import cache
-from importlib.util import find_spec
+from importlib import import_module
 
-PACKAGES = ("henon_ref", "baselines")
+BASELINES = "baselines"
+"""A folder of ``henon_ref`` where it is installed, and beside it in a checkout."""
+PACKAGES = ("henon_ref", f"henon_ref.{BASELINES}")
 LANGUAGES = (".py", ".c", ".h", ".m")
 """How the names of modules, and of programs in other languages, end."""
 
@@ -17,8 +19,7 @@ def code_version() -> str:
     """A hash of the text of every module and program of these packages."""
     digest = hashlib.sha256()
     for name in PACKAGES:
-        found = find_spec(name)
-        for top in (found and found.submodule_search_locations) or ():
+        for top in import_module(name).__path__:
             for path in sorted(_modules(top)):
                 with open(path, "rb") as file:
                     text = file.read()
@@ -27,7 +28,10 @@ def code_version() -> str:
 
 
 def _modules(top: str) -> list[str]:
-    """Paths of the modules and programs below a folder (Path.rglob takes twenty times as long)."""
-    return [
-        os.path.join(folder, file) for folder, _, files in os.walk(top) for file in files if file.endswith(LANGUAGES)
-    ]
+    """Paths of a package's modules and programs, the baselines aside (Path.rglob takes twenty times as long)."""
+    found = []
+    for folder, below, files in os.walk(top):
+        if folder == top and BASELINES in below:
+            below.remove(BASELINES)
+        found += [os.path.join(folder, file) for file in files if file.endswith(LANGUAGES)]
+    return found

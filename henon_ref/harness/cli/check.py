@@ -28,7 +28,7 @@ from henon_ref.harness.report.case_report import write_report
 from henon_ref.harness.report.files.manifest import provenance
 from henon_ref.harness.report.files.write import MANIFEST, MATRIX, PAGE, REPORT, ROWS, RUNS
 from henon_ref.harness.report.html.content import content
-from henon_ref.harness.report.html.embedded import embedded, read_embedded
+from henon_ref.harness.report.html.rendering import embedded, read_embedded
 from henon_ref.harness.report.text.formats import setting
 from henon_ref.harness.report.text.matrix_rows import read_matrix
 from henon_ref.harness.report.text.ranking import floor

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import shlex
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+from henon_ref.harness import registry
 from henon_ref.harness.report.text.formats import count, digits, duration, setting, significant
 from henon_ref.harness.rows import RunRow
 from henon_ref.harness.score.gate import demand
@@ -42,6 +44,9 @@ def print_end(table: EndTable, *, readings: int) -> None:
         print(failing_line(found))
     if len(failing) > MOST_FAILING:
         print(f"and {len(failing) - MOST_FAILING} more, see the reports")
+    absent = {row.solver for row in table.rows if row.status == "unavailable"}
+    if missing := sorted(set(map(registry.missing_package, absent)) - {""}):
+        print(f"to install what is missing: {shlex.join(['pip', 'install', *missing])}")
 
 
 def failing_line(found: Failing) -> str:

@@ -1,4 +1,8 @@
-"""What case files say, explained without running anything: states, surfaces, effects, the equations of each mode."""
+"""What case files say, without a run: states, surfaces, effects, the equations of each mode.
+
+``henon-ref explain CASE...``, and ``compare CASE... --check``. Exit statuses: see
+:mod:`henon_ref.harness.cli.exit_status`.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +17,8 @@ from henon_ref.errors import ModelError
 from henon_ref.filippov.modes import Mode, mode_text
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.harness.campaign.case_files import load_cases
+from henon_ref.harness.cli.exit_status import DONE, exit_status, parsed
+from henon_ref.harness.cli.typer_app import Cases, application, examples
 from henon_ref.harness.report.text.formats import count
 from henon_ref.taylor.size import size, total_size
 from henon_ref.text import listed, message
@@ -23,6 +29,20 @@ MOST_OPERATIONS, MOST_IN_ALL = 200, 2_500
 """Operations up to which an expression is printed, and up to which modes are derived at all."""
 SEVERAL = 8
 """States, parameters and the like that one line names."""
+
+app = application()
+
+
+@app.command(epilog=examples("explain fig8", "explain my_case.yaml"))
+def main(cases: Cases) -> int:
+    """Explain case files without a run: states, surfaces, effects, the equations of each mode."""
+    explain(cases)
+    return DONE
+
+
+def command(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; the exit status."""
+    return exit_status(lambda: int(parsed(app, arguments, name="explain")), name="explain", arguments=arguments)
 
 
 def explain(paths: Sequence[Path]) -> None:

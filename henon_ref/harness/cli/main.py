@@ -34,20 +34,21 @@ class Subcommand:
 
 SUBCOMMANDS = {
     "compare": Subcommand("compare:program", "Run every solver on cases, score it against the truth, write a report."),
-    "gate": Subcommand("gate:command", "Tell whether reports meet their cases' gates, and an earlier comparison."),
+    "explain": Subcommand("explain_cases:command", "Explain what case files say, without a run."),
+    "gate": Subcommand("gate:command", "Check reports against their cases' gates, and against an earlier comparison."),
+    "check": Subcommand("check:command", "Check stored reports against a fresh comparison."),
     "simulate": Subcommand("simulate:command", "Simulate one case with the reference, and print its transitions."),
+    "sweep": Subcommand("sweep:program", "Run one system at many points, and observe each run."),
     "cases": Subcommand("cases:command", "List cases: names, sizes, titles, tags."),
     "solvers": Subcommand("solvers:command", "List solvers: versions, options, and why one cannot be had."),
     "schema": Subcommand("schema:command", "Print the JSON Schema of a case file."),
     "new-solver": Subcommand("new_solver:command", "Write a package with a solver of your own to fill in."),
-    "sweep": Subcommand("sweep:program", "Run one system at many points, and observe each run."),
-    "truth": Subcommand("truth:command", "Compute truths, hold them against the stored ones, store them."),
-    "check": Subcommand("check:command", "Tell whether stored reports still say what a fresh comparison says."),
+    "truth": Subcommand("truth:command", "Compute truths, compare them with the stored ones, store them."),
     "study": Subcommand("study:command", "Run a study: price, paired-times, atlas, restarts, causes or paper."),
 }
 """Name -> subcommand, in the order of the list."""
 
-EXAMPLES = ("cases", "compare fig8", "compare my_case.yaml --check", "compare --help")
+EXAMPLES = ("cases", "compare fig8", "explain my_case.yaml", "compare --help")
 
 
 @dataclass(frozen=True)

@@ -28,11 +28,11 @@ HELP = (
 )
 
 
-@app.command(help=HELP, epilog=examples("truth my_case.yaml", "truth cases --check", "truth cases --missing"))
+@app.command(help=HELP, epilog=examples("truth my_case.yaml", "truth cases --dry-run", "truth cases --missing"))
 def main(
     cases: Cases,
-    check: Annotated[
-        bool, typer.Option("--check", help="Write nothing; exit with 1 if a stored truth differs.", metavar=FLAG)
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Write nothing; exit with 1 if a stored truth differs.", metavar=FLAG)
     ] = False,
     missing: Annotated[
         bool, typer.Option("--missing", help="Only what is not stored or out of date.", metavar=FLAG)
@@ -47,7 +47,7 @@ def main(
     failed = False
     for case in read_cases(cases):
         for reading in case.readings:
-            failed |= not _one(case, reading, check=check, missing=missing, proof_seconds=proof_seconds)
+            failed |= not _one(case, reading, dry_run=dry_run, missing=missing, proof_seconds=proof_seconds)
     return NOT_MET if failed else DONE
 
 
@@ -85,7 +85,7 @@ class Stored:
         return cls(truth, fault, truth is not None and compute.claimed(truth, reading))
 
 
-def _one(case: Case, reading: Reading, *, check: bool, missing: bool, proof_seconds: float) -> bool:
+def _one(case: Case, reading: Reading, *, dry_run: bool, missing: bool, proof_seconds: float) -> bool:
     """One reading; False where something is wrong."""
     folder = store.folder_of(case.path)
     name = f"{case.name}, {reading.name}"
@@ -103,11 +103,11 @@ def _one(case: Case, reading: Reading, *, check: bool, missing: bool, proof_seco
         return False
     finally:
         status_line.clear()
-    return _compared(name, stored, fresh, store.folder_for_new(case.path), check=check)
+    return _compared(name, stored, fresh, store.folder_for_new(case.path), dry_run=dry_run)
 
 
-def _compared(name: str, stored: Stored, fresh: Truth, folder: Path, *, check: bool) -> bool:
-    """Say how a stored truth and a new one stand to each other; store the new one unless only checking.
+def _compared(name: str, stored: Stored, fresh: Truth, folder: Path, *, dry_run: bool) -> bool:
+    """Say how a stored truth and a new one stand to each other; store the new one unless nothing is to be written.
 
     A certified truth is not given up for one that is not.
     """
@@ -115,9 +115,9 @@ def _compared(name: str, stored: Stored, fresh: Truth, folder: Path, *, check: b
     faults = [] if old is None else compute.differences(old, fresh)
     faults += [stored.fault] if stored.fault else []
     weaker = old is not None and old.certified and not fresh.certified
-    stays = check or weaker
+    stays = dry_run or weaker
     if old is None and not stored.fault:
-        verdict, right = ("not stored or out of date" if check else "stored"), not check
+        verdict, right = ("not stored or out of date" if dry_run else "stored"), not dry_run
     elif faults:
         verdict, right = "differs from what was stored: " + "; ".join(faults[:5]), not stays
     elif not stored.current:
@@ -125,7 +125,7 @@ def _compared(name: str, stored: Stored, fresh: Truth, folder: Path, *, check: b
     elif old is not None and (fresh.certified, fresh.proven) > (old.certified, old.proven):
         verdict, right = "agrees, and more is proven now", True
     else:
-        verdict, right, stays = "agrees with what is stored", not (check and weaker), True
+        verdict, right, stays = "agrees with what is stored", not (dry_run and weaker), True
     if not stays:
         try:
             store.save(folder, fresh)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from dataclasses import replace
+from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 
 import pytest
@@ -79,6 +80,21 @@ def test_without_a_terminal_the_table_is_plain_columns(capsys):
         "henon            1 of 1       9  1 ms              1",
         "b                1 of 1     7.2  2 ms              2",
     ]
+
+
+def test_one_line_installs_the_libraries_that_are_missing(capsys, monkeypatch):
+    monkeypatch.setattr(registry, "version", lambda package: "1" if package == "scipy" else missing())
+    gone = {"status": "unavailable", "status_reason": "it is not installed", "verdict": "not run", "wall_s": None}
+    named = ["heyoka@direction", "cvode-adams", "ida", "nosnoc", "diffrax-dopri8", "scipy-bdf+numba", "somebody's"]
+    print_end(table(*(row(solver, 1e-9, **gone) for solver in named)), readings=1)
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[-1] == "to install what is missing: pip install 'henon-ref[peers]' heyoka scikit-sundae"
+    print_end(table(row("heyoka", 1e-9)), readings=1)
+    assert "install" not in capsys.readouterr().out
+
+
+def missing():
+    raise PackageNotFoundError
 
 
 def test_a_strangers_words_are_text_in_one_line(capsys):

@@ -1,4 +1,4 @@
-"""``compare --check``: what a case file says, without a run."""
+"""``explain`` and ``compare --check``: what a case file says, without a run."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from problems import LEAVING_SLIDE
 
 from henon_ref.casefile.case import load_case, parse_case
 from henon_ref.harness.cli.explain_cases import explanation
+from henon_ref.harness.cli.main import program
 
 CASES = Path(__file__).parents[3] / "cases"
 BELT = """
@@ -88,10 +89,11 @@ def test_equations_too_long_are_not_derived():
     assert lines[-1] == "3 modes, whose equations are too long to be printed"
 
 
-def test_check_runs_nothing_and_writes_nothing(tmp_path, monkeypatch, capsys):
+@pytest.mark.parametrize("words", [["explain", "own.yaml"], ["compare", "own.yaml", "--check"]])
+def test_an_explanation_runs_nothing_and_writes_nothing(tmp_path, monkeypatch, capsys, words):
     monkeypatch.chdir(tmp_path)
     Path("own.yaml").write_text(LEAVING_SLIDE)
-    assert run("own.yaml", "--check") == 0
+    assert program(words) == 0
     captured = capsys.readouterr()
     assert captured.err == ""
     assert captured.out.startswith("leaving_slide: Leaving a slide (own.yaml), 1 reading\n  reading default: ")

@@ -44,7 +44,7 @@ def run(capsys: pytest.CaptureFixture[str]) -> Run:
 
 def test_store_check_and_notice_a_moved_time(run: Run, file: Path) -> None:
     stored = file.parent / "truth" / "leaving_slide" / "default.json"
-    code, text = run(file, "--check")
+    code, text = run(file, "--dry-run")
     assert code == 1
     assert "not stored" in text
     assert not stored.exists()
@@ -55,7 +55,7 @@ def test_store_check_and_notice_a_moved_time(run: Run, file: Path) -> None:
     before = stored.read_text()
     assert run(file)[0] == 0
     assert stored.read_text() == before
-    assert run(file, "--check")[0] == 0
+    assert run(file, "--dry-run")[0] == 0
     assert run(file, "--missing") == (0, "")
 
     radii = 10 * 1e-80
@@ -63,7 +63,7 @@ def test_store_check_and_notice_a_moved_time(run: Run, file: Path) -> None:
     zeros = "1." + "0" * 78
     assert zeros in before
     stored.write_text(before.replace(zeros, "1." + "0" * 77 + "1"))
-    code, text = run(file, "--check")
+    code, text = run(file, "--dry-run")
     assert code == 1
     assert "transition 0: times 1.00e-78 s apart" in text
 
@@ -94,7 +94,7 @@ def test_a_certified_truth_is_not_given_up_for_one_that_is_not(run: Run, file: P
     assert "not certified: " in text
     assert "agrees with what is stored; what is stored is certified and stays" in text
     assert stored.read_text() == before
-    assert run(file, "--proof-seconds", "0", "--check")[0] == 1
+    assert run(file, "--proof-seconds", "0", "--dry-run")[0] == 1
 
     zeros = "1." + "0" * 78
     moved = before.replace(zeros, "1." + "0" * 10 + "1" + "0" * 67)
@@ -112,7 +112,7 @@ def test_a_proof_makes_an_uncertified_truth_a_certified_one(run: Run, file: Path
     assert code == 0
     assert "certified" in text
     assert "more is proven now" in text
-    assert run(file, "--check")[0] == 0
+    assert run(file, "--dry-run")[0] == 0
 
 
 @pytest.mark.parametrize("seconds", ["-1", "nan"])
@@ -135,7 +135,7 @@ def test_a_truth_that_cannot_be_stored_is_one_message_and_exit_1(run: Run, file:
 
 def test_case_files_are_found_as_compare_finds_them(run: Run, file: Path) -> None:
     file.rename(file.with_suffix(".yml"))
-    code, text = run(file.parent, "--check")
+    code, text = run(file.parent, "--dry-run")
     assert (code, "leaving_slide, default" in text) == (1, True)
 
     (file.parent / "again.yaml").write_text(TEXT)
@@ -205,7 +205,7 @@ def test_nobody_is_scored_against_a_changed_truth(run: Run, file: Path, compare:
         assert stored.read_text() == changed
         (kept,) = file.parent.parent.glob("cache/**/truth/leaving_slide/default.json")
     first = kept.stat().st_mtime_ns
-    code, text = run(file, "--check")
+    code, text = run(file, "--dry-run")
     assert code == 1
     assert str(stored) in text
     assert stored.read_text() == changed

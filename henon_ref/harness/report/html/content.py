@@ -16,9 +16,9 @@ from henon_ref.figures.style import Line, lines_of
 from henon_ref.harness import registry
 from henon_ref.harness.report.files.write import MANIFEST, PAGE, RUNS
 from henon_ref.harness.report.html.case_file import read_case_file
-from henon_ref.harness.report.html.embedded import read_embedded
 from henon_ref.harness.report.html.packed_runs import FIELDS, Words, field_values, packed, trimmed, unpacked
-from henon_ref.harness.report.html.rounding import rounded
+from henon_ref.harness.report.html.rendering import read_embedded, rounded
+from henon_ref.harness.report.projects import PROJECTS
 from henon_ref.harness.report.text.choice import UNKNOWN, by_kind
 from henon_ref.harness.report.text.matrix import solvers_of
 from henon_ref.harness.report.text.matrix_rows import MatrixRow, commits_of
@@ -46,7 +46,8 @@ def content(folder: Path, rows: Sequence[MatrixRow]) -> dict[str, Any]:
         Of its matrix.
     """
     words, earlier = Words(), earlier_details(folder)
-    solvers, kinds = solvers_of(rows), list(by_kind(rows))
+    few = few_readings(rows)
+    solvers, kinds = sorted(solvers_of(rows), key=few.__contains__), list(by_kind(rows))
     lines = solver_lines(solvers)
     cases: dict[str, list[tuple[str, list[MatrixRow]]]] = {}
     for (case, reading), own in readings_of(rows).items():
@@ -63,12 +64,24 @@ def content(folder: Path, rows: Sequence[MatrixRow]) -> dict[str, Any]:
         "levels": list(LEVELS),
         "fields": list(FIELDS),
         "cell": list(CELL),
-        "solvers": [{"name": s, "package": registry.distribution(s) or s, **lines[s]} for s in solvers],
+        "solvers": [_solver(solver, lines[solver], solver in few) for solver in solvers],
         "kinds": kinds,
         "causes": {cause: CAUSES[cause].title for cause in CAUSES if cause in words.listed},
         "cases": made,
         "words": words.listed,
     }
+
+
+def few_readings(rows: Sequence[MatrixRow]) -> set[str]:
+    """The solvers that were run on less than half of the readings: they stand apart."""
+    runs, every = by_solver(rows), len(readings_of(rows))
+    return {solver for solver, own in runs.items() if 2 * len(own) < every}
+
+
+def _solver(name: str, line: Mapping[str, object], few: bool) -> Details:
+    package = registry.distribution(name) or name
+    link, about = PROJECTS.get(package, ("", ""))
+    return {"name": name, "package": package, "link": link, "about": about, "few": few, **line}
 
 
 def _reading(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from henon_ref.harness.report.html.rounding import rounded
+from henon_ref.harness.report.html.rendering import rounded
 from henon_ref.harness.report.text.formats import setting
 from henon_ref.harness.rows import RunRow
 from henon_ref.text import one_line

@@ -1,19 +1,24 @@
-"""A page put together: its template, with style, script and data in it, so that it needs no other file."""
+"""A page put together: its template, with style, script and data in it, so that it needs no other file.
+
+The data is JSON in a script element that is never run, and is read back from there.
+"""
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Sequence
 from functools import cache
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
-
-from henon_ref.harness.report.html.embedded import embedded
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
 MOST_BYTES = 4 * 2**20
 """Bytes that a page may have: every solver and peer on every reading of the suite, with all its runs."""
+_BLOCK = re.compile(r'<script type="application/json" id="data">(.*?)</script>', re.DOTALL)
+_ESCAPES = {ord(mark): f"\\u{ord(mark):04x}" for mark in "<>&\u2028\u2029"}
 
 
 def rendered(template: str, style: str, scripts: Sequence[str], data: Any, **context: Any) -> str:
@@ -24,7 +29,7 @@ def rendered(template: str, style: str, scripts: Sequence[str], data: Any, **con
     template : str
         Name of its file among the templates.
     style : str
-        CSS.
+        CSS besides that of all pages.
     scripts : sequence of str
         Names of JavaScript files among the templates, in their order.
     data
@@ -34,7 +39,7 @@ def rendered(template: str, style: str, scripts: Sequence[str], data: Any, **con
     """
     code = "\n".join(source(name).strip() for name in scripts)
     made = _environment().get_template(template)
-    return made.render(style=style, script=code, data=embedded(data), **context).strip() + "\n"
+    return made.render(style=source("page.css") + style, script=code, data=embedded(data), **context).strip() + "\n"
 
 
 def source(name: str) -> str:
@@ -53,3 +58,32 @@ def _environment() -> Environment:
         lstrip_blocks=True,
         autoescape=True,
     )
+
+
+def embedded(data: Any) -> str:
+    """Data as JSON that may stand in a page: whatever is in it, it ends no element and begins none.
+
+    Examples
+    --------
+    >>> print(embedded({"name": "</script><b>"}))
+    {"name":"\\u003c/script\\u003e\\u003cb\\u003e"}
+    """
+    text = json.dumps(data, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+    return text.translate(_ESCAPES)
+
+
+def read_embedded(page: str) -> Any:
+    """The data of a page; None where it has none."""
+    block = _BLOCK.search(page)
+    try:
+        return None if block is None else json.loads(block[1])
+    except (RecursionError, ValueError):
+        return None
+
+
+def rounded(value: object, places: int) -> float | int | None:
+    """A number to so many significant places, a whole one without a point; None where it is missing."""
+    if not isinstance(value, float | int):
+        return None
+    short = float(f"{value:.{places}g}")
+    return int(short) if short.is_integer() and abs(short) < 1e15 else short

@@ -11,10 +11,10 @@ from henon_ref.harness.atomic_write import replace_file
 from henon_ref.harness.report.files.write import INDEX, MATRIX, MATRIX_PAGE, PAGE
 from henon_ref.harness.report.html.content import content
 from henon_ref.harness.report.html.rendering import rendered, source
-from henon_ref.harness.report.text.choice import ANY, by_kind, package_of, reaches, readings_for
+from henon_ref.harness.report.text.choice import ANY, by_kind, choice, readings_for
 from henon_ref.harness.report.text.formats import count, duration, significant
 from henon_ref.harness.report.text.index import PAGES, commits
-from henon_ref.harness.report.text.matrix_page import coverage
+from henon_ref.harness.report.text.matrix import coverage
 from henon_ref.harness.report.text.matrix_rows import MatrixRow
 from henon_ref.harness.score.kinds import CLOSE
 
@@ -58,7 +58,7 @@ def page_text(folder: Path, rows: Sequence[MatrixRow]) -> str:
     solvers = len({row.solver for row in rows})
     return rendered(
         "reports.html",
-        source("page.css") + source("reports.css") + _colours(data["solvers"]),
+        source("reports.css") + _colours(data["solvers"]),
         SCRIPTS,
         data,
         digits=DIGITS,
@@ -89,25 +89,14 @@ def choice_rows(rows: Sequence[MatrixRow], level: int | None) -> list[tuple[str,
     for kind, own in by_kind(rows).items():
         every, counted = readings_for(own, ANY), readings_for(own, level)
         readings = f"{len(every)}" if every == counted else f"{len(counted)} of {len(every)}"
-        found = reaches(own, level)
-        if not found:
-            made.append((kind, readings, "none", "", "", "", "", ""))
-            continue
-        first = found[0]
-        others = reaches([row for row in own if package_of(row.solver) != package_of(first.solver)], level)
-        times = others[0].against(first.walls) if others else None
-        made.append(
-            (
-                kind,
-                readings,
-                first.solver,
-                f"{len(first.walls)}",
-                duration(median(first.walls.values())),
-                others[0].solver if others else "",
-                f"{len(others[0].walls)}" if others else "",
-                "" if times is None else f"×{significant(times, 2)}",
-            )
-        )
+        found = choice(own, level)
+        cells = ["none", "", "", "", "", ""]
+        if found is not None:
+            first, other = found.first, found.other
+            cells[:3] = first.solver, f"{len(first.walls)}", duration(median(first.walls.values()))
+            cells[3:5] = (other.solver, f"{len(other.walls)}") if other else ("", "")
+            cells[5] = "" if found.times is None else f"×{significant(found.times, 2)}"
+        made.append((kind, readings, *cells))
     return made
 
 

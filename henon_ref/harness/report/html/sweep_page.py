@@ -90,7 +90,7 @@ def write_sweep_page(folder: Path) -> Path | None:
     }
     page = rendered(
         "sweep.html",
-        source("page.css") + source("sweep.css"),
+        source("sweep.css"),
         SCRIPTS,
         data,
         title=one_line(sweep.title),

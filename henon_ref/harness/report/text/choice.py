@@ -75,6 +75,25 @@ def reaches(rows: Sequence[MatrixRow], level: int | None) -> list[Reach]:
     return sorted(found, key=lambda reach: (reach.against(fastest) or 1.0, -len(reach.walls)))
 
 
+@dataclass(frozen=True)
+class Choice:
+    """The solver to take, and the one of all other packages."""
+
+    first: Reach
+    other: Reach | None
+    times: float | None
+    """How many times as long the other takes."""
+
+
+def choice(rows: Sequence[MatrixRow], level: int | None) -> Choice | None:
+    """Whom to take for so many digits; None where no solver gets there."""
+    found = reaches(rows, level)
+    if not found:
+        return None
+    others = reaches([row for row in rows if package_of(row.solver) != package_of(found[0].solver)], level)
+    return Choice(found[0], others[0], others[0].against(found[0].walls)) if others else Choice(found[0], None, None)
+
+
 def choice_table(rows: Sequence[MatrixRow]) -> Table:
     """A row a kind of case, a column a number of digits: the solver to take, and the one of another package.
 
@@ -102,18 +121,11 @@ def reading_counts(rows: Sequence[MatrixRow]) -> str:
 
 
 def _choice(rows: Sequence[MatrixRow], level: int | None) -> str:
-    found = reaches(rows, level)
-    if not found:
+    found = choice(rows, level)
+    if found is None:
         return ""
-    first = found[0]
-    words = f"{code(first.solver)} {len(first.walls)}"
-    others = reaches([row for row in rows if package_of(row.solver) != package_of(first.solver)], level)
-    if not others:
-        return words
-    other = others[0]
-    times = other.against(first.walls)
-    longer = "" if times is None else f" (×{significant(times, 2)})"
-    return f"{words}; {code(other.solver)} {len(other.walls)}{longer}"
+    words = "; ".join(f"{code(own.solver)} {len(own.walls)}" for own in (found.first, found.other) if own)
+    return words if found.times is None else f"{words} (×{significant(found.times, 2)})"
 
 
 def package_of(solver: str) -> str:

@@ -16,8 +16,7 @@ from henon_ref.harness.report.text.choice import case_table, choice_table
 from henon_ref.harness.report.text.formats import count
 from henon_ref.harness.report.text.kinds_figure import draw_kinds
 from henon_ref.harness.report.text.markdown import environment
-from henon_ref.harness.report.text.matrix import KEY, solvers_of
-from henon_ref.harness.report.text.matrix_page import coverage_table, reading_table, solver_table, titles
+from henon_ref.harness.report.text.matrix import KEY, coverage_table, reading_table, solver_table, solvers_of, titles
 from henon_ref.harness.report.text.matrix_rows import MatrixRow, case_readings, read_matrix, rows_of_report
 from henon_ref.harness.report.text.paired_times import PRICE_PAIRS, cheapest, own_words, read_ratios
 from henon_ref.harness.report.text.restarts import WHY, beaten_table, read_suite

@@ -9,7 +9,7 @@ from henon_ref.harness.campaign.comparison import Comparison
 from henon_ref.harness.campaign.options import MOST_DRAWN
 from henon_ref.harness.report.files.figure_jobs import READINGS
 from henon_ref.harness.report.text.formats import digits, setting
-from henon_ref.harness.report.text.matrix import KEY, matrix
+from henon_ref.harness.report.text.matrix import KEY, matrix, summed
 from henon_ref.harness.report.text.ranking import AS_GOOD, WholeRow, by_solver, over_all
 from henon_ref.harness.report.text.summary import HEADINGS, times_as_long
 from henon_ref.harness.report.text.tables import MARK, price_table, timed
@@ -34,7 +34,7 @@ def overview(comparison: Comparison) -> dict[str, Any] | None:
         return None
     whole = over_all([rows for _, rows in readings])
     prices = price_table(whole)
-    lines = [((f"[{reading}](#{reading})", _transitions(rows)), rows) for reading, rows in readings]
+    lines = [((f"[{reading}](#{reading})", _transitions(rows)), summed(rows)) for reading, rows in readings]
     return {
         "solvers": right_in_all_table(whole, len(readings)).markdown,
         "explained": _explained(len(readings), len(comparison.readings)),

@@ -112,6 +112,8 @@ def test_filters_leave_the_rows_that_they_name(chromium: Any, reports: Path) -> 
             set_value(page, name, value, event)
             assert rows_of(page) == shown, (name, value)
             assert page.locator("#shown-rows").inner_text() == f"{len(shown)} of 2 readings"
+            assert page.get_by_text("No reading fits these filters").is_visible() == (not shown)
+            assert page.locator("#matrix").is_visible() == bool(shown)
         set_value(page, "which", "every")
         set_value(page, "digits", 13, "input")
         assert rows_of(page) == []
@@ -170,6 +172,27 @@ def test_every_cell_leads_to_its_run(chromium: Any, reports: Path) -> None:
         assert "A made-up story, 1 < 2." in page.locator("#run-words").inner_text()
 
 
+def test_the_details_begin_with_the_best_solver_and_its_project(chromium: Any, reports: Path) -> None:
+    with opened(chromium, reports) as seen:
+        page = seen.page
+        titled(page, "henon on first")
+        assert "this project" in page.locator("#run-words").inner_text()
+        set_value(page, "run-solver", page.locator("#run-solver option", has_text="heyoka").get_attribute("value"))
+        link = page.locator("#run-words").get_by_role("link", name="heyoka")
+        assert str(link.get_attribute("href")).startswith("https://")
+        assert texts(page, "#projects a") == ["heyoka", "scikit-sundae", "scipy"]
+
+
+def test_a_phone_sees_headings_beside_the_cells(chromium: Any, reports: Path) -> None:
+    with opened(chromium, reports, size=(400, 800)) as seen:
+        page = seen.page
+        first = page.locator("#choice-table td").first
+        assert "readings" in first.evaluate("node => getComputedStyle(node, '::before').content")
+        assert page.locator("#choice-table").evaluate("node => node.scrollWidth <= node.clientWidth")
+        box = page.locator("#matrix thead .solver").nth(3).bounding_box()
+        assert box["x"] + box["width"] <= 400  # four solvers' columns beside the names
+
+
 def test_a_run_says_what_went_wrong(chromium: Any, reports: Path) -> None:
     with opened(chromium, reports, at="#run-second-default-heyoka") as seen:
         page = seen.page
@@ -190,6 +213,8 @@ def test_links_to_files_lead_to_files(chromium: Any, reports: Path) -> None:
             hrefs = [str(link.get_attribute("href")) for link in page.locator("a[href]").all()]
             assert f"{own}/report.md" in hrefs
             for href in hrefs:
+                if href.startswith("https://"):
+                    continue  # a project's page
                 if href.startswith("#"):
                     assert page.evaluate("id => document.getElementById(id) !== null", href[1:]), href
                 else:

@@ -19,17 +19,18 @@ from made_reports import ORIGIN, changed
 
 from henon_ref.errors import CaseError
 from henon_ref.figures.curves import Curves
+from henon_ref.harness import registry
 from henon_ref.harness.campaign.options import MOST_DRAWN
 from henon_ref.harness.cli.check import page_differences
 from henon_ref.harness.report.case_report import write_report
 from henon_ref.harness.report.folder_report import write_folder_report
-from henon_ref.harness.report.html.content import CELL, NIGHT, PAPER, SEEN, contrast, solver_lines
-from henon_ref.harness.report.html.embedded import embedded, read_embedded
+from henon_ref.harness.report.html.content import CELL, NIGHT, PAPER, SEEN, contrast, few_readings, solver_lines
 from henon_ref.harness.report.html.packed_runs import FIELDS, Words, field_values, packed, unpacked
 from henon_ref.harness.report.html.portrait import CELLS, MOST_POINTS
 from henon_ref.harness.report.html.portrait import packed as packed_portrait
-from henon_ref.harness.report.html.rendering import MOST_BYTES
+from henon_ref.harness.report.html.rendering import MOST_BYTES, embedded, read_embedded
 from henon_ref.harness.report.html.reports_page import choice_rows, page_text
+from henon_ref.harness.report.projects import PROJECTS
 from henon_ref.harness.report.text.choice import choice_table
 from henon_ref.harness.report.text.kinds_figure import draw_kinds
 from henon_ref.harness.report.text.matrix_rows import MatrixRow, read_matrix
@@ -57,6 +58,20 @@ class Tags(HTMLParser):
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         self.found.append((tag, dict(attrs)))
+
+
+def test_every_built_in_solver_is_of_a_project_with_an_address_and_a_line() -> None:
+    for package, (address, line) in PROJECTS.items():
+        assert address.startswith("https://") or package == "henon-ref"
+        assert 10 < len(line) < 90
+    assert {file.distribution for file in registry.FILES} == set(PROJECTS)
+
+
+def test_solvers_that_were_run_on_few_readings_stand_apart() -> None:
+    every = [("a", "1"), ("a", "2"), ("b", "1")]
+    ran = {"often": every, "half": every[:2], "seldom": every[:1]}
+    rows = [MatrixRow(case, "", reading, None, solver) for solver, own in ran.items() for case, reading in own]
+    assert few_readings(rows) == {"seldom"}
 
 
 def test_the_page_has_the_numbers_of_the_rows(reports: Path) -> None:
@@ -113,8 +128,10 @@ def test_a_portrait_has_few_points_none_of_which_lies_beside_the_curve() -> None
     assert ends.max() < 1 / CELLS
 
 
-def test_the_page_is_one_file_without_an_address(reports: Path) -> None:
+def test_the_page_is_one_file_without_an_address_but_those_of_projects(reports: Path) -> None:
     text = reports.read_text()
+    for address, _ in PROJECTS.values():
+        text = text.replace(f'"{address}"', '""')
     tags = Tags(text).found
     assert not {name for name, _ in tags} & {"iframe", "object", "embed", "img", "audio", "video", "base"}
     assert {own["href"] for name, own in tags if name == "link"} == {"data:,"}

@@ -101,11 +101,21 @@ function drawReaches(digits, kind) {
     }
   }
   const lines = own.filter((line) => line.judged).map((line) => ({ ...line, slower: timesAsLong(line.walls, fastest) }))
-    .sort((a, b) => b.walls.size - a.walls.size || (a.slower ?? Infinity) - (b.slower ?? Infinity) || a.judged - b.judged);
+    .sort((a, b) => a.solver.few - b.solver.few || b.walls.size - a.walls.size || (a.slower ?? Infinity) - (b.slower ?? Infinity) || a.judged - b.judged);
   const all = `${readings.length} ${readingsWord(digits)}`;
   drawBars(byId("reaches"), lines, readings.length, `In how many of ${all} each solver gets ${wanted(digits)}, and its time`);
   byId("reaches-note").textContent = `Dark: readings in which the solver gets ${wanted(digits)}; pale: those in which it is judged; ` +
     `the whole width: all ${all}. Dots: its time over that of the fastest solver, the median over the readings that it gets.`;
+}
+
+/** A line on a solver's project, with its address. */
+const projectWords = ({ package: name, link, about }) => [link ? make("a", { href: link }, name) : name, about ? `, ${about}` : ""];
+
+/** The projects that the solvers come from. */
+function listProjects() {
+  const first = new Map(SOLVERS.map((solver) => [solver.package, solver]).reverse());
+  const named = [...new Set(SOLVERS.map((solver) => solver.package))].map((name) => first.get(name));
+  byId("projects").replaceChildren(...named.map((solver) => make("li", null, ...projectWords(solver))));
 }
 
 const ROW = 20;
@@ -121,7 +131,8 @@ function drawBars(holder, lines, all, label) {
   const axis = { low: 1, high: 10 ** Math.ceil(Math.log10(slowest) - 1e-9), log: true };
   const times = scale(axis, middle + 10, width - 18);
   const top = 34;
-  const height = top + ROW * lines.length + 8;
+  const apart = lines.findIndex((line) => line.solver.few); // these stand below a line of words
+  const height = top + ROW * (lines.length + (apart >= 0)) + 8;
   const svg = shape("svg", { class: "bars", viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": label },
     shape("text", { class: "tick", x: bars.from, y: 12 }, "gets, of judged"),
     shape("text", { class: "tick", x: middle + 6, y: 12 }, "time over the fastest"));
@@ -130,8 +141,11 @@ function drawBars(holder, lines, all, label) {
     svg.append(shape("line", { class: "grid", x1: times(tick.value), x2: times(tick.value), y1: top - 4, y2: height - 6 }),
       shape("text", { class: "tick", x: times(tick.value), y: 27, "text-anchor": "middle" }, tick.text));
   }
+  if (apart >= 0) {
+    svg.append(shape("text", { class: "tick", x: 0, y: top + ROW * apart + 14 }, "run on less than half of the readings:"));
+  }
   lines.forEach((line, k) => {
-    const y = top + ROW * k;
+    const y = top + ROW * (k + (apart >= 0 && k >= apart));
     const [got, judged] = [line.walls.size, line.judged];
     const words = `${line.solver.name}: gets ${got} of the ${judged} readings that it is judged in (${Math.floor(100 * got / judged)} %), of ${all}` +
       (line.slower ? `\n×${significant(line.slower, 2)} as long as the fastest (median)` : "");

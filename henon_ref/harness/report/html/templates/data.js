@@ -55,6 +55,9 @@ function wallAt(cell, digits) {
   return level === undefined ? NaN : cell[`wall_${level}_s`];
 }
 
+/** The cell that a reading's details begin with: the most digits, then the shortest time. */
+const bestCell = (reading) => [...reading.cells].sort((a, b) => b.best - a.best || (a.wall_s ?? Infinity) - (b.wall_s ?? Infinity))[0];
+
 /** Whether any run of a solver was judged. */
 const isJudged = (cell) => cell.judged > 0;
 

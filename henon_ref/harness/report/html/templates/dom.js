@@ -30,7 +30,7 @@ function table(headings, rows, caption) {
   const head = columns.map(([text, side]) => make("th", { scope: "col", class: side }, text));
   const body = rows.map((cells) =>
     make("tr", { class: cells.now ? "now" : null }, cells.map((cell, k) =>
-      k === 0 ? make("th", { scope: "row" }, cell) : make("td", { class: columns[k][1] }, cell))));
+      k === 0 ? make("th", { scope: "row" }, cell) : make("td", { class: columns[k][1], "data-label": columns[k][0] }, cell))));
   return make("table", null, caption ? make("caption", null, caption) : null,
     make("thead", null, make("tr", null, head)), make("tbody", null, body));
 }

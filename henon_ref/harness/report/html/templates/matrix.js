@@ -5,7 +5,7 @@ const SHORT = { unsupported: "–", unavailable: "·", "ill-conditioned": "ill-c
 
 function makeMatrix() {
   const heads = [head("case", "case / reading"), head("kind", "kind"),
-    ...SOLVERS.map((solver) => head(solver.index, solver.name, "solver"))];
+    ...SOLVERS.map((solver) => head(solver.index, solver.name, solver.few ? "solver few" : "solver"))];
   const body = make("tbody");
   for (const reading of READINGS) {
     const cells = SOLVERS.map((solver) => cellNode(reading.bySolver.get(solver.index)));
@@ -98,6 +98,8 @@ function filterMatrix({ digits, kind, tag, text, which }) {
     row.node.hidden = !(known && isWanted(reading, solvers, digits, which));
     visible += row.node.hidden ? 0 : 1;
   }
+  byId("nothing").hidden = visible > 0;
+  byId("matrix").hidden = visible === 0;
   byId("shown-rows").textContent = `${visible} of ${count(READINGS.length, "reading")}`;
 }
 

@@ -64,7 +64,7 @@ function followAddress() {
 
 function chooseRun() {
   const reading = READINGS[Number(control("run-reading"))];
-  const cell = reading.bySolver.get(Number(control("run-solver"))) || reading.cells[0];
+  const cell = reading.bySolver.get(Number(control("run-solver"))) || bestCell(reading);
   history.replaceState(null, "", `#${cell.id}`); // else the address names another run, and a link to that one does nothing
   showRun(cell, { scroll: false });
 }
@@ -74,6 +74,7 @@ function start() {
   makeControls();
   if (!READINGS.length) return;
   makeMatrix();
+  listProjects();
   byId("digits").addEventListener("input", followDigits);
   byId("shown").addEventListener("change", followDigits);
   for (const id of ["kind", "tag", "which"]) byId(id).addEventListener("change", followFilters);
@@ -85,8 +86,8 @@ function start() {
   arrowKeys(byId("work"), "[tabindex]");
   followDigits();
   filterMatrix(settings());
-  const shown = READINGS.find((reading) => reading.portrait && laddersOf(reading).length) || READINGS[0];
-  showRun(shown.cells[0], { scroll: false });
+  const shown = READINGS.find((reading) => reading.portrait && laddersOf(reading).length > 1) || READINGS[0];
+  showRun(bestCell(shown), { scroll: false });
   window.addEventListener("hashchange", followAddress);
   // The browser itself goes to the cell that the address names, once all is loaded: the run comes after that.
   window.addEventListener("load", () => setTimeout(followAddress));

@@ -15,7 +15,7 @@ function showRun(cell, { scroll = true } = {}) {
   options(byId("run-solver"), reading.cells.map((one) => [one.solver.index, one.solver.name]));
   byId("run-solver").value = String(solver.index);
   byId("run-title").textContent = `${solver.name} on ${reading.label}`;
-  byId("run-words").replaceChildren(...runWords(reading));
+  byId("run-words").replaceChildren(...runWords(reading, solver));
   drawPortrait(reading);
   drawRuns(cell);
   drawFiles(reading);
@@ -26,18 +26,18 @@ function showRun(cell, { scroll = true } = {}) {
   }
 }
 
-/** What is said of the case. */
-function runWords(reading) {
+/** What is said of the case, and of the solver's project. */
+function runWords(reading, solver) {
   const own = reading.of;
   const title = reading.title && reading.title !== own.title ? `${own.title}. ${reading.title}` : own.title;
   const truth = reading.transitions === undefined ? null :
     `Truth: ${count(reading.transitions, "transition")}${reading.proven ? ", proven" : ", not proven"}` +
     (reading.ends && reading.ends !== "ok" ? `; the exact run ends ${reading.ends}` : "") + ".";
-  return [make("p", null, make("strong", null, title)),
-    reading.story ? make("p", null, reading.story) : null,
-    make("p", { class: "quiet small" }, [`Kind: ${reading.kindName}.`, truth, own.source ? `Source: ${own.source}.`.replace("..", ".") : null,
+  return [make("div", null, make("p", null, make("strong", null, title)), reading.story ? make("p", null, reading.story) : null),
+    make("div", null, make("p", { class: "small" }, `${solver.name}: `, ...projectWords(solver)),
+      make("p", { class: "quiet small" }, [`Kind: ${reading.kindName}.`, truth, own.source ? `Source: ${own.source}.`.replace("..", ".") : null,
       own.tags ? `Tags: ${own.tags.join(", ")}.` : null, reading.commit ? `Run by commit ${reading.commit.replaceAll(", ", " and ")}.` : null]
-      .filter(Boolean).join(" "))].filter(Boolean);
+        .filter(Boolean).join(" ")))];
 }
 
 /** The phase portrait of a reading, drawn from its packed points. */
@@ -48,7 +48,7 @@ function drawPortrait(reading) {
   if (!portrait) {
     const other = READINGS.find((own) => own.of === reading.of && own.portrait);
     holder.replaceChildren(make("p", { class: "quiet" }, "No portrait of this reading is kept",
-      other ? ["; there is one of ", make("a", { href: `#${other.cells[0].id}` }, other.name)] : null, "."));
+      other ? ["; there is one of ", make("a", { href: `#${bestCell(other).id}` }, other.name)] : null, "."));
     byId("portrait-note").textContent = "";
     return;
   }
