@@ -17,6 +17,7 @@ from henon_ref.casefile.case import Case, Reading, load_case
 from henon_ref.figures.description import description_of, with_description
 from henon_ref.figures.motion import draw_portrait
 from henon_ref.harness.campaign.truth_job import stored_statement
+from henon_ref.harness.report.files.svg import shortened
 from henon_ref.simulation.simulate import simulate
 from henon_ref.simulation.system import System
 from henon_ref.text import markdown
@@ -101,7 +102,8 @@ def _svg(figure: Figure) -> str:
     with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": "henon-ref", "path.simplify": True}):
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     content = with_description(buffer.getvalue().decode(), *description_of(figure))
-    return re.sub(r'(?<= d=")[^"]+', lambda path: re.sub(r"(\d+\.\d\d)\d+", r"\1", path[0]), content)
+    content = re.sub(r'(?<= d=")[^"]+', lambda path: re.sub(r"(\d+\.\d\d)\d+", r"\1", path[0]), content)
+    return shortened(content.encode()).decode()
 
 
 def main() -> None:

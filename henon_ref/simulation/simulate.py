@@ -85,7 +85,8 @@ def simulate(
     made = launch(system, initial, until, start, rtol, atol, parameters, mode, stop, max_steps)
     run = Run(made.integrator, made.start, dense=STEPS if dense_output else 0)
     trajectory = made.ended(run.to_horizon())
-    return Solution(made, trajectory, run.steps if dense_output else None)
+    begin, _ = made.start.time
+    return Solution(made.base, made.parameters, begin, made.start.x, trajectory, run.steps if dense_output else None)
 
 
 def stream(
