@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from henon_ref.errors import ArgumentError
 from henon_ref.figures import style
+from henon_ref.figures.marks import mark_transitions
 from henon_ref.figures.motion import Motion, axes_of_portrait, portrait, position_of, velocity_of
 from henon_ref.figures.time_series import MOST_SURFACES, over_time
 from henon_ref.filippov.system import FilippovSystem
@@ -17,6 +18,7 @@ from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.axes import Axes
 
 PORTRAIT, PANEL, BORDER = (5.6, 4.3), 1.5, 0.85
@@ -24,7 +26,13 @@ PORTRAIT, PANEL, BORDER = (5.6, 4.3), 1.5, 0.85
 
 
 def plotted(
-    system: FilippovSystem, motion: Motion, x: str | None, y: str | None, ax: Axes | None, line: dict[str, Any]
+    system: FilippovSystem,
+    motion: Motion,
+    x: str | None,
+    y: str | None,
+    ax: Axes | None,
+    transitions: pd.DataFrame | None,
+    line: dict[str, Any],
 ) -> Axes:
     """Axes with a portrait, or a state over time: see :meth:`henon_ref.simulation.solution.Solution.plot`.
 
@@ -35,14 +43,18 @@ def plotted(
     """
     across, upward = _plane(system, x, y)
     if across is None:
-        (axes,) = plotted_over_time(system, motion, [system.state_names[upward]], ax, line)
-        return axes
-    if ax is None:
+        (ax,) = plotted_over_time(system, motion, [system.state_names[upward]], ax, line)
+    elif ax is None:
         figure = style.pyplot_figure(PORTRAIT[1], PORTRAIT[0], layout="constrained")
         with style.report_style():
             ax = figure.subplots()
     with style.report_style():
-        portrait(ax, system, motion, (across, upward), **line)
+        if across is not None:
+            portrait(ax, system, motion, (across, upward), **line)
+        if transitions is not None and len(transitions):
+            names = ["time_s" if across is None else system.state_names[across], system.state_names[upward]]
+            kinds, times = transitions["kind"].tolist(), transitions["time_s"].to_numpy()
+            mark_transitions(ax, transitions[names].to_numpy(), kinds, times)
     return ax
 
 

@@ -5,18 +5,17 @@ from __future__ import annotations
 import io
 import json
 import zipfile
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref import __version__
 from henon_ref.casefile.tree import MappingNode, as_written
 from henon_ref.errors import ArgumentError
 from henon_ref.henon.records import LANDINGS, TRANSITION, TRANSITION_PLACES, transition_dtype
 from henon_ref.henon.transition_array import KINDS, TransitionArray
-from henon_ref.simulation.solution import Solution
 from henon_ref.simulation.system import System
 from henon_ref.simulation.written import tree_of
 from henon_ref.trajectory import Counts, Decisions, Trajectory
@@ -29,7 +28,21 @@ NAMES = {"from_mode": "from", "to_mode": "to"}
 STEP_FIELDS = ("time", "time_low", "unit", "coefficients")
 
 
-def write_run(path: Path, run: Solution) -> None:
+class RunRecord(NamedTuple):
+    """What a file holds of a run."""
+
+    system: System
+    """With the parameters of the run."""
+    start: float
+    """Initial time [s]."""
+    initial: Sequence[tuple[float, float]]
+    """Initial values of the states, and what rounding lost of each."""
+    trajectory: Trajectory
+    steps: NDArray[Any] | None
+    """The steps' polynomials, where they are kept."""
+
+
+def write_run(path: Path, run: RunRecord) -> None:
     """Write a run, in the place of what is there.
 
     Raises
@@ -45,17 +58,13 @@ def write_run(path: Path, run: Solution) -> None:
         raise ArgumentError(f"cannot write {path}: {error.strerror or error}") from None
 
 
-def load_run(path: str | Path) -> Solution:
-    """The run that :meth:`Solution.save` has written: the same transitions and sticks, and ``sol(t)`` to the last bit.
-
-    Parameters
-    ----------
-    path : str or Path
+def read_run(path: str | Path) -> RunRecord:
+    """What :func:`write_run` has written.
 
     Raises
     ------
     ArgumentError
-        Also a ValueError, for a file that cannot be read, or is none of these.
+        For a file that cannot be read, or is none of these.
     """
     try:
         with np.load(path, allow_pickle=False) as archive:
@@ -72,14 +81,13 @@ def load_run(path: str | Path) -> Solution:
         raise ArgumentError(f"{path} is no run that Solution.save has written") from error
 
 
-def _arrays(run: Solution) -> dict[str, NDArray[Any]]:
+def _arrays(run: RunRecord) -> dict[str, NDArray[Any]]:
     """The file's arrays by name."""
     system, end = run.system, run.trajectory
     about = {
         "format": FORMAT,
-        "henon_ref": __version__,
         "system": as_written(system.tree),
-        "start": run.start_time,
+        "start": run.start,
         "end": end.end_time,
         "status": end.status,
         "reason": end.reason,
@@ -87,13 +95,15 @@ def _arrays(run: Solution) -> dict[str, NDArray[Any]]:
         "max_surface_drift": end.max_surface_drift,
         "undecided_after": [list(entry) for entry in end.undecided_after],
     }
-    changes, records = end.transitions, run.transition_records
-    modes = np.array(list(changes.modes) if isinstance(changes, TransitionArray) else [], dtype=np.int8)
+    changes = end.transitions
+    if not isinstance(changes, TransitionArray):  # there are none
+        changes = TransitionArray(np.zeros((0, TRANSITION_PLACES + len(system.state))), ())
+    records, modes = changes.records, np.array(list(changes.modes), dtype=np.int8)
     found: dict[str, NDArray[Any]] = {
         "about": np.array(json.dumps(about, ensure_ascii=False, indent=1)),
         "states": np.array(system.state, dtype=str),
         "signs": np.array(system.model.sign_names, dtype=str),
-        "initial": np.array(run.initial_pairs, dtype=np.float64).T,
+        "initial": np.array(run.initial, dtype=np.float64).T,
         "end_state": np.array(end.end_state, dtype=np.float64),
         "end_mode": np.array(end.end_mode, dtype=np.int8),
         "modes": modes.reshape(len(modes), len(system.model.sign_names)),
@@ -107,7 +117,7 @@ def _arrays(run: Solution) -> dict[str, NDArray[Any]]:
     return found
 
 
-def _run(about: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Solution:
+def _run(about: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> RunRecord:
     """The run in the file's arrays."""
     tree = tree_of(about["system"], "'system'")
     assert isinstance(tree, MappingNode)
@@ -134,7 +144,7 @@ def _run(about: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Solution:
         for field, values in fields.items():
             steps[field] = values
     initial = [(high, low) for high, low in arrays["initial"].T.tolist()]
-    return Solution(System.from_tree(tree), None, about["start"], initial, trajectory, steps)
+    return RunRecord(System.from_tree(tree), about["start"], initial, trajectory, steps)
 
 
 def _transitions(arrays: dict[str, NDArray[Any]]) -> TransitionArray:

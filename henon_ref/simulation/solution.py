@@ -50,8 +50,8 @@ class Solution(Outcome):
     sol : DenseOutput or None
         The solution between, by the steps' own Taylor polynomials: ``sol(t)`` has shape (n,) for a number, (n, m) for
         m times. None without dense output.
-    start_time, initial_pairs, steps, transition_records
-        What it was started with and what was recorded: for who stores it.
+    start_time : float
+        Initial time [s].
     system, trajectory, status, success, message, counts, undecided_after, final_mode
         As in :class:`henon_ref.simulation.outcome.Outcome`.
     """
@@ -66,16 +66,16 @@ class Solution(Outcome):
         steps: NDArray[Any] | None,
     ) -> None:
         super().__init__(base, parameters, trajectory)
-        self.start_time, self.initial_pairs, self.steps = start, pairs, steps
+        self.start_time, self._pairs, self._steps = start, pairs, steps
 
     @property
     def _initial(self) -> list[float]:
         """Initial state."""
-        return [high for high, _ in self.initial_pairs]
+        return [high for high, _ in self._pairs]
 
     @cached_property
     def sol(self) -> DenseOutput | None:
-        return None if self.steps is None else DenseOutput.of(self.steps, self.start_time, self.trajectory)
+        return None if self._steps is None else DenseOutput.of(self._steps, self.start_time, self.trajectory)
 
     @cached_property
     def t(self) -> NDArray[np.float64]:
@@ -88,7 +88,7 @@ class Solution(Outcome):
     @cached_property
     def _nodes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Times, shape (k,), and states, shape (n, k)."""
-        end, changes = self.trajectory, self.transition_records
+        end, changes = self.trajectory, self._changes
         times, states = changes["time"], changes["state"]
         if self.sol is not None:
             begin, values = self.sol.begin, self.sol.coefficients[:, :, 0]
@@ -105,7 +105,7 @@ class Solution(Outcome):
         return np.concatenate([[self.start_time], np.repeat(times, 2), last[0]]), np.ascontiguousarray(together.T)
 
     @property
-    def transition_records(self) -> NDArray[Any]:
+    def _changes(self) -> NDArray[Any]:
         """Records of the transitions."""
         changes = self.trajectory.transitions
         empty = np.zeros(0, dtype=transition_dtype(len(self._initial)))
@@ -113,7 +113,7 @@ class Solution(Outcome):
 
     def _modes(self, times: NDArray[np.float64]) -> list[Mode]:
         """The mode at each time, after the transitions there."""
-        return self._modes_after(np.searchsorted(self.transition_records["time"], times, side="right"))
+        return self._modes_after(np.searchsorted(self._changes["time"], times, side="right"))
 
     def _modes_after(self, counts: NDArray[np.intp]) -> list[Mode]:
         """The modes after so many transitions each."""
@@ -185,7 +185,7 @@ class Solution(Outcome):
         if times is None:
             at, states = self.t, self.y.T
             first = np.concatenate([[True], at[1:] != at[:-1]])  # before what happens there; what follows is after it
-            sides = (np.searchsorted(self.transition_records["time"], at, side=side) for side in ("left", "right"))
+            sides = (np.searchsorted(self._changes["time"], at, side=side) for side in ("left", "right"))
             modes = self._modes_after(np.where(first, *sides))
         else:
             if self.sol is None:
@@ -210,8 +210,8 @@ class Solution(Outcome):
             names:
 
             ``about``
-                JSON as text: ``format`` (1), ``henon_ref`` (version), ``system`` (in the words of a case file),
-                ``start`` and ``end`` [s], ``status``, ``reason``, ``counts``, and what else the run says.
+                JSON as text: ``format`` (1), ``system`` (in the words of a case file), ``start`` and ``end`` [s],
+                ``status``, ``reason``, ``counts``, and what else the run says.
             ``states``, ``signs``
                 Names of the n states and m surfaces.
             ``initial``, ``end_state``, ``end_mode``
@@ -230,11 +230,18 @@ class Solution(Outcome):
         ArgumentError
             Where it cannot be written.
         """
-        from henon_ref.simulation.run_file import write_run
+        from henon_ref.simulation.run_file import RunRecord, write_run
 
-        write_run(Path(path), self)
+        write_run(Path(path), RunRecord(self.system, self.start_time, self._pairs, self.trajectory, self._steps))
 
-    def plot(self, x: str | None = None, y: str | None = None, ax: Axes | None = None, **line: Any) -> Axes:
+    def plot(
+        self,
+        x: str | None = None,
+        y: str | None = None,
+        ax: Axes | None = None,
+        transitions: bool = False,
+        **line: Any,
+    ) -> Axes:
         """Phase portrait, coloured by mode, or with ``x="t"`` a state over time.
 
         Parameters
@@ -247,6 +254,8 @@ class Solution(Outcome):
             the body that the first surface is about.
         ax : matplotlib Axes, optional
             Where it is drawn; a new figure of pyplot's if left out.
+        transitions : bool
+            Mark each transition with a dot, and, where they are few, with its kind and time.
         **line
             Matplotlib's keywords of lines, such as ``color`` and ``linewidth``. With a ``label`` there is no legend of
             modes: ``ax.legend()`` makes one of several runs.
@@ -263,7 +272,8 @@ class Solution(Outcome):
         """
         from henon_ref.simulation.plot import plotted
 
-        return plotted(self.system.model, self._drawn(), x, y, ax, line)
+        marked = self.transitions if transitions else None
+        return plotted(self.system.model, self._drawn(), x, y, ax, marked, line)
 
     def plot_time(self, *names: str, ax: Any = None, **line: Any) -> NDArray[Any]:
         """States and surfaces over time, a panel each, with the sticks shaded.
@@ -306,8 +316,8 @@ class Solution(Outcome):
         ArgumentError
             Without dense output.
         """
-        changes = self.transition_records["time"]
-        jumps = np.nextafter(changes[self.transition_records["kind"] == RESET], -np.inf)
+        changes = self._changes["time"]
+        jumps = np.nextafter(changes[self._changes["kind"] == RESET], -np.inf)
         grid = np.linspace(self.start_time, self.trajectory.end_time, count)
         return self.motion_at(np.unique(np.concatenate([grid, changes, jumps, more])))
 

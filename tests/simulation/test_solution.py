@@ -170,6 +170,21 @@ def test_runs_are_drawn_over_each_other_in_a_style_of_ones_own(stick_slip: hr.So
     plt.close("all")
 
 
+def test_transitions_are_marked_and_places_of_one_kind_share_a_name(stick_slip: hr.Solution) -> None:
+    axes = stick_slip.plot(transitions=True)
+    dots = axes.lines[-1]
+    assert dots.get_xdata().tolist() == stick_slip.transitions["x"].tolist()
+    words = [text.get_text() for text in axes.texts if text.get_text()]
+    assert len(words) < len(stick_slip.transitions)
+    assert all(text.split()[0] in {"stick", "release", "crossing"} for text in words)
+    assert stick_slip.plot(x="t", y="v", transitions=True).lines[-1].get_xdata().tolist() == dots_at(stick_slip)
+    plt.close("all")
+
+
+def dots_at(run: hr.Solution) -> list[float]:
+    return run.transitions["time_s"].tolist()
+
+
 def test_states_and_surfaces_over_time_are_chosen(stick_slip: hr.Solution) -> None:
     axes = stick_slip.plot_time("s", "x", color="green")
     assert [a.get_ylabel() for a in axes] == ["$s$:  $h = v - v_{b}$", "$x$"]

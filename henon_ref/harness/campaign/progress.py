@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import shutil
 import sys
@@ -31,7 +32,7 @@ class ProgressLine(Silent, AbstractContextManager["ProgressLine"]):
         None: standard error.
     name : str, optional
         Of the case, where a comparison is called from Python: the last line stays, and where none can be written over,
-        there is one now and then. A command shows a line or nothing, and takes it back.
+        there is one now and then. A command takes it back, and where none can be written over it tells of each row.
     """
 
     def __init__(self, stream: TextIO | None = None, name: str | None = None) -> None:
@@ -74,8 +75,14 @@ class ProgressLine(Silent, AbstractContextManager["ProgressLine"]):
     def row(self, finished: Record) -> None:
         """A row is finished."""
         run = finished.run
-        self._at_work.pop(f"{run.case} {run.reading} {run.solver} {Setting(run.rtol, step=run.step_s).label}", None)
+        what = f"{run.case} {run.reading} {run.solver} {Setting(run.rtol, step=run.step_s).label}"
+        self._at_work.pop(what, None)
         self._done += 1
+        if not self.seen and self._name is None:
+            right = run.verdict == "right" and run.digits is not None
+            found = f", {math.floor(10 * (run.digits or 0)) / 10} digits" if right else ""
+            words = f"{self._done} of {self._total}: {what}: {run.verdict or run.status}{found}"
+            print(message(words), file=self._stream, flush=True)
 
     def tick(self) -> None:
         """Some time has passed: show the line, now and then."""

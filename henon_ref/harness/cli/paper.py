@@ -1,6 +1,6 @@
 """The command: ``python -m henon_ref.paper [--out out/paper]``.
 
-Exit status 1: a claim of the page fails its check; for the others see :mod:`henon_ref.harness.cli.exit_status`.
+Exit status 1: a claim of the page fails its check; for the others see :mod:`henon_ref.commands.exit_status`.
 """
 
 from __future__ import annotations
@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from henon_ref.harness.cli import status_line
-from henon_ref.harness.cli.exit_status import DONE, NOT_MET, exit_status, parsed, say, writing_into
-from henon_ref.harness.cli.typer_app import Folder, application, examples
+from henon_ref.commands import status_line
+from henon_ref.commands.exit_status import DONE, NOT_MET, exit_status, parsed, say, writing_into
+from henon_ref.commands.typer_app import Folder, application, examples
 
 app = application()
 

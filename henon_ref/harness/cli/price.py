@@ -1,6 +1,6 @@
 """The command: ``python -m henon_ref.price CASES [--solvers a,b] [--out out/price]``.
 
-Exit statuses: see :mod:`henon_ref.harness.cli.exit_status`.
+Exit statuses: see :mod:`henon_ref.commands.exit_status`.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from typing import Annotated
 
 import typer
 
-from henon_ref.harness.cli.exit_status import exit_status, parsed, writing_into
-from henon_ref.harness.cli.typer_app import FLAG, Cases, Folder, application, examples
+from henon_ref.commands.exit_status import exit_status, parsed, writing_into
+from henon_ref.commands.typer_app import FLAG, Cases, Folder, application, examples
 
 app = application()
 
