@@ -13,6 +13,7 @@ from typing import TextIO
 from henon_ref.harness.campaign.options import TRUTH, Silent
 from henon_ref.harness.campaign.rows import Record
 from henon_ref.harness.campaign.settings import Setting
+from henon_ref.simulation.notice import NotebookLine, in_notebook
 from henon_ref.text import message
 
 PERIOD = 0.2
@@ -38,6 +39,7 @@ class ProgressLine(Silent, AbstractContextManager["ProgressLine"]):
     def __init__(self, stream: TextIO | None = None, name: str | None = None) -> None:
         self._stream = stream or sys.stderr
         self._name = name
+        self._notebook = NotebookLine() if in_notebook() else None
         self.seen = is_seen(self._stream)
         """Whether the line is written over."""
         self._what, self._done, self._total = "truths", 0, 0
@@ -114,6 +116,9 @@ class ProgressLine(Silent, AbstractContextManager["ProgressLine"]):
         return f"{name}{self._done} of {self._total} {self._what}"
 
     def _show(self, line: str, end: str) -> None:
+        if self._notebook is not None:
+            self._notebook.show(message(line))
+            return
         line = message(line)[: shutil.get_terminal_size().columns - 1]
         padded = line.ljust(self._written)  # what was longer is written over
         self._stream.write(f"\r{padded}{end}" if self.seen else f"{line}{end}")
@@ -125,6 +130,4 @@ def is_seen(stream: TextIO | None) -> bool:
     """Whether somebody watches a stream and a line of it can be written over: a terminal, or a notebook."""
     if stream is None:
         return False
-    shell = sys.modules.get("IPython")
-    in_notebook = shell is not None and getattr(shell.get_ipython(), "kernel", None) is not None
-    return in_notebook or (stream.isatty() and os.environ.get("TERM") not in ("dumb", "unknown"))
+    return in_notebook() or (stream.isatty() and os.environ.get("TERM") not in ("dumb", "unknown"))
