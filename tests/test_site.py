@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import re
 import subprocess
 import sys
@@ -98,6 +99,19 @@ def test_every_page_is_in_the_contents(pages: dict[Path, Page], site: Path) -> N
     first = pages[(site / "docs/index.html").resolve()]
     written = {path.stem for path in (ROOT / "docs").rglob("*.md")} - {"index"}
     assert written <= {Path(urlsplit(link).path).stem for link in first.links}
+
+
+def test_the_notebooks_ran_and_have_their_outputs(site: Path) -> None:
+    """Nothing on standard error, which notebooks show red, no warning, and a picture or more each."""
+    written = sorted((ROOT / "docs/notebooks").glob("*.md"))
+    assert len(written) == 4
+    for page in written:
+        content = json.loads((site.parent / f"jupyter_execute/docs/notebooks/{page.stem}.ipynb").read_text("utf-8"))
+        outputs = [output for cell in content["cells"] for output in cell.get("outputs", [])]
+        assert {output["output_type"] for output in outputs} <= {"stream", "display_data", "execute_result"}
+        assert not [output for output in outputs if output.get("name") == "stderr"]
+        assert "Warning" not in json.dumps(outputs)
+        assert sum("image/png" in output.get("data", {}) for output in outputs) >= 1
 
 
 def test_the_search_index_is_a_file_and_knows_the_words(site: Path) -> None:

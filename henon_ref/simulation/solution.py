@@ -206,29 +206,31 @@ class Solution(Outcome):
         Parameters
         ----------
         path : str or Path
-            What is there is replaced. The file is an archive of arrays (``numpy.load``, nothing pickled), with these
-            names:
-
-            ``about``
-                JSON as text: ``format`` (1), ``system`` (in the words of a case file), ``start`` and ``end`` [s],
-                ``status``, ``reason``, ``counts``, and what else the run says.
-            ``states``, ``signs``
-                Names of the n states and m surfaces.
-            ``initial``, ``end_state``, ``end_mode``
-                The state at both ends and the mode at the end (of a state at the start also what rounding lost).
-            ``transition_time``, ``transition_time_low``, ``transition_kind``, ``transition_surface``,
-            ``transition_from``, ``transition_to``, ``transition_state``, ``transition_landing``
-                A row a transition: its time and what rounding lost of it, kind, index of the surface, modes before and
-                after as rows of ``modes``, state, and how it was landed on.
-            ``modes``
-                Modes as rows of m entries: -1, 0, +1.
-            ``step_time``, ``step_time_low``, ``step_unit``, ``step_coefficients``
-                With dense output a row a step: x_i(time + tau unit) = sum over k of coefficients[i, k] tau^k.
+            What is there is replaced.
 
         Raises
         ------
         ArgumentError
             Where it cannot be written.
+
+        Notes
+        -----
+        The file is an archive of arrays (``numpy.load``, nothing pickled), by these names:
+
+        ``about``
+            JSON as text: ``format`` (1), ``system`` (in the words of a case file), ``start`` and ``end`` [s],
+            ``status``, ``reason``, ``counts``, and what else the run says.
+        ``states``, ``signs``
+            Names of the n states and m surfaces.
+        ``initial``, ``end_state``, ``end_mode``
+            The state at the start, shape (2, n), with what rounding lost of it; state and mode at the end.
+        ``transition_time``, ``_time_low``, ``_kind``, ``_surface``, ``_from``, ``_to``, ``_state``, ``_landing``
+            (Each begins with ``transition``.) A row a transition: its time and what rounding lost of it, kind, index of the surface, modes before and
+            after as rows of ``modes``, state, and how it was landed on.
+        ``modes``
+            Modes as rows of m entries: -1, 0, +1.
+        ``step_time``, ``step_time_low``, ``step_unit``, ``step_coefficients``
+            With dense output a row a step: x_i(time + tau unit) = sum over k of coefficients[i, k] tau^k.
         """
         from henon_ref.simulation.run_file import RunRecord, write_run
 
