@@ -40,6 +40,8 @@ come from, and the times of its first transitions as proven (`henon-ref truth`).
 of the scene puts it beside the proven one and says why they differ. *Source not at hand* is said of a text that was not
 open when the scene was written: nothing is quoted from it. Run one with `henon-ref compare scenes/drill_string`, all of
 them with `henon-ref compare scenes`.
+
+<!-- made: cards of scenes -->
 """
 
 

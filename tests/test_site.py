@@ -127,7 +127,7 @@ def test_the_schema_is_published(site: Path) -> None:
 def test_which_solver_says_what_the_matrix_has(site: Path) -> None:
     with (ROOT / "reports/matrix.csv").open(newline="", encoding="utf-8") as file:
         rows = [row for row in csv.DictReader(file) if row["kind"] == "stick-slip"]
-    text = re.sub(r"<[^>]+>", "", (site / "docs/which_solver.html").read_text(encoding="utf-8"))
+    text = re.sub(r"<[^>]+>", "", (site / "docs/which_solver_in_numbers.html").read_text(encoding="utf-8"))
     section = re.sub(r"\s+", " ", text[text.index("Stick-slip¶") :])
     for solver in ("henon", "heyoka", "scipy-dop853"):
         own = [row for row in rows if row["solver"] == solver]
