@@ -5,11 +5,20 @@ OUT/index.html opens from disk. The pages are those of ``docs/``, with the commi
 
 from __future__ import annotations
 
+import logging
+import os
 import sys
 from pathlib import Path
 
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE.parent), str(HERE)]
+for name, folder in (
+    ("PYTHONPATH", HERE.parent),
+    ("JUPYTER_PATH", HERE / "website/jupyter"),
+):  # of the notebooks' kernel
+    os.environ[name] = os.pathsep.join([str(folder), *filter(None, [os.environ.get(name)])])
+
+logging.getLogger("traitlets").setLevel(logging.WARNING)  # it tells of each notebook
 
 import henon_ref  # noqa: E402 - found by the path above
 
@@ -18,9 +27,14 @@ author = "The henon_ref authors"
 copyright = "2026, the henon_ref authors"
 version = release = henon_ref.__version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "website.extension"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "website.extension"]
 myst_enable_extensions = ["dollarmath", "deflist"]
 myst_heading_anchors = 3
+nb_execution_mode = "force"
+nb_execution_raise_on_error = True
+nb_execution_timeout = 300
+nb_execution_in_temp = True
+nb_merge_streams = True
 suppress_warnings = ["myst.header"]  # sections of reports may skip a level
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"  # the docstrings say types, with shapes and units

@@ -17,6 +17,7 @@ from henon_ref.casefile.case import Case, Reading, load_case
 from henon_ref.figures.description import description_of, with_description
 from henon_ref.figures.motion import draw_portrait
 from henon_ref.harness.campaign.truth_job import stored_statement
+from henon_ref.harness.report.files.svg import shortened
 from henon_ref.simulation.simulate import simulate
 from henon_ref.simulation.system import System
 from henon_ref.text import markdown
@@ -39,6 +40,8 @@ come from, and the times of its first transitions as proven (`henon-ref truth`).
 of the scene puts it beside the proven one and says why they differ. *Source not at hand* is said of a text that was not
 open when the scene was written: nothing is quoted from it. Run one with `henon-ref compare scenes/drill_string`, all of
 them with `henon-ref compare scenes`.
+
+<!-- made: cards of scenes -->
 """
 
 
@@ -101,7 +104,8 @@ def _svg(figure: Figure) -> str:
     with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": "henon-ref", "path.simplify": True}):
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     content = with_description(buffer.getvalue().decode(), *description_of(figure))
-    return re.sub(r'(?<= d=")[^"]+', lambda path: re.sub(r"(\d+\.\d\d)\d+", r"\1", path[0]), content)
+    content = re.sub(r'(?<= d=")[^"]+', lambda path: re.sub(r"(\d+\.\d\d)\d+", r"\1", path[0]), content)
+    return shortened(content.encode()).decode()
 
 
 def main() -> None:

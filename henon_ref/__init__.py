@@ -36,6 +36,7 @@ if TYPE_CHECKING:  # modules, too, under the names by which they go here
     from henon_ref.filippov.system import FilippovSystem
     from henon_ref.harness.campaign.comparison import Comparison, compare
     from henon_ref.harness.report.sweep import sweep
+    from henon_ref.simulation.loading import load_run
     from henon_ref.simulation.scene import Scene
     from henon_ref.simulation.simulate import simulate, stream
     from henon_ref.simulation.solution import Solution
@@ -62,6 +63,7 @@ _HOME = {
     "load_case": "casefile.case",
     "parse_case": "casefile.case",
     "FilippovSystem": "filippov.system",
+    "load_run": "simulation.loading",
     "Scene": "simulation.scene",
     "Solution": "simulation.solution",
     "System": "simulation.system",
@@ -105,6 +107,7 @@ __all__ = [
     "UnsupportedError",
     "compare",
     "load_case",
+    "load_run",
     "lyapunov_exponents",
     "parse_case",
     "periodic_orbit",

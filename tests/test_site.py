@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import re
 import subprocess
 import sys
@@ -100,6 +101,19 @@ def test_every_page_is_in_the_contents(pages: dict[Path, Page], site: Path) -> N
     assert written <= {Path(urlsplit(link).path).stem for link in first.links}
 
 
+def test_the_notebooks_ran_and_have_their_outputs(site: Path) -> None:
+    """Nothing on standard error, which notebooks show red, no warning, and a picture or more each."""
+    written = sorted((ROOT / "docs/notebooks").glob("*.md"))
+    assert len(written) == 4
+    for page in written:
+        content = json.loads((site.parent / f"jupyter_execute/docs/notebooks/{page.stem}.ipynb").read_text("utf-8"))
+        outputs = [output for cell in content["cells"] for output in cell.get("outputs", [])]
+        assert {output["output_type"] for output in outputs} <= {"stream", "display_data", "execute_result"}
+        assert not [output for output in outputs if output.get("name") == "stderr"]
+        assert "Warning" not in json.dumps(outputs)
+        assert sum("image/png" in output.get("data", {}) for output in outputs) >= 1
+
+
 def test_the_search_index_is_a_file_and_knows_the_words(site: Path) -> None:
     index = (site / "searchindex.js").read_text(encoding="utf-8")
     for word in ("filippov", "graze", "bernstein"):
@@ -113,7 +127,7 @@ def test_the_schema_is_published(site: Path) -> None:
 def test_which_solver_says_what_the_matrix_has(site: Path) -> None:
     with (ROOT / "reports/matrix.csv").open(newline="", encoding="utf-8") as file:
         rows = [row for row in csv.DictReader(file) if row["kind"] == "stick-slip"]
-    text = re.sub(r"<[^>]+>", "", (site / "docs/which_solver.html").read_text(encoding="utf-8"))
+    text = re.sub(r"<[^>]+>", "", (site / "docs/which_solver_in_numbers.html").read_text(encoding="utf-8"))
     section = re.sub(r"\s+", " ", text[text.index("Stick-slip¶") :])
     for solver in ("henon", "heyoka", "scipy-dop853"):
         own = [row for row in rows if row["solver"] == solver]

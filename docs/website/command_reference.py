@@ -23,14 +23,13 @@ def page() -> str:
     """A section a command: usage, arguments, options, examples."""
     sections = [_section("henon-ref", typer.main.get_command(application([])), examples=True)]
     for name, subcommand in SUBCOMMANDS.items():
-        sections.append(_section(f"henon-ref {name}", typer.main.get_command(_app(subcommand.target)), examples=True))
+        sections.append(_section(f"henon-ref {name}", typer.main.get_command(_app(subcommand.module)), examples=True))
     return "\n\n".join(sections)
 
 
-def _app(target: str) -> Any:
+def _app(module: str) -> Any:
     """The typer application of a subcommand; ``compare`` has its in a module of its own."""
-    module = target.partition(":")[0]
-    return import_module(f"henon_ref.harness.cli.{'arguments' if module == 'compare' else module}").app
+    return import_module(re.sub(r"\bcli\.compare$", "cli.arguments", module)).app
 
 
 def _section(name: str, command: Any, *, examples: bool) -> str:

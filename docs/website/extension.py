@@ -11,11 +11,14 @@ from pygments.lexers.special import TextLexer
 from sphinx.application import Sphinx
 from sphinx.errors import ExtensionError
 
-from website import case_keys, command_reference, further_pages, solver_choice, solver_list, tolerance_table
+from website import cards, case_keys, command_reference, further_pages, solver_choice, solver_list, tolerance_table
 from website.mathml import visit_block, visit_inline
 
 DOCS = Path(__file__).resolve().parents[1]
 MAKERS: Mapping[str, Callable[[], str]] = {
+    "cards of notebooks": cards.notebooks,
+    "cards of scenes": cards.scenes,
+    "which solver, at a glance": solver_choice.at_a_glance,
     "which solver, in words": solver_choice.recommendations,
     "which solver, in short": solver_choice.in_short,
     "which solver, by kind of case": solver_choice.by_kind_of_case,

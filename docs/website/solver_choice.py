@@ -18,6 +18,8 @@ from henon_ref.harness.table import Table
 from henon_ref.text import code
 from website.tolerance_table import loosest
 
+NUMBERS = "which_solver_in_numbers.md"
+"""The page that has everything."""
 REPORTS = Path(__file__).resolve().parents[2] / "reports"
 IN_SHORT = 9
 """Digits of the short table."""
@@ -51,6 +53,27 @@ def in_short() -> str:
         lines.append((f"[{kind}](#{_place(kind)})", f"{len(readings_for(rows, level))}", *own))
     headings = ("kind of case", "readings", *(f"best of {package}" for package in packages))
     return Table(headings, "lr" + "l" * len(packages), lines).markdown
+
+
+def at_a_glance() -> str:
+    """A row a kind with transitions to time: what it is, the solver for nine digits, and the best one elsewhere."""
+    lines = []
+    for kind, rows in by_kind(_rows()).items():
+        best = _fastest(rows, IN_SHORT)
+        if best is None or kind in WITHOUT_TIMES:
+            continue
+        own = next(_package(row) for row in rows if row.solver == best.solver)
+        other = _fastest([row for row in rows if _package(row) != own], IN_SHORT)
+        counted = len(readings_for(rows, IN_SHORT))
+        name = f"**[{kind.capitalize()}]({NUMBERS}#{_place(kind)})**"
+        reach = f"{len(best.walls)} of {counted}"
+        elsewhere = "none" if other is None else f"{code(other.solver)} {_cell([other], best, named=False)}"
+        lines.append((f"{name}: {_began(MEANINGS.get(kind, ''))}", f"{code(best.solver)} {reach}", elsewhere))
+    return Table(("kind of case", "take, right in", "else, right in (×time)"), "lll", lines).markdown
+
+
+def _began(sentence: str) -> str:
+    return sentence[:1].lower() + sentence[1:].rstrip(".")
 
 
 def recommendations() -> str:

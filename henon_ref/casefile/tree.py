@@ -66,6 +66,15 @@ def to_python(node: Node) -> PythonValue:
     return node.value
 
 
+def as_written(node: Node) -> PythonValue:
+    """The tree as values for a file: as :func:`to_python`, but numbers that are not whole are text, with all digits."""
+    if isinstance(node, MappingNode):
+        return {key: as_written(value) for key, value in node.entries.items()}
+    if isinstance(node, SequenceNode):
+        return [as_written(item) for item in node.items]
+    return node.value if node.value is None or isinstance(node.value, bool | int) else node.text
+
+
 def locate(node: Node, path: Sequence[str | int], *, key: bool = False) -> Place:
     """The place of what a path of keys and indices leads to, or of the last part of it that is there.
 

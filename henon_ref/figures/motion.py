@@ -1,4 +1,4 @@
-"""Figures of the motion: the phase portrait with its sticks, and the surfaces over time with the modes shaded."""
+"""A motion, and its phase portrait with the sticks."""
 
 from __future__ import annotations
 
@@ -16,19 +16,12 @@ from henon_ref.figures.description import describe
 from henon_ref.filippov.latex import latex
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.system import FilippovSystem
-from henon_ref.taylor.size import size
-from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Event, Samples
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-MODES_TITLE = "Distance from the surface, modes shaded"
-LONGEST_LABEL = 100
-"""Operations of a surface that stands beside its curve."""
-MOST_SURFACES = 4
-"""Surfaces that one figure shows, one panel each."""
 REST = 1e-6
 """A stick that moves less than this fraction of the largest state is drawn as a point."""
 BLOW_UP = 50.0
@@ -80,12 +73,30 @@ def _modes(
 
 
 def axes_of_portrait(system: FilippovSystem) -> tuple[int, int] | None:
-    """States along x and y: the first surface's own state upward, where it is not the first state."""
+    """States along x and y: a velocity in the first surface over its own position, else a state in it over the first.
+
+    A later position that is alone in it (a stop) goes across, its velocity upward.
+    """
     if len(system.states) < 2:
         return None
     used = [k for k, x in enumerate(system.states) if system.surfaces and system.surfaces[0].has(x)]
+    for k in used:
+        if (position := position_of(system, k)) is not None:
+            return position, k
     up = next((k for k in used if k > 0), 1)
-    return 0, up
+    rate = velocity_of(system, up)
+    return (0, up) if used != [up] or rate is None else (up, rate)
+
+
+def position_of(system: FilippovSystem, k: int) -> int | None:
+    """The state whose rate another one is."""
+    return system.field.index(system.states[k]) if system.states[k] in system.field else None
+
+
+def velocity_of(system: FilippovSystem, k: int) -> int | None:
+    """The state that is another one's rate."""
+    rate = system.field[k]
+    return system.states.index(rate) if rate in system.states else None
 
 
 @dataclass(frozen=True)
@@ -111,7 +122,7 @@ class _Plane:
     def pieces(self, modes: Sequence[Mode]) -> list[tuple[str, slice]]:
         """Label and range of every piece that is drawn alike."""
         labels = [self.line_style(mode)[0] for mode in modes]
-        return [(labels[begin], slice(begin, end + 1)) for begin, end in _runs(labels)]
+        return [(labels[begin], slice(begin, end + 1)) for begin, end in runs_of(labels)]
 
 
 def draw_portrait(reading: Reading, motion: Motion, pair: tuple[int, int] | None = None) -> Figure | None:
@@ -136,28 +147,38 @@ def draw_portrait(reading: Reading, motion: Motion, pair: tuple[int, int] | None
         return figure
 
 
-def portrait(axes: Axes, system: FilippovSystem, motion: Motion, pair: tuple[int, int]) -> tuple[_Plane, bool]:
-    """Phase portrait in the plane of two states, with a legend above it; how it is drawn, and whether surfaces are."""
+def portrait(
+    axes: Axes, system: FilippovSystem, motion: Motion, pair: tuple[int, int], **line: Any
+) -> tuple[_Plane, bool]:
+    """Phase portrait in the plane of two states; how it is drawn, and whether surfaces are.
+
+    ``line`` are matplotlib's keywords of a line. Above it stands a legend of the modes, but where a label is among
+    them: that is then the curve's, for a legend of the caller's.
+    """
+    from matplotlib.cbook import normalize_kwargs
+    from matplotlib.lines import Line2D
+
+    line = normalize_kwargs(line, Line2D)
     plane = plane_of(system, *pair)
-    drawn = _draw_pieces(axes, motion, plane)
-    _draw_arrows(axes, motion, plane)
-    for values, set_limits in (
-        (motion.states[:, plane.x], axes.set_xlim),
-        (motion.states[:, plane.y], axes.set_ylim),
-    ):
-        set_limits(*limits_around(values))
+    widen(axes, limits_around(motion.states[:, plane.x]), limits_around(motion.states[:, plane.y]))
+    drawn = _draw_pieces(axes, motion, plane, line)
+    _draw_arrows(axes, motion, plane, line.get("color"))
     boundary = _draw_boundary(axes, system, plane)
-    axes.set_xlabel(_symbol(system, plane.x))
-    axes.set_ylabel(_symbol(system, plane.y))
-    _legend(axes, [*drawn, *boundary])
+    axes.set_xlabel(symbol(system, plane.x))
+    axes.set_ylabel(symbol(system, plane.y))
+    if "label" not in line:
+        _legend(axes, [*drawn, *boundary])
     return plane, bool(boundary)
 
 
-def state_over_time(axes: Axes, system: FilippovSystem, motion: Motion, k: int = 0) -> None:
-    """A state over time."""
-    axes.plot(motion.times, motion.states[:, k], color=style.BLUE)
-    axes.set(xlabel="time t [s]", ylabel=_symbol(system, k), xlim=motion.times[[0, -1]])
-    axes.set_ylim(*limits_around(motion.states[:, k]))
+def widen(axes: Axes, across: tuple[float, float], upward: tuple[float, float]) -> None:
+    """Limits (low, high) of axes, and what has been drawn before within them."""
+    if axes.has_data():
+        (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+        across = min(across[0], left), max(across[1], right)
+        upward = min(upward[0], bottom), max(upward[1], top)
+    axes.set_xlim(*across)
+    axes.set_ylim(*upward)
 
 
 def plane_of(system: FilippovSystem, x: int, y: int) -> _Plane:
@@ -172,29 +193,33 @@ def states_in(system: FilippovSystem, k: int) -> set[sp.Basic]:
     return set(system.numeric(system.surfaces[k]).free_symbols)
 
 
-def _runs(labels: Sequence[object]) -> list[tuple[int, int]]:
+def runs_of(labels: Sequence[object]) -> list[tuple[int, int]]:
     """(first, last) of every run of equal labels; each but the last reaches to the next one's first."""
     starts = [0] + [k for k in range(1, len(labels)) if labels[k] != labels[k - 1]]
     return list(zip(starts, [*starts[1:], len(labels) - 1], strict=True))
 
 
-def _draw_pieces(axes: Axes, motion: Motion, plane: _Plane) -> list[tuple[str, str, float, str]]:
+def _draw_pieces(axes: Axes, motion: Motion, plane: _Plane, own: dict[str, Any]) -> list[tuple[str, str, float, str]]:
     """The curve in pieces drawn alike; returns legend entries (label, colour, width, dashes)."""
     seen: dict[str, tuple[str, str, float, str]] = {}
+    named = {"label": own["label"]} if "label" in own else {}
+    own = {key: value for key, value in own.items() if key != "label"}
     for label, piece in plane.pieces(motion.modes):
         _, colour, width = plane.line_style(motion.modes[piece.start])
         stick = label == "stick"
         points = motion.states[piece][:, [plane.x, plane.y]]
         rest = stick and bool(np.ptp(points, axis=0).max() <= REST * np.abs(motion.states).max())
-        line: dict[str, Any] = (
-            {"marker": "o", "ms": 5.0, "ls": "none"} if rest else {"lw": width, "solid_capstyle": "butt"}
-        )
-        axes.plot(*(points[-1:] if rest else points).T, color=colour, zorder=3 if stick else 2, **line)
-        seen[label] = (label, colour, width, "-")
+        line: dict[str, Any] = {"linewidth": width, "solid_capstyle": "butt"}
+        line |= {"color": colour, "zorder": 3 if stick else 2} | own | named
+        if rest:
+            line |= {"marker": "o", "markersize": 5.0, "linestyle": "none"}
+        axes.plot(*(points[-1:] if rest else points).T, **line)
+        seen[label] = (label, line["color"], line["linewidth"], own.get("linestyle", "-"))
+        named = {}
     return sorted(seen.values(), key=lambda entry: (entry[0] == "stick", entry[0]))
 
 
-def _draw_arrows(axes: Axes, motion: Motion, plane: _Plane) -> None:
+def _draw_arrows(axes: Axes, motion: Motion, plane: _Plane, own_colour: Any = None) -> None:
     """The direction of motion, in the middle of the longest piece of every kind of slip."""
     longest: dict[str, slice] = {}
     for label, piece in plane.pieces(motion.modes):
@@ -205,7 +230,7 @@ def _draw_arrows(axes: Axes, motion: Motion, plane: _Plane) -> None:
             continue
         middle = (piece.start + piece.stop) // 2
         tail, tip = motion.states[middle - 2, [plane.x, plane.y]], motion.states[middle + 2, [plane.x, plane.y]]
-        colour = plane.line_style(motion.modes[piece.start])[1]
+        colour = own_colour or plane.line_style(motion.modes[piece.start])[1]
         arrow = {"arrowstyle": "-|>", "color": colour, "lw": 0.0, "mutation_scale": 14}
         axes.annotate("", xy=tuple(tip), xytext=tuple(tail), arrowprops=arrow, zorder=4)
 
@@ -233,75 +258,6 @@ def _draw_boundary(axes: Axes, system: FilippovSystem, plane: _Plane) -> list[tu
     return [("surface h = 0", style.GREY, 0.9, "--")] if drawn else []
 
 
-def draw_modes(reading: Reading, motion: Motion) -> Figure:
-    """Every surface's h over time in the measured window, the modes shaded."""
-    system = reading.problem.system
-    count = min(len(system.surfaces), MOST_SURFACES)
-    with style.figure(0.85 + 1.55 * count) as figure:
-        panels = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
-        inch = 1 / (0.85 + 1.55 * count)
-        figure.subplots_adjust(left=0.1, right=0.985, bottom=0.48 * inch, top=1 - 0.32 * inch, hspace=0.12)
-        surfaces_over_time(panels, system, motion)
-        panels[0].set_title(MODES_TITLE)
-        describe(figure, MODES_TITLE, " ".join(_shares(system, motion, k) for k in range(count)))
-        return figure
-
-
-def surfaces_over_time(panels: Sequence[Axes] | NDArray[Any], system: FilippovSystem, motion: Motion) -> None:
-    """The first surfaces' h over time, one below the other, with the modes shaded and a legend above them."""
-    for k, axes in enumerate(panels):
-        _draw_surface(axes, system, motion, k)
-    panels[-1].set_xlabel("time t [s]")
-    panels[-1].set_xlim(motion.times[0], motion.times[-1])
-    _mode_legend(panels[0], {_entry(mode, k) for mode in motion.modes for k in range(len(panels))})
-
-
-def _shares(system: FilippovSystem, motion: Motion, k: int) -> str:
-    """How long one surface's modes last, in words."""
-    durations = np.diff(motion.times)
-    entries = np.array([_entry(mode, k) for mode in motion.modes])[:-1]
-    parts = [
-        f"{words} for {float(durations[entries == entry].sum()):.3g} s"
-        for entry, words in ((0, "stick"), (1, "slip with sign +1"), (-1, "slip with sign −1"))
-        if (entries == entry).any()
-    ]
-    window = f"from {motion.times[0]:.10g} to {motion.times[-1]:.10g} s"
-    return f"h of surface {system.signs[k].name} over time, {window}: {', '.join(parts)}."
-
-
-def _draw_surface(axes: Axes, system: FilippovSystem, motion: Motion, k: int) -> None:
-    h = sp.lambdify([TIME, *system.states], system.numeric(system.surfaces[k]), np)
-    values = np.broadcast_to(np.asarray(h(motion.times, *motion.states.T), dtype=float), motion.times.shape)
-    entries = [_entry(mode, k) for mode in motion.modes]
-    shades = {0: style.STICK_SHADE, 1: style.PLUS_SHADE}
-    for begin, end in _runs(entries):
-        if entries[begin] in shades:
-            axes.axvspan(motion.times[begin], motion.times[end], color=shades[entries[begin]], lw=0, zorder=0)
-    axes.axhline(0.0, color=style.GREY, lw=0.8, ls="--", zorder=1)
-    axes.plot(motion.times, values, color=style.BLACK, lw=1.1, zorder=2)
-    axes.set_ylim(*limits_around(values))
-    axes.grid(visible=False)
-    surface = system.surfaces[k]
-    formula = f" = {latex(surface)}" if size(surface, LONGEST_LABEL) <= LONGEST_LABEL else ""
-    axes.set_ylabel(f"${latex(system.signs[k])}$:  $h{formula}$")
-
-
-def _entry(mode: Mode, k: int) -> int:
-    return mode[k] if k < len(mode) else -1
-
-
-def _mode_legend(axes: Axes, present: set[int]) -> None:
-    from matplotlib.patches import Patch
-
-    kinds = {0: ("stick", style.STICK_SHADE), 1: ("slip, s = +1", style.PLUS_SHADE), -1: ("slip, s = −1", "#FFFFFF")}
-    handles = [
-        Patch(facecolor=colour, edgecolor="#999999", linewidth=0.5, label=label)
-        for entry, (label, colour) in kinds.items()
-        if entry in present
-    ]
-    axes.legend(handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderaxespad=0.2)
-
-
 def _legend(axes: Axes, entries: list[tuple[str, str, float, str]]) -> None:
     from matplotlib.lines import Line2D
 
@@ -319,5 +275,5 @@ def limits_around(values: NDArray[np.float64]) -> tuple[float, float]:
     return low - room, high + room
 
 
-def _symbol(system: FilippovSystem, k: int) -> str:
+def symbol(system: FilippovSystem, k: int) -> str:
     return f"${latex(system.states[k])}$"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,8 @@ SIDEWAYS = 0.13
 """Half the distance between connections of the same two bodies."""
 LETTER, LINE = 0.047, 0.11
 """Width of a letter and height of a line of a label, the distance of two bodies being 1."""
+DEPTH, TITLE_ROOM = 1.8, 0.3
+"""Height below the row of bodies, likewise, and room for a title [in]."""
 SYMBOL = 0.1
 """Half the side of a symbol, likewise."""
 Place = NDArray[np.float64]
@@ -37,33 +39,61 @@ def draw_scene(scene: Scene) -> Figure | None:
     """The scene's schematic; None where it has too many bodies for one."""
     if len(scene.bodies) > MOST_BODIES:
         return None
-    places = _places(scene)
-    width = 1.6 + max(p[0] for p in places.values())
-    top = 0.85 if any(len(connection.ends) == 1 for connection in scene.connections) else 0.35
-    scale = min(style.WIDTH / width, 1.25)
-    with style.figure(scale * (1.8 + top) + 0.3, width=max(scale * width, 2.6)) as figure:
-        axes = figure.add_axes((0.0, 0.0, 1.0, 1 - 0.3 / (scale * (1.8 + top) + 0.3)))
-        axes.set_axis_off()
-        axes.set_aspect("equal")
-        axes.set_xlim(-0.8, width - 0.8)
-        axes.set_ylim(-1.8, top)
-        lines = [
-            (connection, [places[name] for name in connection.ends], SIDEWAYS * (2 * number - len(pair) + 1))
-            for pair in _pairs(scene).values()
-            for number, connection in enumerate(pair)
-        ]
-        taken = [(_middle(ends, shift), SYMBOL) for _, ends, shift in lines]
-        for connection, ends, shift in lines:
-            _draw_connection(axes, connection, ends, shift, taken)
-        for body in scene.bodies.values():
-            _draw_body(axes, body, places[body.name])
+    width, height = figure_size(scene)
+    with style.figure(height, width=width) as figure:
+        axes = figure.add_axes((0.0, 0.0, 1.0, 1 - TITLE_ROOM / height))
+        schematic(axes, scene)
         axes.set_title(TITLE, x=0.02)
         listed = "; ".join(connection.label for connection in scene.connections)
         describe(figure, TITLE, f"Bodies: {', '.join(scene.bodies)}. Connections: {listed}.")
         return figure
 
 
-def _places(scene: Scene) -> Mapping[str, Place]:
+def figure_size(scene: Scene) -> tuple[float, float]:
+    """Width and height of a figure for a scene [in]."""
+    width, top = _extent(scene, places_of(scene))
+    scale = min(style.WIDTH / width, 1.25)
+    return max(scale * width, 2.6), scale * (DEPTH + top) + TITLE_ROOM
+
+
+def _extent(scene: Scene, places: Mapping[str, Place]) -> tuple[float, float]:
+    """Width, and height above the row of bodies."""
+    pushed = any(len(connection.ends) == 1 for connection in scene.connections)
+    return 1.6 + max(p[0] for p in places.values()), 0.85 if pushed else 0.35
+
+
+def blank(axes: Axes, scene: Scene, places: Mapping[str, Place]) -> None:
+    """Axes for a scene, with nothing in them."""
+    width, top = _extent(scene, places)
+    axes.set_axis_off()
+    axes.set_aspect("equal")
+    axes.set_xlim(-0.8, width - 0.8)
+    axes.set_ylim(-DEPTH, top)
+
+
+def schematic(axes: Axes, scene: Scene, **patch: Any) -> None:
+    """The scene in axes of its own; ``patch`` are matplotlib's keywords of patches, for the bodies."""
+    places = places_of(scene)
+    blank(axes, scene, places)
+    lines = lines_of(scene, places)
+    taken = [(_middle(ends, shift), SYMBOL) for _, ends, shift in lines]
+    for connection, ends, shift in lines:
+        draw_symbol(axes, connection, ends, shift)
+        _label(axes, connection, _label_places(connection, ends, shift), taken)
+    for body in scene.bodies.values():
+        draw_body(axes, body, places[body.name], **patch)
+
+
+def lines_of(scene: Scene, places: Mapping[str, Place]) -> list[tuple[Connection, list[Place], float]]:
+    """Each connection, the places that it leads to, and how far it stands aside from others between these."""
+    return [
+        (connection, [places[name] for name in connection.ends], SIDEWAYS * (2 * number - len(pair) + 1))
+        for pair in _pairs(scene).values()
+        for number, connection in enumerate(pair)
+    ]
+
+
+def places_of(scene: Scene) -> Mapping[str, Place]:
     """Bodies that move freely in a row, the others below what they are connected to."""
     free = [body.name for body in scene.bodies.values() if body.inertia is not None]
     places = {name: np.array([float(k), 0.0]) for k, name in enumerate(free)}
@@ -90,7 +120,8 @@ def _pairs(scene: Scene) -> Mapping[frozenset[str], list[Connection]]:
     return found
 
 
-def _draw_body(axes: Axes, body: Body, at: Place) -> None:
+def draw_body(axes: Axes, body: Body, at: Place, **own: Any) -> None:
+    from matplotlib.cbook import normalize_kwargs
     from matplotlib.patches import Circle, Rectangle
 
     x, y = at
@@ -101,34 +132,51 @@ def _draw_body(axes: Axes, body: Body, at: Place) -> None:
     else:
         patch = Rectangle((x - 1.6 * HALF, y - 0.5 * HALF), 3.2 * HALF, HALF)
         patch.set(facecolor=style.MINUS_SHADE, edgecolor=style.GREY, hatch="////" if body.kind == "fixed" else None)
-    patch.set(linewidth=1.0, zorder=3)
+    patch.set(**{"linewidth": 1.0, "zorder": 3} | normalize_kwargs(own, Rectangle))
     axes.add_patch(patch)
     if body.kind == "prescribed":
         _arrow(axes, np.array([x - HALF, y]), np.array([x + HALF, y]), style.GREY)
     axes.text(x, y if body.inertia is not None else y - 0.25, body.name, ha="center", va="center", zorder=5)
 
 
-def _draw_connection(
-    axes: Axes, connection: Connection, ends: Sequence[Place], shift: float, taken: list[_Taken]
+def draw_symbol(
+    axes: Axes, connection: Connection, ends: Sequence[Place], shift: float, *, elastic: bool = False, **own: Any
 ) -> None:
-    """Draw a connection; its label's place joins those that are taken."""
+    """The symbol of a connection; an elastic one is as long as the way between its ends."""
     if len(ends) == 1:
-        tail, tip = (ends[0] + np.array([shift + way * 0.3, 0.55]) for way in (-1, 1))
-        _arrow(axes, tail, tip, style.VERMILLION)
-        _label(axes, connection, [(tail + tip) / 2 + np.array([0.0, 0.14])], taken)
+        _arrow(axes, *_force_arrow(ends[0], shift), style.VERMILLION)
         return
     p, q = ends
+    length, along, across = _direction(p, q)
+    pieces, colour = SYMBOLS.get(connection.kind, SYMBOLS[""])
+    line: dict[str, Any] = {"color": colour, "lw": 1.1, "zorder": 2, "solid_capstyle": "round"}
+    for piece in pieces:
+        way = piece[:, 0] * length if elastic else _stretched(piece[:, 0], length)
+        points = p + shift * across + np.outer(way, along) + np.outer(piece[:, 1], across)
+        axes.plot(*points.T, **line | own)
+
+
+def _direction(p: Place, q: Place) -> tuple[float, Place, Place]:
+    """Distance of two places, and the unit vectors along and across their line."""
     length = float(np.linalg.norm(q - p))
     along = (q - p) / length
-    across = np.array([-along[1], along[0]])
-    pieces, colour = SYMBOLS.get(connection.kind, SYMBOLS[""])
+    return length, along, np.array([-along[1], along[0]])
+
+
+def _force_arrow(at: Place, shift: float) -> tuple[Place, Place]:
+    return at + np.array([shift - 0.3, 0.55]), at + np.array([shift + 0.3, 0.55])
+
+
+def _label_places(connection: Connection, ends: Sequence[Place], shift: float) -> list[Place]:
+    """Where the label of a connection may stand, the best place first."""
+    if len(ends) == 1:
+        tail, tip = _force_arrow(ends[0], shift)
+        return [(tail + tip) / 2 + np.array([0.0, 0.14])]
+    p, q = ends
+    length, along, across = _direction(p, q)
     start = p + shift * across
-    for piece in pieces:
-        points = start + np.outer(_stretched(piece[:, 0], length), along) + np.outer(piece[:, 1], across)
-        axes.plot(*points.T, color=colour, lw=1.1, zorder=2, solid_capstyle="round")
     room = 0.18 - 0.06 * abs(across[0]) + abs(across[0]) * LETTER * len(_text(connection)) / 2
-    tries = [start + part * length * along + side * room * across for part in (0.5, 0.33, 0.67) for side in (1, -1)]
-    _label(axes, connection, tries, taken)
+    return [start + part * length * along + side * room * across for part in (0.5, 0.33, 0.67) for side in (1, -1)]
 
 
 def _stretched(along: Place, length: float) -> Place:
@@ -143,8 +191,7 @@ def _middle(ends: Sequence[Place], shift: float) -> Place:
     if len(ends) == 1:
         return ends[0] + np.array([shift, 0.55])
     p, q = ends
-    along = (q - p) / np.linalg.norm(q - p)
-    return (p + q) / 2 + shift * np.array([-along[1], along[0]])
+    return (p + q) / 2 + shift * _direction(p, q)[2]
 
 
 def _text(connection: Connection) -> str:

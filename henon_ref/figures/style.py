@@ -150,7 +150,7 @@ def line_of(solver: str) -> Line:
     return lines_of([solver])[solver]
 
 
-def pyplot_figure(height: float, **how: Any) -> Figure:
+def pyplot_figure(height: float, width: float = WIDTH, **how: Any) -> Figure:
     """An empty figure of pyplot's, which a notebook shows; what is drawn in it is drawn in :func:`report_style`.
 
     The first such figure makes pyplot choose its backend, which sets parameters of its own: within a style they would
@@ -158,7 +158,7 @@ def pyplot_figure(height: float, **how: Any) -> Figure:
     """
     import matplotlib.pyplot as plt
 
-    return plt.figure(figsize=(WIDTH, height), **how)
+    return plt.figure(figsize=(width, height), **how)
 
 
 def report_style() -> AbstractContextManager[None]:

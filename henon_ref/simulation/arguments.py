@@ -27,6 +27,35 @@ STOPS = 63
 SMALLEST, LARGEST = 1e-16, 1.0
 """Between these lies a tolerance, as in a case file."""
 
+SCIPY = {
+    "t_eval": "the run is known at every time: write run.sol(times), or run.to_dataframe(times)",
+    "args": "parameters go by name: System(..., parameters={'F': 1}), and simulate(..., parameters={'F': 2})",
+    "t_span": "write until=10, and start=1 where it does not begin at 0",
+    "y0": "write initial={'x': 1, 'v': 0}",
+    "events": "every surface of the system is located: see run.transitions; stop={'s': 'falling'} ends the run on one",
+    "method": "there is one method; rtol says how exact it is",
+    "jac": "derivatives are taken from the system's expressions",
+    **dict.fromkeys(("max_step", "min_step", "first_step"), "steps follow from rtol, and pass over no event"),
+    **dict.fromkeys(("vectorized", "jac_sparsity", "lband", "uband"), "there is nothing that it could say here"),
+}
+"""Arguments of SciPy's solve_ivp -> what is written here."""
+
+
+def refuse(function: str, others: Mapping[str, Any]) -> None:
+    """Refuse arguments that a function does not have.
+
+    Raises
+    ------
+    ArgumentError
+        For those of SciPy's solve_ivp, saying what to write.
+    TypeError
+        For others, as Python does.
+    """
+    for name in others:
+        if name in SCIPY:
+            raise ArgumentError(f"{function} has no argument '{name}': {SCIPY[name]}")
+    raise TypeError(f"{function}() got an unexpected keyword argument '{next(iter(others))}'")
+
 
 def start_of(
     system: System, initial: Any, until: Any, start: Any, mode: Mapping[Any, Any] | None

@@ -86,7 +86,8 @@ def launch(
         For what cannot be meant.
     """
     if not isinstance(system, System):
-        raise ArgumentError(f"system is {str(system)[:60]!r}; wanted a System")
+        example = ", such as System(['x', 'v'], field=['v', '-x']): the field as text, not a function"
+        raise ArgumentError(f"system is {str(system)[:60]!r}; wanted a System{example if callable(system) else ''}")
     if start is None and system.own_start is None:
         start = 0
     if type(initial) is not dict or until is None or start is None:

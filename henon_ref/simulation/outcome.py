@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cached_property
+from typing import Any
 
 from henon_ref.filippov.modes import mode_text
-from henon_ref.simulation.launch import Launch
 from henon_ref.simulation.system import System
 from henon_ref.trajectory import Counts, Status, Trajectory
 
@@ -35,8 +36,8 @@ class Outcome:
         Mode at the end, such as ``s1=-1 s2=0``; empty where there is none to begin with.
     """
 
-    def __init__(self, made: Launch, trajectory: Trajectory) -> None:
-        self._base, self._parameters, self.trajectory = made.base, made.parameters, trajectory
+    def __init__(self, base: System, parameters: Mapping[Any, Any] | None, trajectory: Trajectory) -> None:
+        self._base, self._parameters, self.trajectory = base, parameters, trajectory
 
     @cached_property
     def system(self) -> System:

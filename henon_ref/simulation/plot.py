@@ -1,7 +1,8 @@
-"""The figure of a solution: phase portrait above, surfaces over time below."""
+"""Plots of a solution: phase portrait, and states and surfaces over time."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -9,31 +10,31 @@ from numpy.typing import NDArray
 
 from henon_ref.errors import ArgumentError
 from henon_ref.figures import style
-from henon_ref.figures.motion import (
-    MOST_SURFACES,
-    Motion,
-    axes_of_portrait,
-    portrait,
-    state_over_time,
-    surfaces_over_time,
-)
+from henon_ref.figures.marks import mark_transitions
+from henon_ref.figures.motion import Motion, axes_of_portrait, portrait, position_of, velocity_of
+from henon_ref.figures.time_series import MOST_SURFACES, over_time
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.axes import Axes
 
-PORTRAIT, PANEL, GAP = 3.6, 1.3, 0.55
-"""Heights of the portrait, of a surface's panel, and of what stands above each of both [in]."""
+PORTRAIT, PANEL, BORDER = (5.6, 4.3), 1.5, 0.85
+"""Width and height of a portrait, height of a panel over time, and of what stands above and below the panels [in]."""
 
 
 def plotted(
-    system: FilippovSystem, motion: Motion, x: str | None = None, y: str | None = None, ax: Axes | None = None
-) -> NDArray[Any]:
-    """Axes of what is drawn: a portrait, then, in a new figure, a panel each for the first surfaces.
-
-    See :meth:`henon_ref.simulation.solution.Solution.plot`.
+    system: FilippovSystem,
+    motion: Motion,
+    x: str | None,
+    y: str | None,
+    ax: Axes | None,
+    transitions: pd.DataFrame | None,
+    line: dict[str, Any],
+) -> Axes:
+    """Axes with a portrait, or a state over time: see :meth:`henon_ref.simulation.solution.Solution.plot`.
 
     Raises
     ------
@@ -41,25 +42,50 @@ def plotted(
         For a name that is no state.
     """
     across, upward = _plane(system, x, y)
-    if ax is not None:
+    if across is None:
+        (ax,) = plotted_over_time(system, motion, [system.state_names[upward]], ax, line)
+    elif ax is None:
+        figure = style.pyplot_figure(PORTRAIT[1], PORTRAIT[0], layout="constrained")
         with style.report_style():
-            _draw(ax, system, motion, across, upward)
-        return np.array([ax])
-    count = min(len(system.surfaces), MOST_SURFACES)
-    height = 2 * GAP + PORTRAIT + count * PANEL + GAP
-    figure = style.pyplot_figure(height)
+            ax = figure.subplots()
     with style.report_style():
-        bottom = GAP + count * PANEL
-        top = figure.add_axes((0.11, (bottom + 1.3 * GAP) / height, 0.86, (PORTRAIT - 0.3 * GAP) / height))
-        _draw(top, system, motion, across, upward)
-        if not count:
-            return np.array([top])
-        grid = figure.add_gridspec(
-            count, 1, left=0.11, right=0.97, bottom=GAP / height, top=bottom / height, hspace=0.12
-        )
-        panels = grid.subplots(sharex=True, squeeze=False)[:, 0]
-        surfaces_over_time(panels, system, motion)
-    return np.array([top, *panels])
+        if across is not None:
+            portrait(ax, system, motion, (across, upward), **line)
+        if transitions is not None and len(transitions):
+            names = ["time_s" if across is None else system.state_names[across], system.state_names[upward]]
+            kinds, times = transitions["kind"].tolist(), transitions["time_s"].to_numpy()
+            mark_transitions(ax, transitions[names].to_numpy(), kinds, times)
+    return ax
+
+
+def plotted_over_time(
+    system: FilippovSystem, motion: Motion, names: Sequence[str], ax: Any, line: dict[str, Any]
+) -> NDArray[Any]:
+    """Axes of states and surfaces: see :meth:`henon_ref.simulation.solution.Solution.plot_time`.
+
+    Raises
+    ------
+    ArgumentError
+        For a name that is no state and no surface, and another number of axes than names.
+    """
+    known = [*system.state_names, *system.sign_names]
+    for name in names:
+        if name not in known:
+            message = f"{str(name)[:60]!r} is no state and no surface{did_you_mean(str(name), known)}"
+            raise ArgumentError(f"{message}; wanted some of {listed(known)}")
+    if not names:
+        shown = axes_of_portrait(system) or (0,)
+        names = [*(system.state_names[k] for k in shown), *system.sign_names][:MOST_SURFACES]
+    if ax is None:
+        figure = style.pyplot_figure(BORDER + PANEL * len(names), layout="constrained")
+        with style.report_style():
+            ax = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
+    panels = np.atleast_1d(np.asarray(ax, dtype=object)).ravel()
+    if len(panels) != len(names):
+        raise ArgumentError(f"ax holds {len(panels)} axes; wanted {len(names)}, one each for {listed(names)}")
+    with style.report_style():
+        over_time(panels, system, motion, names, **line)
+    return panels
 
 
 def _plane(system: FilippovSystem, x: str | None, y: str | None) -> tuple[int | None, int]:
@@ -73,15 +99,11 @@ def _plane(system: FilippovSystem, x: str | None, y: str | None) -> tuple[int | 
     pair = axes_of_portrait(system)
     if x == TIME.name or pair is None:
         return None, names.index(y) if y is not None else 0
-    upward = names.index(y) if y is not None else pair[1]
-    if x is None:
-        return next(k for k in pair if k != upward), upward
-    across = names.index(x)
-    return across, upward if y is not None or upward != across else pair[0]
-
-
-def _draw(ax: Axes, system: FilippovSystem, motion: Motion, across: int | None, upward: int) -> None:
-    if across is None:
-        state_over_time(ax, system, motion, upward)
-    else:
-        portrait(ax, system, motion, (across, upward))
+    if x is not None and y is not None:
+        return names.index(x), names.index(y)
+    if x is None and y is None:
+        return pair
+    given = names.index(x or y or "")
+    partners = (position_of(system, given), velocity_of(system, given), *pair)
+    other = next(k for k in partners if k is not None and k != given)
+    return (given, other) if x is not None else (other, given)

@@ -4,15 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from henon_ref.casefile.bodies import STATE_NAMES
+from henon_ref.casefile.source import Source
 from henon_ref.casefile.tree import MappingNode, Node, Place
 from henon_ref.errors import ArgumentError
 from henon_ref.simulation.system import System
 from henon_ref.simulation.written import mapping, sequence, tree_of, written_name
 from henon_ref.text import listed
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from henon_ref.figures.animation import SceneAnimation
+    from henon_ref.simulation.solution import Solution
+
+FRAMES = 100
+"""Frames of an animation."""
 Value = Any
 """A number, text or SymPy: an expression in the parameters; where it says so in time ``t`` and states, too."""
 
@@ -182,6 +193,86 @@ class Scene:
         bodies, connections = mapping(self._bodies), sequence(self._connections)
         scene = mapping({"parameters": self._parameters, "bodies": bodies, "connections": connections})
         return System.from_tree(mapping({"scene": scene}), declared=self._declared)
+
+    # -- pictures ---------------------------------------------------------------------------------------
+
+    def plot(self, ax: Axes | None = None, **patch: Any) -> Axes:
+        """The scene as a schematic: bodies as boxes and discs, what connects them by its symbol and name.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where it is drawn; a new figure of pyplot's if left out.
+        **patch
+            Matplotlib's keywords of patches, for the bodies, such as ``facecolor``.
+
+        Raises
+        ------
+        ArgumentError
+            For a scene that cannot be meant, or has more bodies than a picture shows.
+        """
+        from henon_ref.figures import style
+        from henon_ref.figures.scene import schematic
+
+        scene = self._drawable()
+        with style.report_style():
+            ax = self._axes(scene) if ax is None else ax
+            schematic(ax, scene, **patch)
+        return ax
+
+    def animate(
+        self, run: Solution, times: Sequence[float] | None = None, *, fps: float = 20, ax: Axes | None = None
+    ) -> SceneAnimation:
+        """The scene as it moves in a run.
+
+        Parameters
+        ----------
+        run : Solution
+            A run of :meth:`system` with dense output.
+        times : sequence of float, optional
+            Times of the frames [s]; 100 over the run if left out.
+        fps : float
+            Frames a second.
+        ax : matplotlib Axes, optional
+            Where it is drawn; a new figure of pyplot's if left out.
+
+        Returns
+        -------
+        matplotlib.animation.FuncAnimation
+            A notebook shows it as HTML5; ``.save("belt.gif")`` and ``.save("belt.html")`` write it.
+
+        Raises
+        ------
+        ArgumentError
+            For a run of another system or without dense output, and as :meth:`plot`.
+        """
+        from henon_ref.figures.animation import animated
+
+        scene = self._drawable()
+        if run.system.state != self.system().state:
+            raise ArgumentError(
+                f"the run has the states {listed(run.system.state)}; wanted a run of this scene's system"
+            )
+        motion = run.motion_at(np.linspace(run.start_time, run.trajectory.end_time, FRAMES) if times is None else times)
+        return animated(self._axes(scene) if ax is None else ax, scene, run.system.model, motion, fps)
+
+    def _drawable(self) -> Any:
+        """The scene with its expressions read."""
+        from henon_ref.casefile.problem import read_scene
+        from henon_ref.figures.scene import MOST_BODIES
+
+        if len(self._bodies) > MOST_BODIES:
+            raise ArgumentError(f"the scene has {len(self._bodies)} bodies; a picture shows at most {MOST_BODIES}")
+        scene, _ = read_scene(Source(self.system().tree))
+        return scene
+
+    @staticmethod
+    def _axes(scene: Any) -> Axes:
+        from henon_ref.figures import style
+        from henon_ref.figures.scene import TITLE_ROOM, figure_size
+
+        width, height = figure_size(scene)
+        return style.pyplot_figure(height, width).add_axes((0.0, 0.0, 1.0, 1 - TITLE_ROOM / height))
 
     def _moving(
         self, name: str, given: dict[str, Value], states: Sequence[str] | None, letters: tuple[str, str]

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Never
 
 from henon_ref.henon.run import Run
 from henon_ref.henon.start import MOST_STEPS
+from henon_ref.simulation.arguments import refuse
 from henon_ref.simulation.dense_output import STEPS
 from henon_ref.simulation.launch import launch
 from henon_ref.simulation.solution import Solution
@@ -27,6 +28,7 @@ def simulate(
     dense_output: bool = True,
     stop: Mapping[Any, str] | None = None,
     max_steps: int = MOST_STEPS,
+    **others: Never,
 ) -> Solution:
     """Simulate one run of a piecewise-smooth system, every transition located.
 
@@ -82,10 +84,13 @@ def simulate(
     >>> run.transitions[["time_s", "kind", "x"]].values.tolist()
     [[2.0, 'stick', 1.0]]
     """
+    if others:
+        refuse("simulate", others)
     made = launch(system, initial, until, start, rtol, atol, parameters, mode, stop, max_steps)
     run = Run(made.integrator, made.start, dense=STEPS if dense_output else 0)
     trajectory = made.ended(run.to_horizon())
-    return Solution(made, trajectory, run.steps if dense_output else None)
+    begin, _ = made.start.time
+    return Solution(made.base, made.parameters, begin, made.start.x, trajectory, run.steps if dense_output else None)
 
 
 def stream(
@@ -101,6 +106,7 @@ def stream(
     dense_output: bool = False,
     stop: Mapping[Any, str] | None = None,
     max_steps: int = MOST_STEPS,
+    **others: Never,
 ) -> TransitionStream:
     """The transitions of a run as they come; nothing is kept, so that memory does not grow with the horizon.
 
@@ -128,4 +134,6 @@ def stream(
     >>> [round(row.time_s, 9) for row in stream(oscillator, {"x": 1, "v": 0}, until=5)]
     [1.570796327, 4.71238898]
     """
+    if others:
+        refuse("stream", others)
     return TransitionStream(launch(system, initial, until, start, rtol, atol, parameters, mode, stop, max_steps))

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import html
+from collections.abc import Mapping, Sequence
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,9 +16,11 @@ from henon_ref.filippov.modes import Mode
 from henon_ref.henon.records import RESET, transition_dtype
 from henon_ref.henon.transition_array import TransitionArray
 from henon_ref.simulation.dense_output import DenseOutput, checked_times
-from henon_ref.simulation.launch import Launch
 from henon_ref.simulation.outcome import Outcome
+from henon_ref.simulation.system import System
 from henon_ref.simulation.tables import stick_table, transition_table
+from henon_ref.taylor.tape import TIME
+from henon_ref.text import did_you_mean, listed
 from henon_ref.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -29,6 +33,7 @@ PLOTTED = 4000
 """Times at which a plotted solution is looked at, besides the ends of its steps."""
 SHOWN = 10
 """Transitions that a notebook shows."""
+_NO_DENSE = "can be had with dense output alone: simulate with dense_output=True"
 
 
 class Solution(Outcome):
@@ -45,18 +50,23 @@ class Solution(Outcome):
     sol : DenseOutput or None
         The solution between, by the steps' own Taylor polynomials: ``sol(t)`` has shape (n,) for a number, (n, m) for
         m times. None without dense output.
+    start_time : float
+        Initial time [s].
     system, trajectory, status, success, message, counts, undecided_after, final_mode
         As in :class:`henon_ref.simulation.outcome.Outcome`.
     """
 
     def __init__(
         self,
-        made: Launch,
+        base: System,
+        parameters: Mapping[Any, Any] | None,
+        start: float,
+        pairs: Sequence[tuple[float, float]],
         trajectory: Trajectory,
         steps: NDArray[Any] | None,
     ) -> None:
-        super().__init__(made, trajectory)
-        (self._start, _), self._pairs, self._steps = made.start.time, made.start.x, steps
+        super().__init__(base, parameters, trajectory)
+        self.start_time, self._pairs, self._steps = start, pairs, steps
 
     @property
     def _initial(self) -> list[float]:
@@ -65,7 +75,7 @@ class Solution(Outcome):
 
     @cached_property
     def sol(self) -> DenseOutput | None:
-        return None if self._steps is None else DenseOutput.of(self._steps, self._start, self.trajectory)
+        return None if self._steps is None else DenseOutput.of(self._steps, self.start_time, self.trajectory)
 
     @cached_property
     def t(self) -> NDArray[np.float64]:
@@ -89,10 +99,10 @@ class Solution(Outcome):
             follows = jumps[1:] & jumps[:-1] & (times[1:] == times[:-1])  # before it is what the last map has left
             states[1:][follows] = changes["state"][:-1][follows]
             return np.insert(begin, at, times), np.ascontiguousarray(np.insert(values, at, states, axis=0).T)
-        moved = end.end_time > self._start or len(changes) > 0
+        moved = end.end_time > self.start_time or len(changes) > 0
         last = ([end.end_time], [end.end_state]) if moved else ([], np.zeros((0, len(self._initial))))
         together = np.concatenate([[self._initial], np.repeat(states, 2, axis=0), last[1]])
-        return np.concatenate([[self._start], np.repeat(times, 2), last[0]]), np.ascontiguousarray(together.T)
+        return np.concatenate([[self.start_time], np.repeat(times, 2), last[0]]), np.ascontiguousarray(together.T)
 
     @property
     def _changes(self) -> NDArray[Any]:
@@ -103,13 +113,15 @@ class Solution(Outcome):
 
     def _modes(self, times: NDArray[np.float64]) -> list[Mode]:
         """The mode at each time, after the transitions there."""
+        return self._modes_after(np.searchsorted(self._changes["time"], times, side="right"))
+
+    def _modes_after(self, counts: NDArray[np.intp]) -> list[Mode]:
+        """The modes after so many transitions each."""
         changes = self.trajectory.transitions
         if not isinstance(changes, TransitionArray):
-            return [self.trajectory.end_mode] * times.size
-        records = changes.records
-        rows = np.concatenate([records["from_mode"][:1], records["to_mode"]])
-        found = rows[np.searchsorted(records["time"], times, side="right")]
-        return [changes.modes[row] for row in found.tolist()]
+            return [self.trajectory.end_mode] * counts.size
+        rows = np.concatenate([changes.records["from_mode"][:1], changes.records["to_mode"]])
+        return [changes.modes[row] for row in rows[counts].tolist()]
 
     def mode(self, t: ArrayLike) -> dict[str, int] | list[dict[str, int]]:
         """The mode at a time: -1 or +1 (the sign, in slip) or 0 (sliding) by surface, such as ``{"s": 0}``.
@@ -122,8 +134,8 @@ class Solution(Outcome):
             Also a ValueError: for a time outside the run, and without dense output.
         """
         if self.sol is None:
-            raise ArgumentError("without dense output no mode is kept: simulate with dense_output=True")
-        times = checked_times(t, self._start, self.trajectory.end_time)
+            raise ArgumentError(f"the mode at a time {_NO_DENSE}")
+        times = checked_times(t, self.start_time, self.trajectory.end_time)
         names = self._base.model.sign_names
         modes = [dict(zip(names, mode, strict=False)) for mode in self._modes(np.atleast_1d(times))]
         return modes if times.ndim else modes[0]
@@ -136,35 +148,167 @@ class Solution(Outcome):
     @cached_property
     def sticks(self) -> pd.DataFrame:
         """A row a whole stick: ``start_s, duration_s, surface``; one that the end of the run cuts off is left out."""
-        return stick_table(self._base.model, self.trajectory.transitions, self._start)
+        return stick_table(self._base.model, self.trajectory.transitions, self.start_time)
 
-    def plot(self, x: str | None = None, y: str | None = None, ax: Axes | None = None) -> NDArray[Any]:
-        """Phase portrait, or a state over time, and below it surfaces over time.
+    def __getitem__(self, name: str) -> NDArray[np.float64]:
+        """A state by name at the times ``run.t``, shape (k,); ``run["t"]`` are these."""
+        if name == TIME.name:
+            return self.t
+        names = self._base.state
+        if name not in names:
+            known = [*names, TIME.name]
+            message = f"{str(name)[:60]!r} is no state{did_you_mean(str(name), known)}"
+            raise ArgumentError(f"{message}; wanted one of {listed(known)}")
+        state: NDArray[np.float64] = self.y[names.index(name)]
+        return state
+
+    def to_dataframe(self, times: ArrayLike | None = None) -> pd.DataFrame:
+        """Times, states and signs as a data frame.
+
+        Parameters
+        ----------
+        times : array_like, shape (m,), optional
+            Times within the run [s]; the times ``run.t``, with both sides of every transition, if left out.
+
+        Returns
+        -------
+        DataFrame
+            A row a time: ``t``, the states by name, and by surface its sign: -1, +1, or 0 for sliding.
+
+        Raises
+        ------
+        ArgumentError
+            For a time outside the run, and for times without dense output.
+        """
+        import pandas as pd
+
+        if times is None:
+            at, states = self.t, self.y.T
+            first = np.concatenate([[True], at[1:] != at[:-1]])  # before what happens there; what follows is after it
+            sides = (np.searchsorted(self._changes["time"], at, side=side) for side in ("left", "right"))
+            modes = self._modes_after(np.where(first, *sides))
+        else:
+            if self.sol is None:
+                raise ArgumentError(f"times {_NO_DENSE}")
+            at = np.atleast_1d(checked_times(times, self.start_time, self.trajectory.end_time))
+            states, modes = self.sol(at).T, self._modes(at)
+        signs = self._base.model.sign_names
+        table = np.array([mode or (0,) * len(signs) for mode in modes], dtype=np.int64).reshape(len(at), len(signs))
+        return pd.DataFrame(
+            {TIME.name: at}
+            | dict(zip(self._base.state, states.T, strict=True))
+            | dict(zip(signs, table.T, strict=True))
+        )
+
+    def save(self, path: str | Path) -> None:
+        """Write the run to a file that NumPy reads; :func:`henon_ref.load_run` makes a run of it again.
+
+        Parameters
+        ----------
+        path : str or Path
+            What is there is replaced.
+
+        Raises
+        ------
+        ArgumentError
+            Where it cannot be written.
+
+        Notes
+        -----
+        The file is an archive of arrays (``numpy.load``, nothing pickled), by these names:
+
+        ``about``
+            JSON as text: ``format`` (1), ``system`` (in the words of a case file), ``start`` and ``end`` [s],
+            ``status``, ``reason``, ``counts``, and what else the run says.
+        ``states``, ``signs``
+            Names of the n states and m surfaces.
+        ``initial``, ``end_state``, ``end_mode``
+            The state at the start, shape (2, n), with what rounding lost of it; state and mode at the end.
+        ``transition_time``, ``_time_low``, ``_kind``, ``_surface``, ``_from``, ``_to``, ``_state``, ``_landing``
+            (Each begins with ``transition``.) A row a transition: its time and what rounding lost of it, kind, index of the surface, modes before and
+            after as rows of ``modes``, state, and how it was landed on.
+        ``modes``
+            Modes as rows of m entries: -1, 0, +1.
+        ``step_time``, ``step_time_low``, ``step_unit``, ``step_coefficients``
+            With dense output a row a step: x_i(time + tau unit) = sum over k of coefficients[i, k] tau^k.
+        """
+        from henon_ref.simulation.run_file import RunRecord, write_run
+
+        write_run(Path(path), RunRecord(self.system, self.start_time, self._pairs, self.trajectory, self._steps))
+
+    def plot(
+        self,
+        x: str | None = None,
+        y: str | None = None,
+        ax: Axes | None = None,
+        transitions: bool = False,
+        **line: Any,
+    ) -> Axes:
+        """Phase portrait, coloured by mode, or with ``x="t"`` a state over time.
 
         Parameters
         ----------
         x : str, optional
-            What is across: a state, or ``"t"``; the first state if left out (of a system with one: t).
+            What is across: a state, or ``"t"``. If left out a position, of which ``y`` is the velocity (of a system
+            with one state: t).
         y : str, optional
-            The state upward; if left out the first surface's own, or another one than ``x``.
+            The state upward; if left out the velocity of ``x``. If both are, a body's velocity over its position: of
+            the body that the first surface is about.
         ax : matplotlib Axes, optional
-            Where the portrait is drawn, alone; a new figure of pyplot's if left out.
+            Where it is drawn; a new figure of pyplot's if left out.
+        transitions : bool
+            Mark each transition with a dot, and, where they are few, with its kind and time.
+        **line
+            Matplotlib's keywords of lines, such as ``color`` and ``linewidth``. With a ``label`` there is no legend of
+            modes: ``ax.legend()`` makes one of several runs.
 
         Returns
         -------
-        ndarray of matplotlib Axes
-            The portrait's, then one for each of the first four surfaces; ``axes[0].figure`` is the figure.
+        matplotlib Axes
+            ``axes.figure`` is the figure.
 
         Raises
         ------
         ArgumentError
             Without dense output, where the run has not left its start, and for a name that is no state.
         """
-        if self.sol is None or self.sol.end <= self.sol.start:
-            raise ArgumentError("nothing to plot: it takes dense output, and a run that has left its start")
         from henon_ref.simulation.plot import plotted
 
-        return plotted(self.system.model, self.motion(PLOTTED, self.t), x, y, ax)
+        marked = self.transitions if transitions else None
+        return plotted(self.system.model, self._drawn(), x, y, ax, marked, line)
+
+    def plot_time(self, *names: str, ax: Any = None, **line: Any) -> NDArray[Any]:
+        """States and surfaces over time, a panel each, with the sticks shaded.
+
+        Parameters
+        ----------
+        *names : str
+            States, and surfaces by their signs (of a scene: contacts by name), whose expressions are drawn; if left
+            out the states of the phase portrait and the first surfaces.
+        ax : matplotlib Axes, or a sequence of as many as names, optional
+            Where they are drawn; a new figure of pyplot's if left out.
+        **line
+            As in :meth:`plot`.
+
+        Returns
+        -------
+        ndarray of matplotlib Axes
+            One each.
+
+        Raises
+        ------
+        ArgumentError
+            As :meth:`plot`.
+        """
+        from henon_ref.simulation.plot import plotted_over_time
+
+        return plotted_over_time(self.system.model, self._drawn(), names, ax, line)
+
+    def _drawn(self) -> Motion:
+        """What a plot shows."""
+        if self.sol is None or self.sol.end <= self.sol.start:
+            raise ArgumentError("nothing to plot: it takes dense output, and a run that has left its start")
+        return self.motion(PLOTTED, self.t)
 
     def motion(self, count: int, more: ArrayLike = ()) -> Motion:
         """States and modes to be drawn: at a number of times, at each transition, and just before each jump.
@@ -174,14 +318,25 @@ class Solution(Outcome):
         ArgumentError
             Without dense output.
         """
-        if self.sol is None:
-            raise ArgumentError("without dense output there is nothing to draw: simulate with dense_output=True")
-        from henon_ref.figures.motion import Motion
-
         changes = self._changes["time"]
         jumps = np.nextafter(changes[self._changes["kind"] == RESET], -np.inf)
-        times = np.unique(np.concatenate([np.linspace(self.sol.start, self.sol.end, count), changes, jumps, more]))
-        return Motion(times, self.sol(times).T, tuple(self._modes(times)))
+        grid = np.linspace(self.start_time, self.trajectory.end_time, count)
+        return self.motion_at(np.unique(np.concatenate([grid, changes, jumps, more])))
+
+    def motion_at(self, times: ArrayLike) -> Motion:
+        """States and modes to be drawn at some times.
+
+        Raises
+        ------
+        ArgumentError
+            Without dense output, and for times outside the run.
+        """
+        if self.sol is None:
+            raise ArgumentError(f"a motion {_NO_DENSE}")
+        from henon_ref.figures.motion import Motion
+
+        at = np.atleast_1d(checked_times(times, self.start_time, self.trajectory.end_time))
+        return Motion(at, self.sol(at).T, tuple(self._modes(at)))
 
     def __repr__(self) -> str:
         end, changes = self.trajectory, len(self.trajectory.transitions)
@@ -189,7 +344,7 @@ class Solution(Outcome):
         since = self.undecided_after.values()
         why += f", decided until t = {min(since):.10g}" if since else ""
         return (
-            f"Solution({end.status}{why}; t = {self._start:.10g} to {end.end_time:.10g}, "
+            f"Solution({end.status}{why}; t = {self.start_time:.10g} to {end.end_time:.10g}, "
             f"{changes} transition{'s' if changes != 1 else ''}, {end.counts.steps} steps)"
         )
 

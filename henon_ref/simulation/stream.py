@@ -31,7 +31,7 @@ class TransitionStream(Iterator[Any]):
         for block in run.stream():
             yield from rows(block.visible(kinks) if model.kinks else block)
         assert run.ended is not None
-        self.outcome = Outcome(made, made.ended(run.ended)._replace(transitions=()))
+        self.outcome = Outcome(made.base, made.parameters, made.ended(run.ended)._replace(transitions=()))
 
     def __next__(self) -> Any:
         return next(self._rows)

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
 
-from henon_ref.casefile.tree import MappingNode, Node, SequenceNode
+from henon_ref.casefile.tree import as_written
 from henon_ref.simulation.system import MODEL_KEYS
 from henon_ref.simulation.written import written
 from henon_ref.sweeps.observations import Observation
@@ -57,7 +57,7 @@ def manifest_of(plan: Plan) -> dict[str, Any]:
 def _written(plan: Plan, name: str, title: str, source: str | None) -> dict[str, Any]:
     settings = plan.work.settings
     model = {
-        key: _yaml_value(settings.system.tree.entries[key]) for key in MODEL_KEYS if key in settings.system.tree.entries
+        key: as_written(settings.system.tree.entries[key]) for key in MODEL_KEYS if key in settings.system.tree.entries
     }
     initial = {state: written(settings.initial[state], state) for state in settings.system.state}
     mode = {"mode": {str(sign): int(side) for sign, side in settings.mode.items()}} if settings.mode else {}
@@ -81,11 +81,3 @@ def _written(plan: Plan, name: str, title: str, source: str | None) -> dict[str,
 def _observation(observation: Observation) -> Mapping[str, Any]:
     given = {f.name: getattr(observation, f.name) for f in fields(observation)}
     return {observation.kind: {name: value for name, value in given.items() if value is not None}}
-
-
-def _yaml_value(node: Node) -> Any:
-    if isinstance(node, MappingNode):
-        return {key: _yaml_value(entry) for key, entry in node.entries.items()}
-    if isinstance(node, SequenceNode):
-        return [_yaml_value(item) for item in node.items]
-    return node.value if node.value is None or isinstance(node.value, bool | int) else node.text

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from henon_ref.simulation.notice import is_watched
+from henon_ref.simulation.notice import NotebookLine, in_notebook, is_watched
 
 PERIOD = 0.2
 """Seconds between two pictures."""
@@ -27,6 +27,10 @@ def shown(total: int, *, quiet: bool = False) -> Iterator[Advance]:
     """
     if quiet or not is_watched():
         yield lambda points, kept: None
+        return
+    if in_notebook():
+        with _notebook_line(total) as advance:
+            yield advance
         return
     from rich.console import Console
     from rich.progress import (
@@ -62,3 +66,21 @@ def shown(total: int, *, quiet: bool = False) -> Iterator[Advance]:
                 bar.refresh()
 
         yield advance
+
+
+@contextmanager
+def _notebook_line(total: int) -> Iterator[Advance]:
+    """A line in a notebook, which stays there with the whole time."""
+    line, began, drawn, done, run = NotebookLine(), time.monotonic(), 0.0, 0, 0
+
+    def advance(points: int, kept: bool) -> None:
+        nonlocal done, run, drawn
+        done, run, now = done + points, run + (0 if kept else points), time.monotonic()
+        if now - drawn > PERIOD:
+            drawn = now
+            rate = run / max(now - began, 1e-9)
+            left = f", {(total - done) / rate:.0f} s left" if run else ""
+            line.show(f"{done:,} of {total:,} points, {rate:,.0f} runs/s{left}")
+
+    yield advance
+    line.show(f"{done:,} of {total:,} points in {time.monotonic() - began:.1f} s")

@@ -14,7 +14,8 @@ import sympy as sp
 
 from henon_ref.casefile.case import Reading, load_case
 from henon_ref.figures.description import description_of
-from henon_ref.figures.motion import Motion, axes_of_portrait, draw_modes, draw_portrait, motion_of
+from henon_ref.figures.motion import Motion, axes_of_portrait, draw_portrait, motion_of
+from henon_ref.figures.time_series import draw_modes
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.run_jobs import sample_times
 from henon_ref.harness.campaign.truth_job import statement_of

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from henon_ref.harness.cli.exit_status import warnings_shown
+from henon_ref.commands.exit_status import warnings_shown
 from henon_ref.jit import cache_folder as cachefolder
 from henon_ref.jit.cache_folder import VARIABLE, cache_root, note_unwritten, set_aside, watched_cache
 

@@ -6,8 +6,10 @@ import inspect
 from collections.abc import Callable
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import pytest
 import sympy as sp
+from PIL import Image
 
 import henon_ref as hr
 from henon_ref.casefile.case import reading_sources
@@ -130,3 +132,40 @@ def test_a_scene_without_a_free_body_or_with_other_parameters_is_refused() -> No
         scene.system()
     with pytest.raises(hr.ArgumentError, match="'parameters' must be a mapping"):
         hr.Scene(parameters=[1])  # type: ignore[arg-type]
+
+
+def belt_scene() -> hr.Scene:
+    scene = hr.Scene(parameters={"vb": 0.2})
+    block, disc, belt = scene.body("block", 1), scene.rotor("disc", 1), scene.prescribed("belt", velocity="vb")
+    scene.spring(block, scene.wall, stiffness=1)
+    scene.friction(block, belt, law="coulomb", force=1, name="rub")
+    scene.torque(disc, "cos(t)")
+    return scene
+
+
+def test_a_scene_is_drawn_and_moves(tmp_path: Path) -> None:
+    scene = belt_scene()
+    axes = scene.plot(facecolor="gold")
+    assert {"block", "friction rub"} <= {text.get_text() for text in axes.texts}
+    system = scene.system()
+    run = hr.simulate(system, dict.fromkeys(system.state, 0), until=10)
+    moving = scene.animate(run, times=[0, 5, 10])
+    moving.save(tmp_path / "belt.gif")
+    with Image.open(tmp_path / "belt.gif") as picture:
+        assert picture.n_frames == 3
+    assert moving._fig.axes[0].get_title(loc="left") == "t = 10.00 s   rub: slip"
+    assert "<script" in moving._repr_html_()
+    plt.close("all")
+
+
+def test_what_cannot_be_drawn_is_said() -> None:
+    scene, other = belt_scene(), hr.System(["x"], {}, {}, ["1"])
+    with pytest.raises(hr.HenonRefError, match="the run has the states x; wanted a run of this scene's system"):
+        scene.animate(hr.simulate(other, {"x": 0}, until=1))
+    system = scene.system()
+    with pytest.raises(hr.HenonRefError, match="dense_output=True"):
+        scene.animate(hr.simulate(system, dict.fromkeys(system.state, 0), until=1, dense_output=False))
+    for k in range(12):
+        scene.body(f"b{k}", mass=1)
+    with pytest.raises(hr.HenonRefError, match="16 bodies; a picture shows at most 12"):
+        scene.plot()

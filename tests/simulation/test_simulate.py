@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from fractions import Fraction
+from inspect import signature
 from pathlib import Path
 
 import numpy as np
 import pytest
 import sympy as sp
+from scipy.integrate import solve_ivp
 
 import henon_ref as hr
 from baselines.henon import HENON_SOLVER
@@ -211,3 +214,22 @@ def test_names_may_be_symbols() -> None:
 def test_a_surface_without_a_value_at_the_start_is_refused(surface: str, x: object) -> None:
     with pytest.raises(hr.HenonRefError, match="the surface of 's' has no finite real value at the start"):
         hr.simulate(hr.System(["x"], {}, {"s": surface}, ["1"]), {"x": x}, until=1)
+
+
+@pytest.mark.parametrize("function", [hr.simulate, hr.stream])
+def test_arguments_of_scipy_are_refused_with_what_to_write(function: Callable[..., object]) -> None:
+    system = hr.System(["x"], {}, {}, ["-x"])
+    names = [name for name in signature(solve_ivp).parameters if name not in ("fun", "dense_output", "options")]
+    for name in (*names, "rtol", "atol"):
+        given = {"until": 1, name: 1e-6}
+        if name in ("rtol", "atol"):
+            function(system, {"x": 1}, **given)
+            continue
+        with pytest.raises(ValueError, match=f"{function.__name__} has no argument '{name}': "):
+            function(system, {"x": 1}, **given)
+    with pytest.raises(ValueError, match=r"write run\.sol\(times\), or run\.to_dataframe\(times\)"):
+        function(system, {"x": 1}, until=1, t_eval=[0, 1])
+    with pytest.raises(TypeError, match=r"got an unexpected keyword argument 'untill'"):
+        function(system, {"x": 1}, untill=1)
+    with pytest.raises(ValueError, match="the field as text, not a function"):
+        function(lambda t, y: -y, (0, 10))

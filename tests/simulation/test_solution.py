@@ -132,29 +132,102 @@ def test_a_refused_start_has_no_solution_but_its_own(stick_slip: hr.Solution) ->
         run.sol(0.1)
 
 
-@pytest.mark.parametrize(("name", "panels"), [("stribeck_belt", 1), ("leaving_slide", 1), ("two_blocks", 2)])
+@pytest.mark.parametrize(("name", "panels"), [("stribeck_belt", 3), ("leaving_slide", 2), ("two_blocks", 4)])
 def test_it_is_drawn(name: str, panels: int) -> None:
     case = hr.System.from_case(CASES / f"{name}.yaml")
-    axes = hr.simulate(case, case.initial, until=case.until).plot()
-    assert len(axes) == 1 + panels
+    run = hr.simulate(case, case.initial, until=case.until)
+    assert run.plot().lines
+    axes = run.plot_time()
+    assert len(axes) == panels
     assert all(a.lines for a in axes)
-    plt.close(axes[0].figure)
+    plt.close("all")
 
 
 def test_states_and_axes_of_the_portrait_are_chosen(stick_slip: hr.Solution) -> None:
     axes = stick_slip.plot(x="v", y="x")
-    assert (axes[0].get_xlabel(), axes[0].get_ylabel()) == ("$v$", "$x$")
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("$v$", "$x$")
     own = plt.figure().subplots()
-    over_time = stick_slip.plot(x="t", y="v", ax=own)
-    assert list(over_time) == [own]
+    assert stick_slip.plot(x="t", y="v", ax=own) is own
     assert (own.get_xlabel(), own.get_ylabel()) == ("time t [s]", "$v$")
-    assert stick_slip.plot(y="x")[0].get_xlabel() == "$v$"
-    assert stick_slip.plot(x="v")[0].get_ylabel() == "$x$"
+    assert stick_slip.plot(y="x").get_xlabel() == "$v$"
+    assert stick_slip.plot(x="v").get_ylabel() == "$x$"
     with pytest.raises(hr.HenonRefError, match=r"x is 'w', which is no state.*wanted one of x, v, t"):
         stick_slip.plot(x="w")
     with pytest.raises(hr.HenonRefError, match="y is 't', which is no state"):
         stick_slip.plot(y="t")
     plt.close("all")
+
+
+def test_runs_are_drawn_over_each_other_in_a_style_of_ones_own(stick_slip: hr.Solution) -> None:
+    axes = stick_slip.plot(label="slow", color="red", lw=0.5)
+    longer = hr.simulate(BELT, {"x": 3, "v": 0}, until=20)
+    assert longer.plot(ax=axes, label="far", ls=":") is axes
+    assert {line.get_color() for line in axes.lines[: len(axes.lines) // 2 - 1]} == {"red"}
+    assert [text.get_text() for text in axes.legend().get_texts()] == ["slow", "far"]
+    assert axes.get_xlim()[1] > 3  # both within the limits
+    with pytest.raises(AttributeError, match="colour"):
+        stick_slip.plot(colour="red")
+    plt.close("all")
+
+
+def test_transitions_are_marked_and_places_of_one_kind_share_a_name(stick_slip: hr.Solution) -> None:
+    axes = stick_slip.plot(transitions=True)
+    dots = axes.lines[-1]
+    assert dots.get_xdata().tolist() == stick_slip.transitions["x"].tolist()
+    words = [text.get_text() for text in axes.texts if text.get_text()]
+    assert len(words) < len(stick_slip.transitions)
+    assert all(text.split()[0] in {"stick", "release", "crossing"} for text in words)
+    assert stick_slip.plot(x="t", y="v", transitions=True).lines[-1].get_xdata().tolist() == dots_at(stick_slip)
+    plt.close("all")
+
+
+def dots_at(run: hr.Solution) -> list[float]:
+    return run.transitions["time_s"].tolist()
+
+
+def test_states_and_surfaces_over_time_are_chosen(stick_slip: hr.Solution) -> None:
+    axes = stick_slip.plot_time("s", "x", color="green")
+    assert [a.get_ylabel() for a in axes] == ["$s$:  $h = v - v_{b}$", "$x$"]
+    assert axes[1].lines[-1].get_color() == "green"
+    below = plt.figure().subplots()
+    assert list(stick_slip.plot_time("v", ax=below)) == [below]
+    with pytest.raises(hr.HenonRefError, match=r"'w' is no state and no surface.*wanted some of x, v, s"):
+        stick_slip.plot_time("w")
+    with pytest.raises(hr.HenonRefError, match="ax holds 1 axes; wanted 2, one each for x, v"):
+        stick_slip.plot_time("x", "v", ax=below)
+    plt.close("all")
+
+
+def test_a_portrait_shows_a_body_against_its_own_speed() -> None:
+    scene = hr.Scene()
+    first, second = (scene.body(name, mass=1) for name in ("first", "second"))
+    scene.spring(first, second, stiffness=1)
+    scene.friction(second, scene.wall, law="coulomb", force=1)
+    system = scene.system()
+    run = hr.simulate(system, {"x_first": 3, "v_first": 0, "x_second": 0, "v_second": 1}, until=5)
+    axes = run.plot()
+    assert (axes.get_xlabel(), axes.get_ylabel()) == (r"$x_{\mathrm{second}}$", r"$v_{\mathrm{second}}$")
+    assert run.plot(x="x_first").get_ylabel() == r"$v_{\mathrm{first}}$"
+    plt.close("all")
+
+
+def test_states_by_name_and_as_a_table(stick_slip: hr.Solution) -> None:
+    assert stick_slip["v"].tolist() == stick_slip.y[1].tolist()
+    assert stick_slip["t"].tolist() == stick_slip.t.tolist()
+    with pytest.raises(hr.HenonRefError, match="'s' is no state; wanted one of x, v, t"):
+        stick_slip["s"]
+    table = stick_slip.to_dataframe()
+    assert list(table.columns) == ["t", "x", "v", "s"]
+    assert table[["x", "v"]].to_numpy().T.tolist() == stick_slip.y.tolist()
+    at = table[table["t"] == stick_slip.sticks.start_s[0]]
+    assert at["s"].tolist()[:2] == [1, 0]  # before it and after it
+    few = stick_slip.to_dataframe([0, 10.5])
+    assert few[["x", "v"]].to_numpy().T.tolist() == stick_slip.sol([0, 10.5]).tolist()
+    assert few["s"].tolist() == [stick_slip.mode(t)["s"] for t in (0, 10.5)]
+    plain = hr.simulate(BELT, {"x": 1.5, "v": 0}, until=20, dense_output=False)
+    assert plain.to_dataframe()["s"].tolist()[-1] == -1
+    with pytest.raises(hr.HenonRefError, match="dense_output=True"):
+        plain.to_dataframe([1.0])
 
 
 @pytest.mark.parametrize("call", ["run.plot()", "hr.plots.histogram(table, 'x')"])
@@ -177,7 +250,7 @@ def test_a_notebook_shows_all_figures(tmp_path: Path, call: str) -> None:
 
 def test_a_blow_up_is_drawn_up_to_where_it_leaves_the_rest_behind() -> None:
     run = hr.simulate(hr.System(["x"], {}, {"s": "x - 2"}, ["x^2"]), {"x": 1}, until=2)
-    axes = run.plot()
+    axes = run.plot_time()
     assert run.status == "diverged"
     assert all(a.get_ylim()[1] < 1e3 for a in axes)
     plt.close(axes[0].figure)

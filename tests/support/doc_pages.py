@@ -3,9 +3,9 @@
 ``python -m tests.support.doc_pages docs/bifurcation.md ...`` runs pages, and puts the pictures that their blocks save
 where the pages show them, in ``docs/pictures``.
 
-* ``python`` blocks run one after the other with the same names, ``bash`` blocks under ``bash -euo pipefail``, in a
-  folder of the page's own, where ``cases`` is the repository's and ``.venv/bin`` leads to this Python. A ``text`` block
-  below is what they print (``...`` stands for anything).
+* ``python`` blocks run one after the other with the same names, ``bash`` blocks under ``bash -euo pipefail``, ``matlab``
+  blocks by Octave where it is installed, in a folder of the page's own, where ``cases`` is the repository's and
+  ``.venv/bin`` leads to this Python. A ``text`` block below is what they print (``...`` stands for anything).
 * ``<!-- file: NAME -->`` before a block: it is written to that file instead.
 * ``yaml`` blocks that are case or sweep files are read as such, ``json``, ``toml`` and ``csv`` blocks are read.
 * ``<!-- not run: REASON -->`` before a block: it is not run. A block in any other language needs that.
@@ -19,6 +19,7 @@ import doctest
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -46,6 +47,7 @@ tried before. Made by ``python -m henon_ref.truth``; what does not fit a case an
 SECONDS = 600
 """That a block in a shell may take."""
 SHELLS = ("bash", "sh", "shell", "console")
+MATLAB = "matlab"
 UNREAD = ("text", "", "diff")
 """Languages of blocks that say something and do nothing."""
 _COMMAND = re.compile(r"(\S*/bin/)?(python3?|pip|henon-ref)\b")
@@ -86,7 +88,7 @@ def blocks(text: str) -> list[Block]:
 
 def _block(token: Token, last: Block | Token | None, found: list[Block]) -> Block | None:
     language = token.info.strip() or (_guessed(token.content) if token.type == "code_block" else "")
-    runs = isinstance(last, Block) and last.language in ("python", *SHELLS) and last.file is None
+    runs = isinstance(last, Block) and last.language in ("python", MATLAB, *SHELLS) and last.file is None
     if isinstance(last, Block) and runs and language == "text" and last.shown is None:
         last.shown = token.content
         return None
@@ -139,6 +141,10 @@ def _run(block: Block, place: str, names: dict[str, object], environment: dict[s
         _write(block)
     if block.language in SHELLS:
         _compare(block, place, _shell(block.code, place, environment))
+    elif block.language == MATLAB:
+        Path("program.m").write_text(block.code, encoding="utf-8")
+        if shutil.which("octave"):
+            _compare(block, place, _shell("octave --quiet --no-gui program.m", place, environment))
     elif block.language == "python" and block.file is None:
         printed = StringIO()
         with redirect_stdout(printed):

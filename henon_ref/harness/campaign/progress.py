@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import shutil
 import sys
@@ -12,6 +13,7 @@ from typing import TextIO
 from henon_ref.harness.campaign.options import TRUTH, Silent
 from henon_ref.harness.campaign.rows import Record
 from henon_ref.harness.campaign.settings import Setting
+from henon_ref.simulation.notice import NotebookLine, in_notebook
 from henon_ref.text import message
 
 PERIOD = 0.2
@@ -31,12 +33,13 @@ class ProgressLine(Silent, AbstractContextManager["ProgressLine"]):
         None: standard error.
     name : str, optional
         Of the case, where a comparison is called from Python: the last line stays, and where none can be written over,
-        there is one now and then. A command shows a line or nothing, and takes it back.
+        there is one now and then. A command takes it back, and where none can be written over it tells of each row.
     """
 
     def __init__(self, stream: TextIO | None = None, name: str | None = None) -> None:
         self._stream = stream or sys.stderr
         self._name = name
+        self._notebook = NotebookLine() if in_notebook() else None
         self.seen = is_seen(self._stream)
         """Whether the line is written over."""
         self._what, self._done, self._total = "truths", 0, 0
@@ -74,8 +77,14 @@ class ProgressLine(Silent, AbstractContextManager["ProgressLine"]):
     def row(self, finished: Record) -> None:
         """A row is finished."""
         run = finished.run
-        self._at_work.pop(f"{run.case} {run.reading} {run.solver} {Setting(run.rtol, step=run.step_s).label}", None)
+        what = f"{run.case} {run.reading} {run.solver} {Setting(run.rtol, step=run.step_s).label}"
+        self._at_work.pop(what, None)
         self._done += 1
+        if not self.seen and self._name is None:
+            right = run.verdict == "right" and run.digits is not None
+            found = f", {math.floor(10 * (run.digits or 0)) / 10} digits" if right else ""
+            words = f"{self._done} of {self._total}: {what}: {run.verdict or run.status}{found}"
+            print(message(words), file=self._stream, flush=True)
 
     def tick(self) -> None:
         """Some time has passed: show the line, now and then."""
@@ -107,6 +116,9 @@ class ProgressLine(Silent, AbstractContextManager["ProgressLine"]):
         return f"{name}{self._done} of {self._total} {self._what}"
 
     def _show(self, line: str, end: str) -> None:
+        if self._notebook is not None:
+            self._notebook.show(message(line))
+            return
         line = message(line)[: shutil.get_terminal_size().columns - 1]
         padded = line.ljust(self._written)  # what was longer is written over
         self._stream.write(f"\r{padded}{end}" if self.seen else f"{line}{end}")
@@ -118,6 +130,4 @@ def is_seen(stream: TextIO | None) -> bool:
     """Whether somebody watches a stream and a line of it can be written over: a terminal, or a notebook."""
     if stream is None:
         return False
-    shell = sys.modules.get("IPython")
-    in_notebook = shell is not None and getattr(shell.get_ipython(), "kernel", None) is not None
-    return in_notebook or (stream.isatty() and os.environ.get("TERM") not in ("dumb", "unknown"))
+    return in_notebook() or (stream.isatty() and os.environ.get("TERM") not in ("dumb", "unknown"))

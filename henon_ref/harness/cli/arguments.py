@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
+from henon_ref.commands.typer_app import FLAG, Cases, application, examples
 from henon_ref.harness.cli.request import Request
-from henon_ref.harness.cli.typer_app import FLAG, Cases, application, examples
 
 app = application()
 

@@ -10,9 +10,9 @@ import typer
 
 from henon_ref.casefile.outline import Outline, outline
 from henon_ref.casefile.shipped import located, shipped_folder, yaml_files
+from henon_ref.commands.exit_status import DONE, exit_status, parsed
+from henon_ref.commands.typer_app import application, examples
 from henon_ref.errors import CaseError
-from henon_ref.harness.cli.exit_status import DONE, exit_status, parsed
-from henon_ref.harness.cli.typer_app import application, examples
 from henon_ref.harness.table import Table
 from henon_ref.text import did_you_mean, listed
 

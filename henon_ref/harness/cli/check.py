@@ -1,7 +1,7 @@
 """Whether reports that lie there still say what a fresh comparison says, wall times apart.
 
 ``python -m henon_ref.check CASE... [--reports DIR] [--fresh DIR]``: exit status 1 with a line for everything
-that differs; for the others see :mod:`henon_ref.harness.cli.exit_status`. ``--fresh`` takes the fresh results from a
+that differs; for the others see :mod:`henon_ref.commands.exit_status`. ``--fresh`` takes the fresh results from a
 folder that ``henon_ref.compare`` has just filled; without it they are made here, each run once.
 """
 
@@ -17,12 +17,12 @@ from typing import Annotated
 
 import typer
 
+from henon_ref.commands.exit_status import DONE, NOT_MET, exit_status, parsed, say
+from henon_ref.commands.typer_app import Cases, application, examples
 from henon_ref.errors import CaseError
 from henon_ref.harness.campaign.case_files import load_cases
 from henon_ref.harness.campaign.comparison import Comparison, compare_all
 from henon_ref.harness.campaign.options import Options
-from henon_ref.harness.cli.exit_status import DONE, NOT_MET, exit_status, parsed, say
-from henon_ref.harness.cli.typer_app import Cases, application, examples
 from henon_ref.harness.registry import is_peer
 from henon_ref.harness.report.case_report import write_report
 from henon_ref.harness.report.files.manifest import provenance

@@ -1,7 +1,7 @@
 """The command: case files in, reports out.
 
 ``python -m henon_ref.compare CASE.yaml [...]``. Exit status 1: the gate is not met or a required solver is wrong; for
-the others see :mod:`henon_ref.harness.cli.exit_status`.
+the others see :mod:`henon_ref.commands.exit_status`.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import TYPE_CHECKING
 
-from henon_ref.harness.cli import status_line
-from henon_ref.harness.cli.exit_status import DONE, NOT_MET, exit_status, parsed, say, writing_into
+from henon_ref.commands import status_line
+from henon_ref.commands.exit_status import DONE, NOT_MET, exit_status, parsed, say, writing_into
 from henon_ref.text import listed
 
 if TYPE_CHECKING:

@@ -8,15 +8,15 @@ from pathlib import Path
 from typing import NamedTuple
 
 from henon_ref.casefile.case import Case
+from henon_ref.commands import status_line
+from henon_ref.commands.exit_status import say
 from henon_ref.harness.campaign.case_files import load_cases
 from henon_ref.harness.campaign.comparison import Comparison, compare_all
 from henon_ref.harness.campaign.journal import FILE, read
 from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.campaign.plan import check_required, check_solvers
 from henon_ref.harness.campaign.progress import ProgressLine
-from henon_ref.harness.cli import status_line
 from henon_ref.harness.cli.end_output import EndTable, case_line, document, print_end
-from henon_ref.harness.cli.exit_status import say
 from henon_ref.harness.cli.request import Request
 from henon_ref.harness.report.case_report import write_report
 from henon_ref.harness.report.files.figure_jobs import figure_job, preload

@@ -1,7 +1,7 @@
 """What case files say, without a run: states, surfaces, effects, the equations of each mode.
 
 ``henon-ref explain CASE...``, and ``compare CASE... --check``. Exit statuses: see
-:mod:`henon_ref.harness.cli.exit_status`.
+:mod:`henon_ref.commands.exit_status`.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from pathlib import Path
 import sympy as sp
 
 from henon_ref.casefile.case import Case, Reading
+from henon_ref.commands.exit_status import DONE, exit_status, parsed
+from henon_ref.commands.typer_app import Cases, application, examples
 from henon_ref.errors import ModelError
 from henon_ref.filippov.modes import Mode, mode_text
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.harness.campaign.case_files import load_cases
-from henon_ref.harness.cli.exit_status import DONE, exit_status, parsed
-from henon_ref.harness.cli.typer_app import Cases, application, examples
 from henon_ref.harness.report.text.formats import count
 from henon_ref.taylor.size import size, total_size
 from henon_ref.text import listed, message

@@ -1,7 +1,7 @@
 """The command: whether reports hold: the bounds of their cases, solvers that have to be right, an earlier comparison.
 
 Exit status 1: a bound is not met or none was checked, a required solver is wrong, a row is worse than in the baseline;
-for the others see :mod:`henon_ref.harness.cli.exit_status`.
+for the others see :mod:`henon_ref.commands.exit_status`.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from typing import Annotated
 
 import typer
 
+from henon_ref.commands.exit_status import DONE, NOT_MET, exit_status, parsed, say
+from henon_ref.commands.typer_app import application, examples
 from henon_ref.errors import CaseError
 from henon_ref.harness.atomic_write import replace_file
 from henon_ref.harness.cli.arguments import names
-from henon_ref.harness.cli.exit_status import DONE, NOT_MET, exit_status, parsed, say
-from henon_ref.harness.cli.typer_app import application, examples
 from henon_ref.harness.report.files.manifest import read_bounds
 from henon_ref.harness.report.files.write import MANIFEST, RUNS
 from henon_ref.harness.report.text.ci import junit_xml, step_summary

@@ -14,8 +14,8 @@ from typing import Annotated
 
 import typer
 
-from henon_ref.harness.cli.exit_status import DONE, exit_status, parsed
-from henon_ref.harness.cli.typer_app import FLAG, examples
+from henon_ref.commands.exit_status import DONE, exit_status, parsed
+from henon_ref.commands.typer_app import FLAG, examples
 
 
 @dataclass(frozen=True)
@@ -23,13 +23,19 @@ class Subcommand:
     """Where a subcommand is found, and what the list of them says of it."""
 
     target: str
-    """``module:function`` below :mod:`henon_ref.harness.cli`: a function of the arguments, which returns the status."""
+    """``module:function``, in :mod:`henon_ref.harness.cli` unless it says more: it takes the arguments, and returns the
+    status."""
     summary: str
+
+    @property
+    def module(self) -> str:
+        """The module's whole name."""
+        name = self.target.partition(":")[0]
+        return f"henon_ref.{name}" if "." in name else f"henon_ref.harness.cli.{name}"
 
     def run(self, arguments: Sequence[str]) -> int:
         """Import it, and run it; the exit status."""
-        module, _, function = self.target.partition(":")
-        return int(getattr(import_module(f"henon_ref.harness.cli.{module}"), function)(arguments))
+        return int(getattr(import_module(self.module), self.target.partition(":")[2])(arguments))
 
 
 SUBCOMMANDS = {
@@ -37,7 +43,8 @@ SUBCOMMANDS = {
     "explain": Subcommand("explain_cases:command", "Explain what case files say, without a run."),
     "gate": Subcommand("gate:command", "Check reports against their cases' gates, and against an earlier comparison."),
     "check": Subcommand("check:command", "Check stored reports against a fresh comparison."),
-    "simulate": Subcommand("simulate:command", "Simulate one case with the reference, and print its transitions."),
+    "demo": Subcommand("commands.demo:command", "Draw a stick-slip orbit with its transitions."),
+    "simulate": Subcommand("commands.simulate:command", "Simulate one case: its transitions, a picture."),
     "sweep": Subcommand("sweep:program", "Run one system at many points, and observe each run."),
     "cases": Subcommand("cases:command", "List cases: names, sizes, titles, tags."),
     "solvers": Subcommand("solvers:command", "List solvers: versions, options, and why one cannot be had."),
@@ -48,7 +55,7 @@ SUBCOMMANDS = {
 }
 """Name -> subcommand, in the order of the list."""
 
-EXAMPLES = ("cases", "compare fig8", "explain my_case.yaml", "compare --help")
+EXAMPLES = ("demo", "cases", "compare fig8", "explain my_case.yaml", "compare --help")
 
 
 @dataclass(frozen=True)

@@ -16,9 +16,9 @@ from typing import Annotated
 import typer
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from henon_ref.commands.exit_status import DONE, exit_status, parsed
 from henon_ref.errors import CaseError
 from henon_ref.harness import registry
-from henon_ref.harness.cli.exit_status import DONE, exit_status, parsed
 from henon_ref.text import message, shortened
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from henon_ref.harness.cli.exit_status import DONE, exit_status, parsed
-from henon_ref.harness.cli.typer_app import application, examples
+from henon_ref.commands.exit_status import DONE, exit_status, parsed
+from henon_ref.commands.typer_app import application, examples
 from henon_ref.harness.table import Table
 from henon_ref.text import message
 

@@ -1,6 +1,6 @@
 """The command: ``henon-ref study NAME [CASES] [--out out]``.
 
-Exit status 1: a claim of the page fails its check; for the others see :mod:`henon_ref.harness.cli.exit_status`.
+Exit status 1: a claim of the page fails its check; for the others see :mod:`henon_ref.commands.exit_status`.
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ from typing import Annotated
 
 import typer
 
-from henon_ref.harness.cli import status_line
-from henon_ref.harness.cli.exit_status import DONE, NOT_MET, exit_status, parsed, say, writing_into
-from henon_ref.harness.cli.typer_app import FLAG, application, examples
+from henon_ref.commands import status_line
+from henon_ref.commands.exit_status import DONE, NOT_MET, exit_status, parsed, say, writing_into
+from henon_ref.commands.typer_app import FLAG, application, examples
 from henon_ref.harness.studies.study import STUDIES, Asked, Study
 
 app = application()

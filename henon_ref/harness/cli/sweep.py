@@ -1,7 +1,7 @@
 """The command: a sweep file in, Parquet files out.
 
 ``python -m henon_ref.sweep SWEEP.yaml [--out DIR] [--jobs N] [--dask ADDRESS] [--resume] [--plot]``. For the exit
-statuses see :mod:`henon_ref.harness.cli.exit_status`.
+statuses see :mod:`henon_ref.commands.exit_status`.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from henon_ref.commands import status_line
+from henon_ref.commands.exit_status import DONE, exit_status, parsed
+from henon_ref.commands.typer_app import FLAG, application, examples
 from henon_ref.errors import CaseError
-from henon_ref.harness.cli import status_line
-from henon_ref.harness.cli.exit_status import DONE, exit_status, parsed
-from henon_ref.harness.cli.typer_app import FLAG, application, examples
 
 if TYPE_CHECKING:
     from henon_ref.sweeps.storage import SweepFolder

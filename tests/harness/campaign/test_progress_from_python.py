@@ -12,6 +12,7 @@ from henon_ref.harness.campaign import progress
 from henon_ref.harness.campaign.progress import ProgressLine, is_seen
 from henon_ref.harness.campaign.rows import Record
 from henon_ref.harness.rows import RunRow
+from henon_ref.sweeps.progress import shown as shown_sweep
 
 
 class Terminal(io.StringIO):
@@ -28,7 +29,7 @@ def clock(monkeypatch):
     return now
 
 
-RUN = RunRow("belt", "default", "henon", rtol=1e-9)
+RUN = RunRow("belt", "default", "henon", rtol=1e-9, verdict="right", digits=11.27)
 
 
 def shown(stream: io.StringIO, clock: list[float], name: str | None) -> str:
@@ -66,7 +67,7 @@ def test_elsewhere_there_are_a_few_lines_and_of_a_command_none(clock):
     text = shown(io.StringIO(), clock, "belt")
     clock[0] = 0.0
     assert text.splitlines() == [*(f"belt: {line}" for line in LINES), "belt: 4 of 12 rows, 6.1 s"]
-    assert shown(io.StringIO(), clock, None) == ""
+    assert shown(io.StringIO(), clock, None) == "4 of 12: belt default henon rtol 1e-09: right, 11.2 digits\n"
 
 
 def test_what_is_watched_is_a_terminal_or_a_notebook(monkeypatch):
@@ -77,3 +78,28 @@ def test_what_is_watched_is_a_terminal_or_a_notebook(monkeypatch):
     for shell, seen in ((None, False), (SimpleNamespace(), False), (SimpleNamespace(kernel=object()), True)):
         monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda shell=shell: shell))
         assert is_seen(io.StringIO()) == seen
+
+
+def test_a_notebook_s_line_is_its_own_output_not_standard_error(clock, monkeypatch):
+    """Which notebooks colour as if something were wrong; no widgets are needed for it."""
+    told: list[str] = []
+
+    class Handle:
+        def update(self, content: dict[str, str], raw: bool) -> None:
+            told.append(content["text/plain"])
+
+    def display(content: dict[str, str], raw: bool, display_id: bool) -> Handle:
+        told.append(content["text/plain"])
+        return Handle()
+
+    shell = SimpleNamespace(kernel=object())
+    monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: shell))
+    monkeypatch.setitem(sys.modules, "IPython.display", SimpleNamespace(display=display))
+    stream = io.StringIO()
+    assert shown(stream, clock, "belt") == ""
+    assert told == [*(f"belt: {line}" for line in LINES), "belt: 4 of 12 rows, 6.1 s"]
+    told.clear()
+    with shown_sweep(20) as advance:
+        advance(5, False)
+        advance(15, False)
+    assert told == ["5 of 20 points, 5,000,000,000 runs/s, 0 s left", "20 of 20 points in 0.0 s"]

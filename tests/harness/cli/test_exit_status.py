@@ -14,8 +14,9 @@ from pathlib import Path
 
 import pytest
 
+from henon_ref.commands import crash_log, exit_status
 from henon_ref.errors import CaseError
-from henon_ref.harness.cli import check, compare_cases, crash_log, exit_status
+from henon_ref.harness.cli import check, compare_cases
 from henon_ref.harness.cli import truth as truth_command
 from henon_ref.harness.report.files import write
 
@@ -158,7 +159,7 @@ def test_a_reader_that_has_gone_is_no_failure(tmp_path):
 
 def test_what_a_terminal_has_no_characters_for_is_written_another_way():
     call = "exit_status.exit_status(lambda: print(chr(233)), name='', arguments=[])"
-    script = f"import sys; from henon_ref.harness.cli import exit_status; sys.exit({call})"
+    script = f"import sys; from henon_ref.commands import exit_status; sys.exit({call})"
     environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
     done = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True)
     assert (done.returncode, done.stdout, done.stderr) == (0, "\\xe9\n", "")

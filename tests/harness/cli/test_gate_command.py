@@ -83,7 +83,7 @@ def test_bounds_on_what_did_not_run_are_left_out_and_none_at_all_does_not_pass(o
     assert gate(out) == 1
     assert capsys.readouterr().err.splitlines() == [
         "gate: bounds on what did not run are left out: henon",
-        "gate: none of the 2 bounds of the gate is on a solver that ran",
+        "gate: its 2 bounds belong to solvers that were not run",
     ]
 
 

@@ -14,9 +14,7 @@ from henon_ref import __version__
 from henon_ref.harness.cli import main
 from henon_ref.harness.cli.main import SUBCOMMANDS, Subcommand, program
 
-THERE = [
-    name for name, own in SUBCOMMANDS.items() if find_spec(f"henon_ref.harness.cli.{own.target.partition(':')[0]}")
-]
+THERE = [name for name, own in SUBCOMMANDS.items() if find_spec(own.module)]
 """``new-solver`` is a module of its own, which is listed before it is there."""
 HEAVY = {"numpy", "scipy", "sympy", "numba", "heyoka", "sksundae", "flint", "pandas", "matplotlib", "llvmlite"}
 

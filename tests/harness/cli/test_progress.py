@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from problems import LEAVING_SLIDE
 
-from henon_ref.harness.cli import status_line
+from henon_ref.commands import status_line
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="a terminal is a pseudo-terminal here")
 QUICK = ["--solvers", "scipy-dop853", "--tolerances", "1e-6", "--repeats", "1", "--no-figures", "--out", "out"]

@@ -137,7 +137,7 @@ def test_a_gate_that_is_not_met_says_what_is_not():
     assert (state, checked, left_out) == ("not met", "2 of 2", "")
     assert not_met.startswith("default: henon (rtol 1e-06): status wrong")
     assert "not met" in [own.rows[0][0] for own in tables(report_text(comparison, ORIGIN))]
-    assert why_unchecked(Gate(1, 0)) == "the only bound of the gate is on no solver that ran"
+    assert why_unchecked(Gate(1, 0)) == "its only bound belongs to solvers that were not run"
 
 
 def test_modes_and_parameters_in_formulas():

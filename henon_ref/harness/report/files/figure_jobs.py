@@ -46,8 +46,9 @@ class FigureJob(Job):
         return {file_name(self.reading, kind): svg(drawn) for kind, drawn in self._figures().items()}
 
     def _figures(self) -> dict[str, Figure]:
-        from henon_ref.figures.motion import draw_modes, draw_portrait, motion_of
+        from henon_ref.figures.motion import draw_portrait, motion_of
         from henon_ref.figures.scene import draw_scene
+        from henon_ref.figures.time_series import draw_modes
         from henon_ref.harness.figures.cost import draw_cost
         from henon_ref.harness.figures.errors import draw_errors
 

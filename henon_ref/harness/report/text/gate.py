@@ -27,11 +27,14 @@ def why_unchecked(gate: Gate) -> str:
     """Why no bound of a gate was checked."""
     if not gate.total:
         return "there is no bound"
+    bounds = "its only bound belongs" if gate.total == 1 else f"its {gate.total} bounds belong"
+    return f"{bounds} to {_not_run(gate)}"
+
+
+def _not_run(gate: Gate) -> str:
+    """What the bounds belong to that were not checked."""
     solvers_only = all(rtol is None for _, rtol in gate.left_out)
-    what = "solver that ran" if solvers_only else "solver that ran, at a tolerance that did"
-    if gate.total == 1:
-        return f"the only bound of the gate is on no {what}"
-    return f"none of the {gate.total} bounds of the gate is on a {what}"
+    return f"{'solvers' if solvers_only else 'solvers or tolerances'} that were not run"
 
 
 def bounds_left_out(gate: Gate) -> str:
@@ -51,8 +54,11 @@ def gate_state(gate: Gate, failed: bool, *, wanted: bool) -> str:
         return "; gate not met"
     if not gate.checked:
         return f"; gate not checked: {why_unchecked(gate)}"
-    part = "" if gate.checked == gate.total else f" ({gate.checked} of {gate.total} bounds checked)"
-    return f"; gate met{part}"
+    if gate.checked == gate.total:
+        return "; gate met"
+    others = gate.total - gate.checked
+    belong = f"{others} {'belongs' if others == 1 else 'belong'} to {_not_run(gate)}"
+    return f"; gate met: {gate.checked} of {gate.total} bounds checked, {belong}"
 
 
 def demands_state(demands: Mapping[str, Demand]) -> str:

@@ -20,7 +20,7 @@ Folder = Annotated[Path, typer.Option(help="Folder of the page and its figures."
 
 
 def application() -> typer.Typer:
-    """An application whose errors and interrupts are told by :mod:`henon_ref.harness.cli.exit_status`."""
+    """An application whose errors and interrupts are told by :mod:`henon_ref.commands.exit_status`."""
     return typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 

@@ -19,8 +19,8 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, TextIO
 
+from henon_ref.commands import status_line
 from henon_ref.errors import CaseError, HenonRefError
-from henon_ref.harness.cli import status_line
 from henon_ref.text import message
 
 DONE, NOT_MET, BAD, UNFORESEEN, INTERRUPTED = 0, 1, 2, 3, 130
@@ -50,7 +50,7 @@ def exit_status(act: Callable[[], int], *, name: str, arguments: Sequence[str] |
             say("; ".join(part for part in ("interrupted", kept) if part))
             return INTERRUPTED
         except (Exception, SystemExit) as error:  # noqa: BLE001 - the one place where what nobody foresaw is told
-            from henon_ref.harness.cli.crash_log import write_log
+            from henon_ref.commands.crash_log import write_log
 
             log = write_log(error, name, sys.argv[1:] if arguments is None else arguments)
             what = message("".join(traceback.format_exception_only(error)))

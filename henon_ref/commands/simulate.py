@@ -1,0 +1,126 @@
+"""The command: ``henon-ref simulate CASE [--until T] [--set NAME=VALUE] [--plot FILE] [--csv FILE]``, one run of it.
+
+A run that ends before its horizon says so on standard error and is no failure. For the exit statuses see
+:mod:`henon_ref.commands.exit_status`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from henon_ref.commands.exit_status import DONE, exit_status, parsed, say
+from henon_ref.commands.pictures import check_picture, write_picture
+from henon_ref.commands.typer_app import application, examples
+from henon_ref.errors import CaseError
+from henon_ref.text import did_you_mean, listed
+
+if TYPE_CHECKING:
+    from henon_ref.simulation.solution import Solution
+    from henon_ref.simulation.system import System
+
+app = application()
+STANDARD_OUTPUT = Path("-")
+
+
+@app.command(
+    epilog=examples(
+        "simulate fig8",
+        "simulate my_case.yaml --reading mine --rtol 1e-6",
+        "simulate stribeck_belt --until 40 --set vp=0.5 --plot belt.png",
+        "simulate fig8 --csv -",
+    )
+)
+def main(
+    case: Annotated[Path, typer.Argument(help="A case file, or a case's name.", show_default=False, metavar="CASE")],
+    reading: Annotated[
+        str | None, typer.Option(help="Its reading; the first one if left out.", metavar="NAME", show_default=False)
+    ] = None,
+    until: Annotated[
+        str | None, typer.Option(help="Where the run ends; as in the case if left out.", metavar="TIME")
+    ] = None,
+    values: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="A parameter, or the initial value of a state; as often as needed.", metavar="N=V"),
+    ] = None,
+    rtol: Annotated[float, typer.Option(help="Tolerance, from 1e-16 to below 1.", metavar="NUMBER")] = 1e-10,
+    plot: Annotated[
+        Path | None, typer.Option(help="Draw the run: .png, .svg or .pdf.", metavar="FILE", show_default=False)
+    ] = None,
+    csv: Annotated[
+        Path | None,
+        typer.Option(help="Write the transitions as CSV, numbers in full; - prints them.", metavar="FILE"),
+    ] = None,
+) -> int:
+    """Simulate a case with the reference, and print its transitions."""
+    from henon_ref.simulation.system import System
+
+    if plot is not None:
+        check_picture(plot)
+    run = _run(System.from_case(case, reading), until, values or (), rtol, dense=plot is not None)
+    table = run.transitions
+    if csv is not None:
+        text = table.to_csv(index=False, lineterminator="\n")
+        if csv == STANDARD_OUTPUT:
+            print(text, end="")
+        else:
+            _write(csv, text)
+    elif len(table):
+        print(table.to_string(index=False, float_format=lambda value: f"{value:.12g}"))
+    if plot is not None:
+        write_picture(plot, run)
+    for path in (csv, plot):
+        if path not in (None, STANDARD_OUTPUT):
+            say(f"written: {path}")
+    if not (csv == STANDARD_OUTPUT and run.success):
+        say(repr(run))
+    return DONE
+
+
+def _run(system: System, until: str | None, values: Sequence[str], rtol: float, *, dense: bool) -> Solution:
+    """The run of a case's reading, with other values of some parameters and initial states.
+
+    Raises
+    ------
+    HenonRefError
+        For what cannot be meant.
+    """
+    from henon_ref.simulation.simulate import simulate
+
+    own = system.own_start
+    assert own is not None  # a case has one
+    parameters: dict[str, str] = {}
+    initial: dict[str, str] = {}
+    known = [*system.parameters, *system.state]
+    for entry in values:
+        name, _, value = (part.strip() for part in entry.partition("="))
+        if not value or name not in known:
+            what = "wanted NAME=VALUE" if not value else f"'{name}' is no parameter and no state"
+            meant = did_you_mean(name, known) if value else ""
+            raise CaseError(f"--set {entry}: {what}{meant}; names: {listed(known)}")
+        (initial if name in system.state else parameters)[name] = value
+    return simulate(
+        system,
+        {**own.initial, **initial},
+        start=own.start,
+        until=own.until if until is None else until,
+        mode=own.mode,
+        parameters=parameters or None,
+        rtol=rtol,
+        dense_output=dense,
+    )
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise CaseError(f"cannot write {path}: {error.strerror or error}") from None
+
+
+def command(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; the exit status."""
+    return exit_status(lambda: int(parsed(app, arguments, name="simulate")), name="simulate", arguments=arguments)

@@ -1,0 +1,105 @@
+"""A scene that moves as a run does, as an animation of matplotlib's."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import sympy as sp
+from matplotlib.animation import FuncAnimation
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from henon_ref.casefile.assembly import Scene
+from henon_ref.casefile.bodies import Body
+from henon_ref.figures import style
+from henon_ref.figures.motion import Motion
+from henon_ref.figures.scene import HALF, blank, draw_body, draw_symbol, lines_of, places_of
+from henon_ref.filippov.system import FilippovSystem
+from henon_ref.taylor.tape import TIME
+
+ALONE, AMONG_OTHERS = 0.45, 0.22
+"""Largest displacement in the picture, of one mass that moves freely and of several, the distance of two being 1."""
+MARKS = 4
+"""Lines on a body whose motion is given, which show how it moves."""
+MOST_WORDS = 4
+"""Contacts whose state is told in words."""
+Vector = NDArray[np.float64]
+
+
+class SceneAnimation(FuncAnimation):
+    """An animation that a notebook shows (as HTML5 with buttons), and that is saved as GIF without further programs."""
+
+    def _repr_html_(self) -> str:
+        return str(self.to_jshtml())
+
+    def save(self, filename: str | Path, writer: Any = None, *more: Any, **how: Any) -> None:
+        """Write a file: ``.gif``, ``.html``, or what matplotlib's writers know, with matplotlib's arguments."""
+        known = {".gif": "pillow", ".html": "html"}
+        super().save(str(filename), writer or known.get(Path(filename).suffix.lower()), *more, **how)
+
+
+def animated(axes: Axes, scene: Scene, system: FilippovSystem, motion: Motion, fps: float) -> SceneAnimation:
+    """The scene at each time of a motion, with contacts drawn strong while they stick.
+
+    Displacements are drawn to one scale from the places of the schematic, turns as they are.
+    """
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    places, moved = places_of(scene), {body.name: _displacement(body, system, motion) for body in scene.bodies.values()}
+    masses = [moved[body.name] for body in scene.bodies.values() if body.kind == "mass"]
+    largest = max((float(np.abs(x).max()) for x in masses), default=0.0)
+    scale = (ALONE if len(masses) == 1 else AMONG_OTHERS) / largest if largest else 1.0
+
+    def draw(frame: int) -> Sequence[Any]:
+        axes.clear()
+        blank(axes, scene, places)
+        at = {
+            name: place + np.array([scale * moved[name][frame] if scene.bodies[name].kind == "mass" else 0.0, 0.0])
+            for name, place in places.items()
+        }
+        held = {sign.name for sign, entry in zip(system.signs, motion.modes[frame], strict=False) if entry == 0}
+        for connection, ends, shift in lines_of(scene, at):
+            sticks = bool(held & {surface.sign.name for surface in connection.surfaces})
+            own = {"lw": 2.6} if sticks else {"color": style.GREY} if connection.kind == "friction" else {}
+            draw_symbol(axes, connection, ends, shift, elastic=connection.kind == "spring", **own)
+        for body in scene.bodies.values():
+            draw_body(axes, body, at[body.name])
+            _draw_marks(axes, body, at[body.name], float(moved[body.name][frame]), scale)
+        signs = [sign.name for sign in system.signs[:MOST_WORDS]]
+        words = [f"{name}: {'stick' if name in held else 'slip'}" for name in signs]
+        axes.set_title(f"t = {motion.times[frame]:.2f} s   {'   '.join(words)}", loc="left", x=0.02)
+        return ()
+
+    def in_style(frame: int) -> Sequence[Any]:
+        with style.report_style():
+            return draw(frame)
+
+    return SceneAnimation(figure, in_style, frames=len(motion.times), interval=1000 / fps, repeat=True)
+
+
+def _displacement(body: Body, system: FilippovSystem, motion: Motion) -> Vector:
+    """A body's position [m or rad] at each time; where its velocity alone is given, the way it has gone."""
+    if body.states:
+        return motion.states[:, system.states.index(body.states[0])]
+    given = body.velocity if body.position is None else body.position
+    function = sp.lambdify([TIME], system.numeric(given), np)
+    values = np.broadcast_to(np.asarray(function(motion.times), dtype=float), motion.times.shape)
+    if body.position is not None:
+        return values
+    steps = np.diff(motion.times) * (values[1:] + values[:-1]) / 2
+    return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def _draw_marks(axes: Axes, body: Body, at: Vector, moved: float, scale: float) -> None:
+    """What shows that a rotor turns, or that a body whose motion is given moves."""
+    x, y = at
+    if body.kind == "rotor":
+        axes.plot([x, x + HALF * np.cos(moved)], [y, y + HALF * np.sin(moved)], color=style.BLACK, lw=1.4, zorder=4)
+    elif body.kind == "prescribed":
+        way = 3.2 * HALF
+        for k in range(MARKS):
+            mark = x - way / 2 + (scale * moved + k * way / MARKS) % way
+            axes.plot([mark, mark], [y - HALF / 2, y + HALF / 2], color=style.GREY, lw=1.2, zorder=4)

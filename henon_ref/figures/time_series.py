@@ -1,0 +1,137 @@
+"""Surfaces and states over time, the modes shaded."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import sympy as sp
+from numpy.typing import NDArray
+
+from henon_ref.casefile.case import Reading
+from henon_ref.figures import style
+from henon_ref.figures.description import describe
+from henon_ref.figures.motion import Motion, limits_around, runs_of, symbol, velocity_of, widen
+from henon_ref.filippov.latex import latex
+from henon_ref.filippov.modes import Mode
+from henon_ref.filippov.system import FilippovSystem
+from henon_ref.taylor.size import size
+from henon_ref.taylor.tape import TIME
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+MODES_TITLE = "Distance from the surface, modes shaded"
+LONGEST_LABEL = 100
+"""Operations of a surface that stands beside its curve."""
+NOTHING = 2
+"""What is not shaded: a state's panel shows sticks alone."""
+MOST_SURFACES = 4
+"""Surfaces that one figure shows, one panel each."""
+
+
+def draw_modes(reading: Reading, motion: Motion) -> Figure:
+    """Every surface's h over time in the measured window, the modes shaded."""
+    system = reading.problem.system
+    count = min(len(system.surfaces), MOST_SURFACES)
+    with style.figure(0.85 + 1.55 * count) as figure:
+        panels = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
+        inch = 1 / (0.85 + 1.55 * count)
+        figure.subplots_adjust(left=0.1, right=0.985, bottom=0.48 * inch, top=1 - 0.32 * inch, hspace=0.12)
+        over_time(panels, system, motion, [sign.name for sign in system.signs[:count]])
+        panels[0].set_title(MODES_TITLE)
+        describe(figure, MODES_TITLE, " ".join(_shares(system, motion, k) for k in range(count)))
+        return figure
+
+
+def over_time(
+    panels: Sequence[Axes] | NDArray[Any], system: FilippovSystem, motion: Motion, names: Sequence[str], **line: Any
+) -> None:
+    """States and surfaces' h over time by name, one below the other, with the modes shaded and a legend above them.
+
+    A surface's panel shows its own modes, a state's panel the sticks of the surfaces that it or its rate stands in.
+    """
+    from matplotlib.cbook import normalize_kwargs
+    from matplotlib.lines import Line2D
+
+    line = {"color": style.BLACK, "linewidth": 1.1, "zorder": 2} | normalize_kwargs(line, Line2D)
+    signs = [sign.name for sign in system.signs]
+    window = float(motion.times[0]), float(motion.times[-1])
+    shown: set[int] = set()
+    for name, axes in zip(names, panels, strict=True):
+        k = signs.index(name) if name in signs else system.state_names.index(name)
+        if name in signs:
+            values, entries = _surface_values(system, motion, k), [_entry(mode, k) for mode in motion.modes]
+        else:
+            own = _surfaces_about(system, k)
+            values = motion.states[:, k]
+            entries = [0 if any(_entry(mode, i) == 0 for i in own) else NOTHING for mode in motion.modes]
+        widen(axes, window, limits_around(values))
+        _shade(axes, motion, entries)
+        if name in signs:
+            axes.axhline(0.0, color=style.GREY, lw=0.8, ls="--", zorder=1)
+        axes.plot(motion.times, values, **line)
+        axes.grid(visible=False)
+        axes.set_ylabel(_surface_label(system, k) if name in signs else symbol(system, k))
+        shown |= set(entries) - {NOTHING}
+    panels[-1].set_xlabel("time t [s]")
+    if shown and "label" not in line:
+        _mode_legend(panels[0], shown)
+
+
+def _shares(system: FilippovSystem, motion: Motion, k: int) -> str:
+    """How long one surface's modes last, in words."""
+    durations = np.diff(motion.times)
+    entries = np.array([_entry(mode, k) for mode in motion.modes])[:-1]
+    parts = [
+        f"{words} for {float(durations[entries == entry].sum()):.3g} s"
+        for entry, words in ((0, "stick"), (1, "slip with sign +1"), (-1, "slip with sign −1"))
+        if (entries == entry).any()
+    ]
+    window = f"from {motion.times[0]:.10g} to {motion.times[-1]:.10g} s"
+    return f"h of surface {system.signs[k].name} over time, {window}: {', '.join(parts)}."
+
+
+def _surfaces_about(system: FilippovSystem, k: int) -> list[int]:
+    """Surfaces in which a state or its rate stands; all, where there is none."""
+    rate = velocity_of(system, k)
+    own = [system.states[k], *([] if rate is None else [system.states[rate]])]
+    every = range(len(system.surfaces))
+    return [i for i in every if system.surfaces[i].has(*own)] or list(every)
+
+
+def _surface_values(system: FilippovSystem, motion: Motion, k: int) -> NDArray[np.float64]:
+    h = sp.lambdify([TIME, *system.states], system.numeric(system.surfaces[k]), np)
+    return np.broadcast_to(np.asarray(h(motion.times, *motion.states.T), dtype=float), motion.times.shape)
+
+
+def _surface_label(system: FilippovSystem, k: int) -> str:
+    surface = system.surfaces[k]
+    formula = f" = {latex(surface)}" if size(surface, LONGEST_LABEL) <= LONGEST_LABEL else ""
+    return f"${latex(system.signs[k])}$:  $h{formula}$"
+
+
+def _shade(axes: Axes, motion: Motion, entries: Sequence[int]) -> None:
+    """Sticks and slips with s = +1 behind a curve."""
+    shades = {0: style.STICK_SHADE, 1: style.PLUS_SHADE}
+    for begin, end in runs_of(entries):
+        if entries[begin] in shades:
+            axes.axvspan(motion.times[begin], motion.times[end], color=shades[entries[begin]], lw=0, zorder=0)
+
+
+def _entry(mode: Mode, k: int) -> int:
+    return mode[k] if k < len(mode) else -1
+
+
+def _mode_legend(axes: Axes, present: set[int]) -> None:
+    from matplotlib.patches import Patch
+
+    kinds = {0: ("stick", style.STICK_SHADE), 1: ("slip, s = +1", style.PLUS_SHADE), -1: ("slip, s = −1", "#FFFFFF")}
+    handles = [
+        Patch(facecolor=colour, edgecolor="#999999", linewidth=0.5, label=label)
+        for entry, (label, colour) in kinds.items()
+        if entry in present
+    ]
+    axes.legend(handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderaxespad=0.2)

@@ -1,0 +1,160 @@
+"""A run as a file: an archive of arrays that NumPy reads, documented at ``Solution.save``."""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from henon_ref.casefile.tree import MappingNode, as_written
+from henon_ref.errors import ArgumentError
+from henon_ref.henon.records import LANDINGS, TRANSITION, TRANSITION_PLACES, transition_dtype
+from henon_ref.henon.transition_array import KINDS, TransitionArray
+from henon_ref.simulation.system import System
+from henon_ref.simulation.written import tree_of
+from henon_ref.trajectory import Counts, Decisions, Trajectory
+
+FORMAT = 1
+WORDS = {"kind": KINDS, "landing": LANDINGS}
+"""Fields of a transition that are words in the file, which the records number."""
+NAMES = {"from_mode": "from", "to_mode": "to"}
+"""Fields that have shorter names in the file."""
+STEP_FIELDS = ("time", "time_low", "unit", "coefficients")
+
+
+class RunRecord(NamedTuple):
+    """What a file holds of a run."""
+
+    system: System
+    """With the parameters of the run."""
+    start: float
+    """Initial time [s]."""
+    initial: Sequence[tuple[float, float]]
+    """Initial values of the states, and what rounding lost of each."""
+    trajectory: Trajectory
+    steps: NDArray[Any] | None
+    """The steps' polynomials, where they are kept."""
+
+
+def write_run(path: Path, run: RunRecord) -> None:
+    """Write a run, in the place of what is there.
+
+    Raises
+    ------
+    ArgumentError
+        Where it cannot be written.
+    """
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, allow_pickle=False, **_arrays(run))  # to memory: to a path it would add an ending
+    try:
+        path.write_bytes(buffer.getvalue())
+    except OSError as error:
+        raise ArgumentError(f"cannot write {path}: {error.strerror or error}") from None
+
+
+def read_run(path: str | Path) -> RunRecord:
+    """What :func:`write_run` has written.
+
+    Raises
+    ------
+    ArgumentError
+        For a file that cannot be read, or is none of these.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in archive.files}
+        about = json.loads(str(arrays["about"]))
+        if about["format"] != FORMAT:
+            raise ArgumentError(f"{path} has the format {about['format']}; this version reads format {FORMAT}")
+        return _run(about, arrays)
+    except OSError as error:
+        raise ArgumentError(f"cannot read {path}: {error.strerror or error}") from None
+    except (zipfile.BadZipFile, AttributeError, EOFError, KeyError, IndexError, TypeError, ValueError) as error:
+        if isinstance(error, ArgumentError):
+            raise
+        raise ArgumentError(f"{path} is no run that Solution.save has written") from error
+
+
+def _arrays(run: RunRecord) -> dict[str, NDArray[Any]]:
+    """The file's arrays by name."""
+    system, end = run.system, run.trajectory
+    about = {
+        "format": FORMAT,
+        "system": as_written(system.tree),
+        "start": run.start,
+        "end": end.end_time,
+        "status": end.status,
+        "reason": end.reason,
+        "counts": end.counts._asdict() | {"decisions": end.counts.decisions._asdict()},
+        "max_surface_drift": end.max_surface_drift,
+        "undecided_after": [list(entry) for entry in end.undecided_after],
+    }
+    changes = end.transitions
+    if not isinstance(changes, TransitionArray):  # there are none
+        changes = TransitionArray(np.zeros((0, TRANSITION_PLACES + len(system.state))), ())
+    records, modes = changes.records, np.array(list(changes.modes), dtype=np.int8)
+    found: dict[str, NDArray[Any]] = {
+        "about": np.array(json.dumps(about, ensure_ascii=False, indent=1)),
+        "states": np.array(system.state, dtype=str),
+        "signs": np.array(system.model.sign_names, dtype=str),
+        "initial": np.array(run.initial, dtype=np.float64).T,
+        "end_state": np.array(end.end_state, dtype=np.float64),
+        "end_mode": np.array(end.end_mode, dtype=np.int8),
+        "modes": modes.reshape(len(modes), len(system.model.sign_names)),
+    }
+    for field in (*(TRANSITION.names or ()), "state"):
+        words = WORDS.get(field)
+        values = np.array(words)[records[field]] if words else records[field]
+        found[f"transition_{NAMES.get(field, field)}"] = np.ascontiguousarray(values)
+    if run.steps is not None:
+        found |= {f"step_{field}": np.ascontiguousarray(run.steps[field]) for field in STEP_FIELDS}
+    return found
+
+
+def _run(about: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> RunRecord:
+    """The run in the file's arrays."""
+    tree = tree_of(about["system"], "'system'")
+    assert isinstance(tree, MappingNode)
+    counts = dict(about["counts"])
+    decisions = Decisions(**counts.pop("decisions"))
+    made = Counts(**counts)
+    made.decisions = decisions
+    trajectory = Trajectory(
+        status=about["status"],
+        transitions=_transitions(arrays),
+        end_time=about["end"],
+        end_state=tuple(arrays["end_state"].tolist()),
+        end_mode=tuple(arrays["end_mode"].tolist()),
+        reason=about["reason"],
+        counts=made,
+        max_surface_drift=about["max_surface_drift"],
+        undecided_after=tuple((index, time) for index, time in about["undecided_after"]),
+    )
+    steps = None
+    if "step_time" in arrays:
+        fields = {field: arrays[f"step_{field}"] for field in STEP_FIELDS}
+        shapes = [(name, values.dtype, values.shape[1:]) for name, values in fields.items()]
+        steps = np.zeros(len(fields["time"]), dtype=np.dtype(shapes))
+        for field, values in fields.items():
+            steps[field] = values
+    initial = [(high, low) for high, low in arrays["initial"].T.tolist()]
+    return RunRecord(System.from_tree(tree), about["start"], initial, trajectory, steps)
+
+
+def _transitions(arrays: dict[str, NDArray[Any]]) -> TransitionArray:
+    """The transitions as the reference records them."""
+    states = arrays["transition_state"]
+    rows = np.zeros((len(states), TRANSITION_PLACES + states.shape[1]))
+    records = rows.view(transition_dtype(states.shape[1]))[:, 0] if len(rows) else rows
+    for field in (*(TRANSITION.names or ()), "state") if len(rows) else ():
+        values = arrays[f"transition_{NAMES.get(field, field)}"]
+        if field in WORDS:
+            values = np.array([WORDS[field].index(word) for word in values.tolist()])
+        records[field] = values
+    return TransitionArray(rows, tuple(tuple(mode) for mode in arrays["modes"].tolist()))

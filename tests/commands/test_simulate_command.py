@@ -1,0 +1,77 @@
+"""The command: one run of a case, its transitions printed."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+
+import pytest
+
+import henon_ref as hr
+from henon_ref.commands.simulate import command
+
+CASES = Path(__file__).parents[2] / "cases"
+
+
+def test_it_prints_the_transitions_as_csv(capsys: pytest.CaptureFixture[str]) -> None:
+    assert command([str(CASES / "stribeck_belt.yaml"), "--rtol", "1e-9", "--csv", "-"]) == 0
+    rows = list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
+    case = hr.System.from_case(CASES / "stribeck_belt.yaml")
+    table = hr.simulate(case, case.initial, until=case.until, rtol=1e-9).transitions
+    assert [float(row["time_s"]) for row in rows] == table.time_s.tolist()
+    assert [row["to_mode"] for row in rows] == table.to_mode.tolist()
+    assert list(rows[0]) == list(table.columns)
+
+
+def test_it_prints_a_table_of_the_reading_that_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+    assert command([str(CASES / "fig8.yaml"), "--reading", "listing_limit"]) == 0
+    shown = capsys.readouterr()
+    assert "from_mode" in shown.out.splitlines()[0]
+    assert "Solution(ok; t = 0 to " in shown.err
+
+
+def test_a_run_that_ends_early_says_so_and_is_no_failure(capsys: pytest.CaptureFixture[str]) -> None:
+    assert command([str(CASES / "hard" / "repelling.yaml"), "--csv", "-"]) == 0
+    assert "not unique" in capsys.readouterr().err
+
+
+def test_parameters_starts_and_the_horizon_are_set_and_files_are_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["--until", "12.5", "--set", "vp=1/2", "--set", "x1=1.25"]
+    files = [tmp_path / name for name in ("belt.csv", "belt.svg")]
+    given = [*words, "--csv", str(files[0]), "--plot", str(files[1])]
+    assert command([str(CASES / "stribeck_belt.yaml"), *given]) == 0
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert [line.split(": ")[0] for line in shown.err.splitlines()[:2]] == ["written", "written"]
+    assert "t = 0 to 12.5" in shown.err
+    case = hr.System.from_case(CASES / "stribeck_belt.yaml")  # whose block starts with the belt: x2 is vp
+    run = hr.simulate(case, {"x1": 1.25, "x2": 0.5}, until=12.5, parameters={"vp": 0.5})
+    assert files[0].read_text() == run.transitions.to_csv(index=False)
+    assert "<svg" in files[1].read_text()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["none.yaml"], "none.yaml: there is no such file"),
+        ([str(CASES / "fig8.yaml"), "--reading", "q"], "no reading 'q'"),
+        ([str(CASES / "fig8.yaml"), "--rtol", "0"], "a tolerance is a number from 1e-16"),
+        ([str(CASES / "fig8.yaml"), "--rtol", "x"], "--rtol"),
+        ([str(CASES / "stribeck_belt.yaml"), "--set", "G=1"], "'G' is no parameter and no state; names: "),
+        ([str(CASES / "stribeck_belt.yaml"), "--set", "vp"], "--set vp: wanted NAME=VALUE"),
+        ([str(CASES / "stribeck_belt.yaml"), "--set", "vp=x"], "vp"),
+        ([str(CASES / "stribeck_belt.yaml"), "--until", "-1"], "until"),
+        ([str(CASES / "stribeck_belt.yaml"), "--plot", "a.bmp"], "a picture's name ends with .png, .svg, .pdf"),
+        ([str(CASES / "stribeck_belt.yaml"), "--plot", "none/a.png"], "there is no folder none"),
+        ([str(CASES / "stribeck_belt.yaml"), "--csv", "none/a.csv"], "cannot write none/a.csv"),
+        ([], "Missing argument"),
+    ],
+)
+def test_what_cannot_be_meant_is_one_line(words: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert command(words) == 2
+    shown = capsys.readouterr()
+    assert said in shown.err
+    assert (shown.out, shown.err.count("\n")) == ("", 1)
