@@ -126,7 +126,7 @@ def test_a_job_that_is_not_done_in_time_is_ended_from_outside(what, tmp_path):
 @pytest.mark.parametrize("what", ["sleep", "compile"])
 def test_wall_time_within_reason_and_what_is_compiled_count_for_no_deadline(what):
     """They take half as long again as the deadline, of the one or the other."""
-    assert not run([Act(what, 2.0)]).failures
+    assert not run([Act(what, 1.0)]).failures
 
 
 @pytest.mark.skipif(not Path("/proc/self/schedstat").exists(), reason="the system does not tell who waits")
