@@ -53,7 +53,6 @@ def test_the_page_shows_what_was_measured_and_every_link_leads_to_a_file(tmp_pat
     assert "## c, late" in text
     assert "| 4 (3.3 to 5) | 2 |" in text
     assert "| `heyoka`, its own calls alone |  |  | 2 |  |" in text
-    assert "| 4 | 20 µs |" in text
     assert "its own calls of `propagate_until` are 50%" in text
     assert "Times in the figure: 3; 1 scatter" in text
     assert "1 rest on one or two runs" in text

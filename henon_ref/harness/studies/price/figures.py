@@ -12,7 +12,6 @@ from matplotlib.figure import Figure
 from henon_ref.figures import style
 from henon_ref.figures.description import describe
 from henon_ref.harness.figures.labels import label_column
-from henon_ref.harness.registry import COMPILED
 from henon_ref.harness.report.text.ranking import by_solver, right
 from henon_ref.harness.rows import RunRow, number
 from henon_ref.harness.studies.price.growth import Horizon
@@ -33,8 +32,7 @@ BOUND = 1e-11
 def draw_ladder(rows: Sequence[RunRow], count: str) -> Figure:
     """Worst error of a transition's time against a cost, one line a solver, for one reading.
 
-    Times have bars, the 95 % intervals of the medians. Compiled callbacks change times and nothing else: they stand,
-    dash-dotted, where the cost is a time.
+    Times have bars, the 95 % intervals of the medians.
     """
     is_time = count == "wall_s"
     with style.figure(4.4) as figure:
@@ -42,7 +40,7 @@ def draw_ladder(rows: Sequence[RunRow], count: str) -> Figure:
         axes.set_xscale("log")
         axes.set_yscale("log")
         ladders = by_solver(right(rows))
-        lines = style.lines_of(solver for solver in ladders if is_time or not solver.endswith(COMPILED))
+        lines = style.lines_of(ladders)
         tips = {}
         for solver, line in lines.items():
             points = [

@@ -27,7 +27,7 @@ def solvers(chosen: Sequence[str] = ()) -> tuple[str, ...]:
     ----------
     chosen : sequence of str
         Those asked for, to which the reference is added that prices are multiples of. None: those that run by default
-        and :data:`WHEN_NAMED`, each with compiled callbacks, too; with ``all`` the peers that are installed as well.
+        and :data:`WHEN_NAMED`; with ``all`` the peers that are installed as well.
 
     Raises
     ------
@@ -39,9 +39,7 @@ def solvers(chosen: Sequence[str] = ()) -> tuple[str, ...]:
         every = registry.expanded((registry.ALL,))
     else:
         every = () if named else (*registry.default_names(), *WHEN_NAMED)
-    known = registry.names()
-    both = (name for solver in every for name in (solver, solver + registry.COMPILED) if name in known)
-    return tuple(dict.fromkeys((FIRST, *both, *named)))
+    return tuple(dict.fromkeys((FIRST, *every, *named)))
 
 
 @dataclass(frozen=True)

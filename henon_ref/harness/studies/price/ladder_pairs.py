@@ -1,4 +1,4 @@
-"""Paired timing over the ladder: ``henon`` against every other solver, compiled callbacks included."""
+"""Paired timing over the ladder: ``henon`` against every other solver."""
 
 from __future__ import annotations
 

@@ -7,7 +7,6 @@ from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from henon_ref.harness.registry import COMPILED
 from henon_ref.harness.report.files.manifest import Provenance
 from henon_ref.harness.report.text.formats import duration
 from henon_ref.harness.report.text.paired_times import PairRow, own_words
@@ -64,7 +63,6 @@ def write_page(found: Prices, origin: Provenance, folder: Path) -> Path:
             {
                 "title": tables.title(case, reading),
                 "figures": [(COUNTS[count], file) for file, count in own.items()],
-                "table": tables.price_table(found.pairs, (case, reading)).markdown,
                 "scatter": tables.scatter(rows),
             }
         )
@@ -76,8 +74,6 @@ def write_page(found: Prices, origin: Provenance, folder: Path) -> Path:
         "fewest": FEWEST,
         "rivals": tables.rival_table(found.pairs).markdown,
         "own": own_words(found.pairs),
-        "compiled": any(row.solver.endswith(COMPILED) for row in found.rows),
-        "callbacks": tables.callback_costs(found.rows).markdown,
         "failed": [markdown(words) for words in found.failed],
         "ready": tables.ready_table(found.ready).markdown,
         "sections": sections,
