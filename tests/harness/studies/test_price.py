@@ -29,7 +29,7 @@ from henon_ref.harness.studies.price.ladder_pairs import samples_of, time_ladder
 from henon_ref.harness.studies.price.landings import crest_crossings, landings
 from henon_ref.harness.studies.price.operations import count, work
 from henon_ref.harness.studies.price.orbit import orbit_problem
-from henon_ref.harness.studies.price.run import truths_of
+from henon_ref.harness.studies.price.page import truths_of
 from henon_ref.harness.studies.price.states import Size, fitted, sizes
 from henon_ref.harness.studies.price.tables import (
     landing_table,

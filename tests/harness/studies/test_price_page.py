@@ -9,7 +9,7 @@ from henon_ref.harness.report.files.manifest import provenance
 from henon_ref.harness.rows import RunRow, read_rows
 from henon_ref.harness.studies.price.compiling import Ready
 from henon_ref.harness.studies.price.growth import Horizon
-from henon_ref.harness.studies.price.ladder import SampleRow
+from henon_ref.harness.studies.price.ladder_pairs import SampleRow
 from henon_ref.harness.studies.price.landings import Landed
 from henon_ref.harness.studies.price.operations import Work
 from henon_ref.harness.studies.price.page import Prices, write_page
@@ -32,7 +32,6 @@ def prices() -> Prices:
     landings = ("henon", "henon-newton", "henon-brent")
     return Prices(
         rows=[run("henon", 1e-5, 1e-7), run("heyoka", 4e-5, 1e-5), run("scipy-dop853", 1e-2, None)],
-        samples=[],
         pairs=[pair],
         failed=["c, late, against ida: it *died*"],
         ready=[Ready("c", "late", "henon", 1e-9, 1e-5, 4.0, 1.0)],

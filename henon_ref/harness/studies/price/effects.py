@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from baselines.henon import HENON_SOLVER
@@ -180,24 +180,3 @@ def _timed(body: str, effect: str, problems: Mapping[str, Problem]) -> Step:
         carried_per_step_s=a_step("carried") if there else None,
         to_carried=times.ratio("own", "carried") if there else None,
     )
-
-
-def rows(steps: Sequence[Step]) -> list[tuple[str, ...]]:
-    """Rows of text."""
-    found: list[tuple[str, ...]] = []
-    for number, step in enumerate(steps):
-        before = steps[number - 1] if number and steps[number - 1].body == step.body and step.effect else None
-        more = "" if before is None else f"{1e9 * (step.per_step_s - before.per_step_s):+.0f} ns"
-        found.append(
-            (
-                step.body,
-                step.effect or "*a motion that sticks*",
-                f"{step.operations}",
-                f"{1e9 * step.per_step_s:.0f} ns",
-                more,
-                "" if step.carried is None else f"{step.carried}",
-                "" if step.carried_per_step_s is None else f"{1e9 * step.carried_per_step_s:.0f} ns",
-                "" if step.to_carried is None else f"{step.to_carried:.2f}",
-            )
-        )
-    return found

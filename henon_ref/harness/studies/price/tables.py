@@ -9,7 +9,6 @@ from henon_ref.harness.report.text.formats import duration, error, significant
 from henon_ref.harness.report.text.paired_times import FIRST, SECOND, PairRow, bound
 from henon_ref.harness.report.text.ranking import LEVELS, by_solver, reaching, readings_of
 from henon_ref.harness.rows import RunRow, number
-from henon_ref.harness.studies.price import effects
 from henon_ref.harness.studies.price.compiling import AGAINST, Ready, paid_after
 from henon_ref.harness.studies.price.effects import Step
 from henon_ref.harness.studies.price.growth import Horizon
@@ -158,7 +157,22 @@ def effect_table(steps: Sequence[Step]) -> Table:
         "body", "effect added", "operations", "time a step", "more than before", "operations, all carried",
         "time a step, all carried", "run over one with all carried",
     )  # fmt: skip
-    return Table(headings, "llrrrrrr", effects.rows(steps))
+    lines: list[tuple[str, ...]] = []
+    for before, step in zip((None, *steps), steps, strict=False):
+        more = before and before.body == step.body and step.effect
+        lines.append(
+            (
+                step.body,
+                step.effect or "*a motion that sticks*",
+                f"{step.operations}",
+                f"{1e9 * step.per_step_s:.0f} ns",
+                f"{1e9 * (step.per_step_s - before.per_step_s):+.0f} ns" if before and more else "",
+                "" if step.carried is None else f"{step.carried}",
+                "" if step.carried_per_step_s is None else f"{1e9 * step.carried_per_step_s:.0f} ns",
+                "" if step.to_carried is None else f"{step.to_carried:.2f}",
+            )
+        )
+    return Table(headings, "llrrrrrr", lines)
 
 
 def growth_table(found: Sequence[Horizon]) -> Table:
