@@ -85,7 +85,7 @@ STUDIES = {
         ("cases", "solvers", "jobs", "resume"), jobs=1,
     ),
     "paired-times": Study(
-        "rivals", "price.report_pairs:run_paired_times", "Times of henon, in turn with the cheapest other solvers.",
+        "rivals", "paired_times.page:run_paired_times", "Times of henon, in turn with the cheapest other solvers.",
         ("cases", "rows", "timeout", "jobs"), jobs=1,
         nothing="no reading in which henon and another solver get to 3 digits",
     ),

@@ -10,9 +10,9 @@ from henon_ref.harness.campaign.options import Observer, Options
 from henon_ref.harness.report.text.paired_times import FIRST
 from henon_ref.harness.report.text.ranking import LEVELS, by_solver, readings_of
 from henon_ref.harness.rows import Row, RunRow
+from henon_ref.harness.studies.paired_times.pairs import pairs_of
+from henon_ref.harness.studies.paired_times.timing import PairedTiming, TimedPair, time_pairs
 from henon_ref.harness.studies.price.ladder import TIMEOUT
-from henon_ref.harness.studies.price.paired_times import PairedTiming, TimedPair, time_pairs
-from henon_ref.harness.studies.price.pairs import pairs_of
 
 SECONDS = 4.0
 """Time that the runs of a pair may take."""

@@ -16,6 +16,7 @@ from henon_ref.harness.report.text.paired_times import PairRow, own_words
 from henon_ref.harness.report.text.ranking import readings_of
 from henon_ref.harness.rows import RunRow, csv_text, rows_text
 from henon_ref.harness.studies.page import write
+from henon_ref.harness.studies.paired_times.timing import TimedPair
 from henon_ref.harness.studies.price import tables
 from henon_ref.harness.studies.price.compiling import Ready, readiness
 from henon_ref.harness.studies.price.effects import Step, effect_costs
@@ -27,7 +28,6 @@ from henon_ref.harness.studies.price.ladder_pairs import FEWEST, SampleRow, samp
 from henon_ref.harness.studies.price.landings import Landed, crest_crossings, landings
 from henon_ref.harness.studies.price.operations import Work, work
 from henon_ref.harness.studies.price.orbit import orbit_problem
-from henon_ref.harness.studies.price.paired_times import TimedPair
 from henon_ref.harness.studies.price.states import Size, sizes
 from henon_ref.harness.studies.study import Asked, Made
 from henon_ref.harness.truth.compute import stored_truth
