@@ -12,7 +12,7 @@ import sys
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import takewhile
+from itertools import groupby, takewhile
 
 from henon_ref.harness import registry
 from henon_ref.harness.rows import RunRow, TransitionRow, number
@@ -41,6 +41,7 @@ class Seen:
 
     run: RunRow
     transitions: Sequence[TransitionRow]
+    """In order, but for touches."""
 
     @property
     def solver(self) -> str:
@@ -56,6 +57,11 @@ class Seen:
         """What was found before the run ended is right."""
         return self.run.spurious == 0
 
+    @property
+    def right(self) -> list[TransitionRow]:
+        """Transitions before the first that is wrong."""
+        return list(takewhile(lambda row: row.outcome == "matched", self.transitions))
+
     def of(self, outcome: str) -> list[TransitionRow]:
         """Transitions of one outcome."""
         return [row for row in self.transitions if row.outcome == outcome]
@@ -69,13 +75,7 @@ class Seen:
         """
         if self.run.status != "wrong" or self.run.spurious != 0:
             return []
-        groups: list[list[TransitionRow]] = [[]]
-        for row in self.transitions:
-            if row.outcome == "missed":
-                groups[-1].append(row)
-            elif groups[-1] and row.outcome != "touch":
-                groups.append([])
-        groups = [group for group in groups if group]
+        groups = [list(own) for what, own in groupby(self.transitions, lambda row: row.outcome) if what == "missed"]
         whole = all(
             group[0].from_mode == group[-1].to_mode
             and all(count % 2 == 0 for count in Counter(row.surface for row in group).values())
@@ -93,12 +93,11 @@ class Seen:
         """
         if self.run.status != "wrong" or not self.found(" missed, "):
             return []
-        rows = [row for row in self.transitions if row.outcome != "touch"]
-        first = next((k for k, row in enumerate(rows) if row.outcome != "matched"), len(rows))
-        group = list(takewhile(lambda row: row.outcome == "missed", rows[first:]))
+        right = self.right
+        group = list(takewhile(lambda row: row.outcome == "missed", self.transitions[len(right) :]))
         until = next((k for k, row in enumerate(group, 1) if row.to_mode == group[0].from_mode), 0)
         step = number(self.run.end_time_s) / number(self.run.steps)
-        left = [number(row.reference_time_s) for row in rows[:first] if group and row.surface == group[0].surface]
+        left = [number(row.reference_time_s) for row in right if group and row.surface == group[0].surface]
         if not until or (left and not number(group[0].reference_time_s) - left[-1] > step):
             return []
         return group[:until]
@@ -129,10 +128,6 @@ def _deepest(rows: Sequence[TransitionRow]) -> float:
     return max((row.graze_distance for row in rows if row.graze_distance is not None), default=math.inf)
 
 
-def _in_pairs(seen: Seen) -> list[TransitionRow]:
-    return [row for group in seen.missed_pairs for row in group]
-
-
 def _within_one_step(seen: Seen) -> bool:
     """Signs are compared at the ends of a step: what is missed first lay in one, or around another surface's event.
 
@@ -143,11 +138,7 @@ def _within_one_step(seen: Seen) -> bool:
 
 def _double_root(seen: Seen) -> bool:
     """heyoka isolates all roots of a polynomial: what it misses is a double root to it, or not in the polynomial."""
-    return _deepest(seen.stopped_between or _in_pairs(seen)) <= LOST
-
-
-def _asleep(seen: Seen) -> bool:
-    return bool(seen.missed_pairs) and all(group[0].kind == "release" for group in seen.missed_pairs)
+    return _deepest(seen.stopped_between or [row for group in seen.missed_pairs for row in group]) <= LOST
 
 
 def _in_front_of_a_pole(seen: Seen) -> bool:
@@ -157,7 +148,6 @@ def _in_front_of_a_pole(seen: Seen) -> bool:
 
 
 def _slow(seen: Seen) -> bool:
-    """At a tight tolerance."""
     return number(seen.run.rtol) <= 1e-9 and number(seen.run.steps) > 1000
 
 
@@ -175,15 +165,13 @@ def _within_the_band(seen: Seen) -> bool:
     them past each other: within it the state is known no better. Releases are late anyway.
     """
     band = BANDS[seen.solver] * number(seen.run.atol)
-    rows = [row for row in seen.transitions if row.outcome != "touch"]
-    for surface in {row.surface for row in rows}:
-        own = [row for row in rows if row.surface == surface]
+    for surface in {row.surface for row in seen.transitions}:
+        own = [row for row in seen.transitions if row.surface == surface]
         first = next((k for k, row in enumerate(own) if row.outcome in ("missed", "spurious")), len(own))
         beside = own[max(first - 1, 0) : first + 3] if first < len(own) else []
         if any(number(row.graze_distance) <= band * _reach(row) for row in beside):
             return True
-    right = takewhile(lambda row: row.outcome == "matched", rows)
-    return any(_is_off(seen, row) for row in right if row.kind != "release")
+    return any(_is_off(seen, row) for row in seen.right if row.kind != "release")
 
 
 def _reach(row: TransitionRow) -> float:
@@ -211,9 +199,10 @@ def _released_late(seen: Seen) -> bool:
 
 def _within_steps(seen: Seen) -> bool:
     """What goes wrong first comes within a step of a transition that is right, and nothing is wrong before."""
-    rows = [row for row in seen.transitions if row.outcome != "touch"]
-    first = next((k for k, row in enumerate(rows) if row.outcome != "matched"), 0)
-    return first > 0 and number(rows[first].time_s) - number(rows[first - 1].time_s) <= number(seen.run.step_s)
+    last, wrong = seen.right[-1:], seen.transitions[len(seen.right) :][:1]
+    return any(
+        number(b.time_s) - number(a.time_s) <= number(seen.run.step_s) for a, b in zip(last, wrong, strict=False)
+    )
 
 
 def _small_step(seen: Seen) -> bool:
@@ -263,7 +252,7 @@ def _in_the_first_step(seen: Seen) -> bool:
     return False
 
 
-def _off_by_location(seen: Seen) -> bool:
+def _any_is_off(seen: Seen) -> bool:
     return any(_is_off(seen, row) for row in seen.of("matched"))
 
 
@@ -356,15 +345,10 @@ PATTERNS = (
     Pattern("scipy-fires-at-start", SCIPY, AT_START, restart="none"),
     Pattern("diffrax-start", DIFFRAX, AT_START, restart="none"),
     Pattern("heyoka-start", HEYOKA, "stepped over", restart="direction"),
-    Pattern("scipy-pair", SCIPY, when=_within_one_step),
-    Pattern("cvode-pair", CVODE, when=_within_one_step),
-    Pattern("ida-pair", ("ida",), when=_within_one_step),
-    Pattern("cvode-c-pair", CVODE_C, when=_within_one_step),
-    Pattern("octave-pair", OCTAVE, when=_within_one_step),
-    Pattern("diffrax-pair", DIFFRAX, when=_within_one_step),
-    Pattern("diffsol-pair", DIFFSOL, when=_within_one_step),
+    *(Pattern(f"{solvers[0].rpartition('-')[0] or solvers[0]}-pair", solvers, when=_within_one_step)
+      for solvers in (SCIPY, CVODE, ("ida",), CVODE_C, OCTAVE, DIFFRAX, DIFFSOL)),
     Pattern("heyoka-double-root", HEYOKA, when=_double_root),
-    Pattern("heyoka-hidden-drive", HEYOKA, when=_asleep),
+    Pattern("heyoka-hidden-drive", HEYOKA, when=lambda seen: {g[0].kind for g in seen.missed_pairs} == {"release"}),
     Pattern("heyoka-event-polynomial", HEYOKA, "stepped over", missed=1, when=lambda seen: seen.run.matched == 0),
     Pattern("scipy-bracket", SCIPY, "must have different signs"),
     Pattern("scipy-flat-root", (*SCIPY, "scipy-smoothed", "scipy-sign"), "Failed to converge after"),
@@ -402,7 +386,7 @@ PATTERNS = (
     Pattern("octave-nan", OCTAVE, "went on past", ends="failed", right=True),
     Pattern("octave-nan-state", OCTAVE, NOT_FINITE, right=True),
     Pattern("octave-first-step", OCTAVE, status="wrong", right=True, when=_in_the_first_step),
-    Pattern("octave-line", OCTAVE, status="wrong", when=_off_by_location),
+    Pattern("octave-line", OCTAVE, status="wrong", when=_any_is_off),
     Pattern("siconos-rounding", SICONOS, f"{LOST_SIGN}.*which the rounding of a step moves as far"),
     Pattern("siconos-steep", SICONOS, LOST_SIGN),
     Pattern("siconos-step", SICONOS, when=_time_stepping),
@@ -416,5 +400,5 @@ def cause_of(run: RunRow, transitions: Sequence[TransitionRow]) -> str | None:
     """Name of the cause of a run that is wrong or too slow; None where none is known for certain."""
     if run.verdict not in EXPLAINED:
         return None
-    seen = Seen(run, transitions)
+    seen = Seen(run, [row for row in transitions if row.outcome != "touch"])
     return next((pattern.cause for pattern in PATTERNS if pattern.fits(seen)), None)

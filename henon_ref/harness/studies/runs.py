@@ -7,21 +7,15 @@ from collections.abc import Sequence
 from henon_ref.casefile.case import Case
 from henon_ref.harness.campaign.comparison import Comparison, compare_all
 from henon_ref.harness.campaign.options import Observer, Options
-from henon_ref.harness.campaign.rows import Record
 from henon_ref.harness.rows import RunRow
-
-
-def records_of(cases: Sequence[Case], options: Options, observer: Observer) -> dict[str, list[Record]]:
-    """Run the cases; the records of each one's runs by its name, in the order of the cases."""
-    found: dict[str, list[Record]] = {case.name: [] for case in cases}
-
-    def deliver(comparison: Comparison) -> None:
-        found[comparison.case.name] = comparison.records
-
-    compare_all(cases, options, deliver, observer=observer)
-    return found
 
 
 def rows_of(cases: Sequence[Case], options: Options, observer: Observer) -> dict[str, list[RunRow]]:
     """Run the cases; the rows of each one's runs (columns of ``runs.csv``) by its name, in the order of the cases."""
-    return {name: [record.run for record in own] for name, own in records_of(cases, options, observer).items()}
+    found: dict[str, list[RunRow]] = {case.name: [] for case in cases}
+
+    def deliver(comparison: Comparison) -> None:
+        found[comparison.case.name] = comparison.run_rows
+
+    compare_all(cases, options, deliver, observer=observer)
+    return found

@@ -81,21 +81,21 @@ class Study:
 
 STUDIES = {
     "price": Study(
-        "price", "price.run:run_price", "Times of every solver at every tolerance; what the parts of a run cost.",
+        "price", "price.page:run_price", "Times of every solver at every tolerance; what the parts of a run cost.",
         ("cases", "solvers", "jobs", "resume"), jobs=1,
     ),
     "paired-times": Study(
-        "rivals", "price.report_pairs:run_paired_times", "Times of henon, in turn with the cheapest other solvers.",
+        "rivals", "paired_times.page:run_paired_times", "Times of henon, in turn with the cheapest other solvers.",
         ("cases", "rows", "timeout", "jobs"), jobs=1,
         nothing="no reading in which henon and another solver get to 3 digits",
     ),
     "atlas": Study(
-        "atlas", "atlas.run:run_atlas", "Ever closer grazes and pairs of roots, at tolerances from 1e-3 to 1e-13.",
+        "atlas", "atlas.page:run_atlas", "Ever closer grazes and pairs of roots, at tolerances from 1e-3 to 1e-13.",
         ("cases", "solvers", "timeout", "jobs", "resume"),
         nothing="no case whose readings differ in a distance alone, or no solver that has a tolerance",
     ),
     "restarts": Study(
-        "restarts", "restarts.run:run_restarts", "Every library in every restart; which default another one beats.",
+        "restarts", "restarts.page:run_restarts", "Every library in every restart; which default another one beats.",
         ("cases", "solvers", "jobs"), nothing="no library to restart, or no reading with a stored truth",
     ),
     "causes": Study("causes", "causes:run_causes", "What libraries do by themselves, shown by each library alone."),

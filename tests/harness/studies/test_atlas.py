@@ -15,7 +15,7 @@ from henon_ref.harness.report.files.manifest import provenance
 from henon_ref.harness.rows import RunRow, read_rows
 from henon_ref.harness.studies.atlas.family import TOLERANCES, family_of, outcome_of
 from henon_ref.harness.studies.atlas.figure import COLOURS, draw_atlas
-from henon_ref.harness.studies.atlas.run import families, run_atlas
+from henon_ref.harness.studies.atlas.page import families, run_atlas
 from henon_ref.harness.studies.study import Asked
 
 

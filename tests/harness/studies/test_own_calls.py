@@ -13,10 +13,10 @@ from henon_ref.harness.campaign.worker import WorkerState
 from henon_ref.harness.report.text.index import index_text
 from henon_ref.harness.report.text.paired_times import PRICE_PAIRS, PairRow, own_words, spread_table
 from henon_ref.harness.rows import rows_text
-from henon_ref.harness.studies.price import own_calls
-from henon_ref.harness.studies.price.own_calls import Clock, clocked, own_part
-from henon_ref.harness.studies.price.paired_times import PairedTiming
-from henon_ref.harness.studies.price.pairs import Candidate, Pair
+from henon_ref.harness.studies.paired_times import own_calls
+from henon_ref.harness.studies.paired_times.own_calls import Clock, clocked, own_part
+from henon_ref.harness.studies.paired_times.pairs import Candidate, Pair
+from henon_ref.harness.studies.paired_times.timing import PairedTiming
 
 CASES = Path(__file__).parents[3] / "cases"
 

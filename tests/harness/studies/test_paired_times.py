@@ -29,9 +29,9 @@ from henon_ref.harness.report.text.paired_times import (
     spread_table,
 )
 from henon_ref.harness.rows import RunRow, rows_text
-from henon_ref.harness.studies.price import report_pairs
-from henon_ref.harness.studies.price.paired_times import TURN, PairedTiming
-from henon_ref.harness.studies.price.report_pairs import run_paired_times, timings_of
+from henon_ref.harness.studies.paired_times import page as report_pairs
+from henon_ref.harness.studies.paired_times.page import run_paired_times, timings_of
+from henon_ref.harness.studies.paired_times.timing import TURN, PairedTiming
 from henon_ref.harness.studies.study import Asked
 
 CASE = case()

@@ -7,13 +7,13 @@ from pathlib import Path
 
 from henon_ref.harness.report.files.manifest import provenance
 from henon_ref.harness.rows import RunRow, read_rows
+from henon_ref.harness.studies.paired_times.timing import TimedPair
 from henon_ref.harness.studies.price.compiling import Ready
 from henon_ref.harness.studies.price.growth import Horizon
-from henon_ref.harness.studies.price.ladder import SampleRow
+from henon_ref.harness.studies.price.ladder_pairs import SampleRow
 from henon_ref.harness.studies.price.landings import Landed
 from henon_ref.harness.studies.price.operations import Work
 from henon_ref.harness.studies.price.page import Prices, write_page
-from henon_ref.harness.studies.price.paired_times import TimedPair
 from henon_ref.harness.studies.price.states import Size
 
 
@@ -32,7 +32,6 @@ def prices() -> Prices:
     landings = ("henon", "henon-newton", "henon-brent")
     return Prices(
         rows=[run("henon", 1e-5, 1e-7), run("heyoka", 4e-5, 1e-5), run("scipy-dop853", 1e-2, None)],
-        samples=[],
         pairs=[pair],
         failed=["c, late, against ida: it *died*"],
         ready=[Ready("c", "late", "henon", 1e-9, 1e-5, 4.0, 1.0)],
@@ -53,7 +52,6 @@ def test_the_page_shows_what_was_measured_and_every_link_leads_to_a_file(tmp_pat
     assert "## c, late" in text
     assert "| 4 (3.3 to 5) | 2 |" in text
     assert "| `heyoka`, its own calls alone |  |  | 2 |  |" in text
-    assert "| 4 | 20 µs |" in text
     assert "its own calls of `propagate_until` are 50%" in text
     assert "Times in the figure: 3; 1 scatter" in text
     assert "1 rest on one or two runs" in text

@@ -18,7 +18,7 @@ from henon_ref.harness.report.files.manifest import provenance
 from henon_ref.harness.report.text.restarts import SUITE, SuiteRow
 from henon_ref.harness.rows import RunRow, read_rows
 from henon_ref.harness.studies.restarts import runs
-from henon_ref.harness.studies.restarts.run import run_restarts
+from henon_ref.harness.studies.restarts.page import run_restarts
 from henon_ref.harness.studies.restarts.runs import LIMIT, LONGER, Restarted, run_all
 from henon_ref.harness.studies.study import Asked
 

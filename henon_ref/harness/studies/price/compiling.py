@@ -23,8 +23,6 @@ DIGITS = 9
 AGAINST = {
     FIRST: ("heyoka", "scipy-dop853"),
     "heyoka": ("scipy-dop853",),
-    "scipy-dop853+numba": ("scipy-dop853",),
-    "cvode-adams+numba": ("cvode-adams",),
     "cvode-c-adams": ("cvode-adams",),
     "diffrax-dopri8": ("scipy-dop853",),
     "diffrax-kvaerno5": ("scipy-radau",),

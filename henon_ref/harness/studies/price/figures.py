@@ -12,7 +12,6 @@ from matplotlib.figure import Figure
 from henon_ref.figures import style
 from henon_ref.figures.description import describe
 from henon_ref.harness.figures.labels import label_column
-from henon_ref.harness.registry import COMPILED
 from henon_ref.harness.report.text.ranking import by_solver, right
 from henon_ref.harness.rows import RunRow, number
 from henon_ref.harness.studies.price.growth import Horizon
@@ -33,8 +32,7 @@ BOUND = 1e-11
 def draw_ladder(rows: Sequence[RunRow], count: str) -> Figure:
     """Worst error of a transition's time against a cost, one line a solver, for one reading.
 
-    Times have bars, the 95 % intervals of the medians. Compiled callbacks change times and nothing else: they stand,
-    dash-dotted, where the cost is a time.
+    Times have bars, the 95 % intervals of the medians.
     """
     is_time = count == "wall_s"
     with style.figure(4.4) as figure:
@@ -42,7 +40,7 @@ def draw_ladder(rows: Sequence[RunRow], count: str) -> Figure:
         axes.set_xscale("log")
         axes.set_yscale("log")
         ladders = by_solver(right(rows))
-        lines = style.lines_of(solver for solver in ladders if is_time or not solver.endswith(COMPILED))
+        lines = style.lines_of(ladders)
         tips = {}
         for solver, line in lines.items():
             points = [
@@ -92,15 +90,15 @@ def _draw_bars(axes: Axes, line: style.Line, ladder: Sequence[RunRow]) -> None:
 
 def draw_growth(found: Sequence[Horizon]) -> Figure:
     """Time of a transition and error of the last sticks over the horizon, for every solver."""
+    powers = {solver: horizon_power(found, solver) for solver in dict.fromkeys(own.solver for own in found)}
     with style.figure(3.0) as figure:
         left, right_ = figure.subplots(1, 2, sharex=True)
-        for solver in dict.fromkeys(own.solver for own in found):
+        for solver, fit in powers.items():
             own = [run for run in found if run.solver == solver]
-            label = f"{solver}: run ~ horizon^({horizon_power(found, solver)})"
-            _plot(left, solver, [run.until for run in own], [1e6 * run.per_transition_s for run in own], label)
+            label = f"{solver}: run ~ horizon^({fit})"
+            _plot(left, solver, [(run.until, 1e6 * run.per_transition_s) for run in own], label)
             settled = [run for run in own if not math.isnan(run.stick_error_s)]
-            errors = [max(run.stick_error_s, 1e-16) for run in settled]
-            _plot(right_, solver, [run.until for run in settled], errors, solver)
+            _plot(right_, solver, [(run.until, max(run.stick_error_s, 1e-16)) for run in settled], solver)
         left.set(xlabel="horizon [s]", ylabel="wall time a transition [µs]")
         left.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
         right_.axhline(BOUND, color=style.GREY, ls="--", lw=0.9)
@@ -114,7 +112,7 @@ def draw_growth(found: Sequence[Horizon]) -> Figure:
             figure,
             "Time of a transition, and error of the last sticks, over the horizon",
             "Two panels with logarithmic axes. Time of a run grows with a power of the horizon: "
-            + "; ".join(f"{s} {horizon_power(found, s)}" for s in dict.fromkeys(own.solver for own in found))
+            + "; ".join(f"{solver} {fit}" for solver, fit in powers.items())
             + f". In the second panel a dashed line is the bound of {BOUND:.0e} s on the error of the last sticks.",
         )
     return figure
@@ -122,20 +120,22 @@ def draw_growth(found: Sequence[Horizon]) -> Figure:
 
 def draw_sizes(found: Sequence[Size]) -> Figure:
     """Time of a simulated second and of getting ready over the number of states, for every solver."""
+    columns = {
+        "per_second": (1e3, "wall time of a simulated second [ms]"),
+        "ready_s": (1.0, "wall time of making ready [s]"),
+    }
+    solvers = dict.fromkeys(own.solver for own in found)
+    powers = {(solver, column): fitted(found, solver, column) for solver in solvers for column in columns}
+    ticks = sorted({size.states for size in found})
     with style.figure(3.2) as figure:
-        panels = figure.subplots(1, 2)
-        columns = (
-            ("per_second", 1e3, "wall time of a simulated second [ms]"),
-            ("ready_s", 1.0, "wall time of making ready [s]"),
-        )
-        ticks = sorted({size.states for size in found})
-        for axes, (column, unit, words) in zip(panels, columns, strict=True):
-            for solver in dict.fromkeys(own.solver for own in found):
-                own = [size for size in found if size.solver == solver and size.agrees]
-                label = f"{solver}: ~ states^({fitted(found, solver, column)})"
-                _plot(
-                    axes, solver, [size.states for size in own], [unit * getattr(size, column) for size in own], label
-                )
+        for axes, (column, (unit, words)) in zip(figure.subplots(1, 2), columns.items(), strict=True):
+            for solver in solvers:
+                points = [
+                    (size.states, unit * getattr(size, column))
+                    for size in found
+                    if size.solver == solver and size.agrees
+                ]
+                _plot(axes, solver, points, f"{solver}: ~ states^({powers[solver, column]})")
             axes.set_xticks(ticks, [str(tick) for tick in ticks], minor=False)
             axes.set_xticks([], minor=True)
             axes.set(xlabel="states", ylabel=words)
@@ -146,14 +146,16 @@ def draw_sizes(found: Sequence[Size]) -> Figure:
             "Time of a simulated second, and of making ready, over the number of states",
             "Two panels with logarithmic axes, a line a solver. Times grow with a power of the number of states: "
             + "; ".join(
-                f"{solver} {', '.join(f'{fitted(found, solver, column)}' for column, _, _ in columns)}"
-                for solver in dict.fromkeys(own.solver for own in found)
+                f"{solver} {', '.join(str(powers[solver, column]) for column in columns)}" for solver in solvers
             )
             + ".",
         )
     return figure
 
 
-def _plot(axes: Axes, solver: str, x: Sequence[float], y: Sequence[float], label: str) -> None:
+def _plot(axes: Axes, solver: str, points: Sequence[tuple[float, float]], label: str) -> None:
     look = style.line_of(solver)
-    axes.loglog(x, y, ls=look.dashes, marker=look.marker, color=look.colour, lw=look.width, label=label)
+    axes.loglog(
+        [x for x, _ in points], [y for _, y in points], ls=look.dashes, marker=look.marker, color=look.colour,
+        lw=look.width, label=label,
+    )  # fmt: skip

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from henon_ref.casefile.case import Case
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.options import Observer, Options
 from henon_ref.harness.report.text.paired_times import FIRST
-from henon_ref.harness.rows import Row, RunRow
-from henon_ref.harness.studies.runs import records_of
+from henon_ref.harness.rows import RunRow
+from henon_ref.harness.studies.runs import rows_of
 
 LADDER = tuple(10.0**-k for k in range(3, 16))
 """Relative tolerances. A library that refuses one says so, and the row with it."""
@@ -27,7 +27,7 @@ def solvers(chosen: Sequence[str] = ()) -> tuple[str, ...]:
     ----------
     chosen : sequence of str
         Those asked for, to which the reference is added that prices are multiples of. None: those that run by default
-        and :data:`WHEN_NAMED`, each with compiled callbacks, too; with ``all`` the peers that are installed as well.
+        and :data:`WHEN_NAMED`; with ``all`` the peers that are installed as well.
 
     Raises
     ------
@@ -39,38 +39,11 @@ def solvers(chosen: Sequence[str] = ()) -> tuple[str, ...]:
         every = registry.expanded((registry.ALL,))
     else:
         every = () if named else (*registry.default_names(), *WHEN_NAMED)
-    known = registry.names()
-    both = (name for solver in every for name in (solver, solver + registry.COMPILED) if name in known)
-    return tuple(dict.fromkeys((FIRST, *both, *named)))
+    return tuple(dict.fromkeys((FIRST, *every, *named)))
 
 
-@dataclass(frozen=True)
-class SampleRow(Row):
-    """The raw samples of one setting."""
-
-    case: str
-    reading: str
-    against: str | None
-    """The pair that it was timed in; None for the ladder's own times."""
-    digits: int | None
-    solver: str
-    rtol: float | None
-    step_s: float | None
-    samples_us: str
-    """In their order, with blanks between them."""
-
-
-@dataclass(frozen=True)
-class Ladder:
-    """What was run."""
-
-    rows: list[RunRow]
-    samples: list[SampleRow]
-    """The raw samples behind the rows' times."""
-
-
-def run_ladder(cases: Sequence[Case], options: Options, observer: Observer) -> Ladder:
-    """Run the ladder on the cases' readings.
+def run_ladder(cases: Sequence[Case], options: Options, observer: Observer) -> list[RunRow]:
+    """Rows of the ladder on the cases' readings.
 
     Parameters
     ----------
@@ -80,19 +53,8 @@ def run_ladder(cases: Sequence[Case], options: Options, observer: Observer) -> L
     observer : Observer
     """
     changed = replace(options, solvers=options.solvers or solvers(), tolerances=LADDER, timeout=TIMEOUT)
-    by_case = records_of([_without_listings(case) for case in cases], changed, observer)
-    records = [record for own in by_case.values() for record in own]
-    samples = [
-        SampleRow(*run.problem, None, None, run.solver, run.rtol, run.step_s, microseconds(record.samples))
-        for record in records
-        if record.samples and (run := record.run)
-    ]
-    return Ladder([record.run for record in records], samples)
-
-
-def microseconds(samples: Sequence[float]) -> str:
-    """Samples [s] as a row has them."""
-    return " ".join(f"{1e6 * sample:.5g}" for sample in samples)
+    by_case = rows_of([_without_listings(case) for case in cases], changed, observer)
+    return [row for own in by_case.values() for row in own]
 
 
 def _without_listings(case: Case) -> Case:

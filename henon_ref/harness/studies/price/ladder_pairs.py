@@ -1,17 +1,18 @@
-"""Paired timing over the ladder: ``henon`` against every other solver, compiled callbacks included."""
+"""Paired timing over the ladder: ``henon`` against every other solver."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from henon_ref.casefile.case import Case
 from henon_ref.harness.campaign.options import Observer, Options
 from henon_ref.harness.report.text.paired_times import FIRST
 from henon_ref.harness.report.text.ranking import LEVELS, by_solver, readings_of
-from henon_ref.harness.rows import RunRow
-from henon_ref.harness.studies.price.ladder import TIMEOUT, SampleRow, microseconds
-from henon_ref.harness.studies.price.paired_times import PairedTiming, TimedPair, time_pairs
-from henon_ref.harness.studies.price.pairs import pairs_of
+from henon_ref.harness.rows import Row, RunRow
+from henon_ref.harness.studies.paired_times.pairs import pairs_of
+from henon_ref.harness.studies.paired_times.timing import PairedTiming, TimedPair, time_pairs
+from henon_ref.harness.studies.price.ladder import TIMEOUT
 
 SECONDS = 4.0
 """Time that the runs of a pair may take."""
@@ -49,12 +50,29 @@ def time_ladder_pairs(
     return time_pairs(timings, options, observer)
 
 
+@dataclass(frozen=True)
+class SampleRow(Row):
+    """The raw samples of one side of a pair."""
+
+    case: str
+    reading: str
+    against: str
+    digits: int | None
+    solver: str
+    rtol: float | None
+    step_s: float | None
+    samples_us: str
+    """In their order, with blanks between them."""
+
+
 def samples_of(found: Sequence[TimedPair]) -> list[SampleRow]:
     """The raw samples behind the pairs' ratios: two rows a pair."""
     rows = []
     for row in found:
         pair = (*row.problem, row.against, row.digits)
-        rows.append(SampleRow(*pair, FIRST, row.rtol, None, microseconds(row.samples_s)))
-        rival = microseconds(row.rival_samples_s)
-        rows.append(SampleRow(*pair, row.rival, row.rival_rtol, row.rival_step_s, rival))
+        for solver, rtol, step, samples in (
+            (FIRST, row.rtol, None, row.samples_s),
+            (row.rival, row.rival_rtol, row.rival_step_s, row.rival_samples_s),
+        ):
+            rows.append(SampleRow(*pair, solver, rtol, step, " ".join(f"{1e6 * sample:.5g}" for sample in samples)))
     return rows

@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 
-from henon_ref.harness.report.text.formats import duration, error, setting, significant
+from henon_ref.harness.report.text.formats import duration, error, significant
 from henon_ref.harness.report.text.paired_times import FIRST, SECOND, PairRow, bound
 from henon_ref.harness.report.text.ranking import LEVELS, by_solver, reaching, readings_of
 from henon_ref.harness.rows import RunRow, number
-from henon_ref.harness.studies.price import effects
 from henon_ref.harness.studies.price.compiling import AGAINST, Ready, paid_after
 from henon_ref.harness.studies.price.effects import Step
 from henon_ref.harness.studies.price.growth import Horizon
@@ -18,9 +17,10 @@ from henon_ref.harness.studies.price.landings import Landed
 from henon_ref.harness.studies.price.states import Size
 from henon_ref.harness.table import Table
 
-CALLBACKS = ("cvode-c-adams", "cvode-adams", "cvode-adams+numba", "scipy-dop853", "scipy-dop853+numba")
-"""Solvers whose right-hand sides are priced."""
-LISTED = (SECOND, *CALLBACKS, "diffrax-dopri8", "diffrax-kvaerno5", "diffsol-tsit45", "diffsol-bdf")
+LISTED = (
+    SECOND, "cvode-c-adams", "cvode-adams", "scipy-dop853", "diffrax-dopri8", "diffrax-kvaerno5", "diffsol-tsit45",
+    "diffsol-bdf",
+)  # fmt: skip
 """Rivals whose pairs are shown reading by reading, where they ran; those of all are in the file."""
 
 
@@ -82,39 +82,6 @@ def _times_as_long(row: PairRow) -> str:
     """How many times as long as ``henon`` a solver takes, and the interval: a row has ``henon``'s time over its own."""
     times, low, high = (significant(1.0 / ratio, 2) for ratio in (row.ratio, row.ratio_high, row.ratio_low))
     return f"{times} ({low} to {high})"
-
-
-def price_table(pairs: Sequence[PairRow], reading: tuple[str, str]) -> Table:
-    """The cheapest solver for so many digits, and the next one, in turn."""
-    lines: list[tuple[str, ...]] = []
-    for level in LEVELS:
-        order = sorted(costs(pairs, reading, level).items(), key=lambda item: item[1])[:2]
-        if len(order) < 2:
-            continue
-        (first, least), (second, more) = order
-        rows = {row.rival: row for row in pairs if row.problem == reading and row.digits == level}
-        lines.append(
-            (
-                f"{level}",
-                *_side(first, rows, second),
-                *_side(second, rows, first),
-                significant(more / least),
-                duration(rows[second].rival_own_s) if second in rows else "",
-            )
-        )
-    headings = (
-        "digits", "cheapest", "tolerance", "time", "next", "tolerance", "time", "times as long", "its own calls alone",
-    )  # fmt: skip
-    return Table(headings, "rlrrlrrrr", lines)
-
-
-def _side(solver: str, rows: dict[str, PairRow], other: str) -> tuple[str, str, str]:
-    """Name, setting and time; the reference's from its pair with the other."""
-    if solver == FIRST:
-        row = rows[other]
-        return f"`{solver}`", setting(row.rtol, None), duration(row.wall_s)
-    row = rows[solver]
-    return f"`{solver}`", setting(row.rival_rtol, row.rival_step_s), duration(row.rival_wall_s)
 
 
 def scatter(rows: Sequence[RunRow]) -> dict[str, int]:
@@ -187,10 +154,25 @@ def landing_table(found: Sequence[Landed]) -> Table:
 def effect_table(steps: Sequence[Step]) -> Table:
     """Operations and times of every effect, and of the scene with all others compiled in at zero."""
     headings = (
-        "body", "effect added", "operations", "by hand", "time a step", "more than before", "run over one by hand",
-        "operations, all carried", "time a step, all carried", "run over one with all carried",
+        "body", "effect added", "operations", "time a step", "more than before", "operations, all carried",
+        "time a step, all carried", "run over one with all carried",
     )  # fmt: skip
-    return Table(headings, "llrrrrrrrr", effects.rows(steps))
+    lines: list[tuple[str, ...]] = []
+    for before, step in zip((None, *steps), steps, strict=False):
+        more = before and before.body == step.body and step.effect
+        lines.append(
+            (
+                step.body,
+                step.effect or "*a motion that sticks*",
+                f"{step.operations}",
+                f"{1e9 * step.per_step_s:.0f} ns",
+                f"{1e9 * (step.per_step_s - before.per_step_s):+.0f} ns" if before and more else "",
+                "" if step.carried is None else f"{step.carried}",
+                "" if step.carried_per_step_s is None else f"{1e9 * step.carried_per_step_s:.0f} ns",
+                "" if step.to_carried is None else f"{step.to_carried:.2f}",
+            )
+        )
+    return Table(headings, "llrrrrrr", lines)
 
 
 def growth_table(found: Sequence[Horizon]) -> Table:
@@ -233,21 +215,6 @@ def size_table(found: Sequence[Size]) -> Table:
         *(f"without transitions, {n}" for n in names), "`henon` / `heyoka`", *(f"ready, {n}" for n in names),
     )  # fmt: skip
     return Table(headings, "r" * len(headings), lines)
-
-
-def callback_costs(rows: Sequence[RunRow], digits: int = 9) -> Table:
-    """Wall time by right-hand sides, plain and compiled callbacks, at the cheapest setting for so many digits."""
-    ran = by_solver(rows)
-    solvers, lines = [solver for solver in CALLBACKS if solver in ran], []
-    for (case, reading), own in readings_of(rows).items():
-        cells = []
-        for solver in solvers:
-            able = [r for r in own if r.solver == solver and r.verdict == "right" and r.wall_s]
-            able = [r for r in able if r.digits is not None and number(r.digits) >= digits]
-            least = min(able, key=lambda r: number(r.wall_s), default=None)
-            cells.append("" if least is None else duration(number(least.wall_s) / number(least.rhs_evaluations)))
-        lines.append((title(case, reading), *cells))
-    return Table(("reading", *(f"`{solver}`" for solver in solvers)), "l" + "r" * len(solvers), lines)
 
 
 def costs(found: Sequence[PairRow], reading: tuple[str, str], digits: int) -> dict[str, float]:

@@ -14,8 +14,8 @@ from henon_ref.harness.campaign.pool import Jobs, WorkerPool
 from henon_ref.harness.campaign.timing import median_interval
 from henon_ref.harness.campaign.worker import Failure, Job, WorkerState
 from henon_ref.harness.report.text.paired_times import PairRow
-from henon_ref.harness.studies.price.own_calls import ClockedHeyoka, clocked, own_part
-from henon_ref.harness.studies.price.pairs import Candidate, Pair
+from henon_ref.harness.studies.paired_times.own_calls import ClockedHeyoka, clocked, own_part
+from henon_ref.harness.studies.paired_times.pairs import Candidate, Pair
 from henon_ref.solver import Run
 
 FEWEST, MOST = 9, 200
