@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -90,16 +90,16 @@ class ModeModel:
             reason = f"with {size} states the variational equations are too large: more than {MAX_VARIED} operations"
             raise UndecidedError(reason, "mode")
         columns = [[sp.Dummy(f"v{i}_{j}", real=True) for i in range(size)] for j in range(size + 1)]
-        field = list(self.field)
-        for j, column in enumerate(columns):
-            field += [self._varied(f, column, j) for f in self.field]
-        outputs = [self._varied(g.expression, column, j) for g in self.guards for j, column in enumerate(columns)]
+        gradients = [self._gradient(f) for f in self.field]
+        field = [*self.field, *(_varied(g, column, j) for j, column in enumerate(columns) for g in gradients)]
+        gradients = [self._gradient(g.expression) for g in self.guards]
+        outputs = [_varied(g, column, j) for g in gradients for j, column in enumerate(columns)]
         return Program(build_tape([*self.states, *(v for column in columns for v in column)], field, outputs))
 
-    def _varied(self, expression: sp.Expr, column: Sequence[sp.Symbol], j: int) -> sp.Expr:
-        """Change of an expression when the initial value j changes (j = 0: the time)."""
-        along = [sp.diff(expression, x) * v for x, v in zip(self.states, column, strict=True)]
-        return sp.Add(*along, sp.diff(expression, TIME) if j == 0 else 0)
+    def _gradient(self, expression: sp.Expr) -> dict[int, sp.Expr]:
+        """Derivatives of an expression by the time (place 0) and by those states that it holds (from place 1 on)."""
+        held = expression.free_symbols
+        return {k: sp.diff(expression, x) for k, x in enumerate((TIME, *self.states)) if x in held}
 
     def field_over(self, box: Sequence[arb]) -> list[arb]:
         """Enclosure of (1, f) over a box in (t, x)."""
@@ -111,6 +111,12 @@ class ModeModel:
         return sp.diff(expression, TIME) + sp.Add(
             *(sp.diff(expression, x) * f for x, f in zip(self.states, self.field, strict=True))
         )
+
+
+def _varied(gradient: Mapping[int, sp.Expr], column: Sequence[sp.Symbol], j: int) -> sp.Expr:
+    """Change of an expression when the initial value j changes (j = 0: the time)."""
+    along = (slope * column[k - 1] for k, slope in gradient.items() if k > 0)
+    return sp.Add(*along, gradient.get(0, 0) if j == 0 else 0)
 
 
 class SystemModel:

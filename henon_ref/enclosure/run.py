@@ -32,6 +32,8 @@ MAX_TRANSITIONS = 20_000
 MAX_STEPS = 400_000
 SHORTEST = 2.0**-100
 """A step this much shorter than the run so far says that the solution, or the events, run into a point."""
+EARLY, FAR = 0.1, 0.01
+"""After this part of its time a proof is given up that has not come this part of the way."""
 
 CROWD, CROWDED = 16, 1e-9
 """So many events within this part of the run count as accumulating."""
@@ -172,6 +174,7 @@ class _Attempt:
         max_transitions: int,
     ) -> None:
         self.model, self.problem, self.progress, self.until = model, problem, progress, until
+        self.allowed = 0.0 if until is None else until - clock.monotonic()
         self.max_transitions = max_transitions
         self.precision = Precision.of(bits)
         self.transitions: list[CertifiedTransition] = []
@@ -217,8 +220,11 @@ class _Attempt:
                 return (
                     f"steps become too short at t = {now.str(17, radius=False)}: the solution runs into a singularity"
                 )
-            if self.until is not None and clock.monotonic() > self.until:
-                return f"the deadline passed at t = {now.str(17, radius=False)}"
+            if self.until is not None and (left := self.until - clock.monotonic()) < (1 - EARLY) * self.allowed:
+                if left < 0:
+                    return f"the deadline passed at t = {now.str(17, radius=False)}"
+                if float(now) - begin < FAR * (float(self.horizon) - begin):
+                    return f"at the pace up to t = {now.str(17, radius=False)} the deadline would pass long before the end"
         return ""
 
     def _crowded(self) -> str:

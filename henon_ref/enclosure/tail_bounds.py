@@ -41,7 +41,10 @@ RAISE = 1 + 2.0**-36
 TINY = 1e-290
 """More than what underflow can lose in a sum of a few thousand terms."""
 ROUNDS = 12
-"""Tries to find tails that the Picard map sends into themselves."""
+"""Tries to find tails that the Picard map sends into themselves, once all states have some: where many act on each other
+in a row, it takes a try from each to the next one."""
+REACHED = 1e-250
+"""A tail above this is more than :data:`TINY` and what tries have made of it."""
 
 
 def magnitudes(series: Sequence[Series]) -> NDArray[np.float64]:
@@ -117,7 +120,8 @@ class Tails:
         """(tails of the states, tails of the outputs) that are proven, or None."""
         program = self.program
         states = [0.0] * len(program.field)
-        for _ in range(ROUNDS):
+        patience, reached = ROUNDS, 0
+        while patience > 0:
             tails = self.propagate(states)
             mapped = [
                 (last / (self.order + 1) + tails[i] / (self.order + 2)) * self.gain * RAISE + TINY
@@ -127,7 +131,10 @@ class Tails:
                 return None
             if all(new <= old for new, old in zip(mapped, states, strict=True)):
                 return states, [tails[i] for i in program.outputs]
-            states = [1.5 * max(new, old) for new, old in zip(mapped, states, strict=True)]
+            before, reached = reached, sum(tail > REACHED for tail in mapped)
+            patience = ROUNDS if reached > before else patience - 1
+            # What these tails come to is mapped to two thirds of itself, however little of it is the state's own.
+            states = [1.5 * new for new in mapped]
         return None
 
     def propagate(self, states: Sequence[float]) -> list[float]:
