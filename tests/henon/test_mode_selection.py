@@ -356,7 +356,7 @@ def test_groups_with_static_friction_are_decided_without_python(
     ],
 )
 def test_what_happens_at_one_instant_needs_no_python(name: str, readings: list[str]) -> None:
-    """Slides that end together, one contact with two laws, a field that is zero beyond, a slide that turns repelling."""
+    """Slides that end together, a contact with two laws, a field that is zero beyond, a slide that turns repelling."""
     case = load_case(CASES / "hard" / f"{name}.yaml")
     for reading in readings:
         run = HENON_SOLVER.prepare(case.reading(reading).problem, rtol=1e-9)
