@@ -231,15 +231,15 @@ static int64_t largest_order(const struct pair_expansion *e, const double *local
     return found;
 }
 
-/* A radius about a place on which a series' term of an order is larger than all that follow it, and before which the
- * series is positive; 0 where none is found. */
+/* A radius about a place on which a series' term of an order is larger than all that follow it, in value and slope, and
+ * before which the series is positive; 0 where none is found. */
 static double flat_radius(const struct pair_expansion *e, const struct pair_series *q, double at, const double *local,
                           int64_t order)
 {
     for (double radius = WIDEST * at; radius >= NARROWEST * at; radius *= NARROWER) {
         double rest = 0.0, power = radius;
         for (int64_t k = order + 1; k < e->terms; k++) {
-            rest += fabs(local[k]) * power;
+            rest += (double)k / (double)order * fabs(local[k]) * power; /* of the slope, which is no smaller a part */
             power *= radius;
         }
         struct bernstein before;
@@ -253,8 +253,9 @@ static double flat_radius(const struct pair_expansion *e, const struct pair_seri
 /* A guard that is flat next to a place: a zero of higher order in numbers that doubles hold, or a minimum above zero.
  *
  * About the place at which derivative m - 1 is zero the guard is c_0 + ... + c_m h^m + ..., its term of order m larger
- * than all that follow. Where c_0 to c_(m-1) are zeros, and known to be, it has a zero of order m there. Where m is even
- * and c_m positive, it is no smaller than c_0 less the sizes of the terms up to m - 1.
+ * than all that follow. Where c_0 to c_(m-1) are zeros, and known to be, it has a zero of order m there. Where m is
+ * even and c_m positive, it is no smaller than c_0 less the sizes of the terms up to m - 1; where c_0 is clearly below
+ * zero it falls before the place, once.
  */
 static struct near_place flat_zero(const struct pair_expansion *e, const struct pair_series *q, double suspect)
 {
@@ -286,12 +287,19 @@ static struct near_place flat_zero(const struct pair_expansion *e, const struct 
         power *= radius, size += (fabs(c.high) + c.error) * power;
         zero = zero && exact_zero(c);
     }
-    double depth = lowest.high - lowest.error - size;
+    double error = lowest.error + size, depth = fabs(lowest.high) - error;
     if (radius == 0.0)
         return open;
     if (zero && (valley || (order % 2 == 1 && local[order] < 0.0)))
         return (struct near_place){valley ? TOUCHING : FALLING, at, 0.0, order};
-    return valley && depth > CLEAR * (lowest.error + size) ? (struct near_place){VALLEY, at, depth, order} : open;
+    if (!(valley && depth > CLEAR * error))
+        return open;
+    if (lowest.high > 0.0)
+        return (struct near_place){VALLEY, at, depth, order};
+    double before = pow(-lowest.high / local[order], 1.0 / (double)order);
+    struct near_place root = falling_root(e, q, added(at, (struct pair){-before, 0.0}));
+    root.depth = depth;
+    return root.what == FALLING && at.high - radius < root.at.high && root.at.high < at.high ? root : open;
 }
 
 /* What a guard does first, up to a neighbourhood of a place. */

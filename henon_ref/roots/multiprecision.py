@@ -45,6 +45,10 @@ NEWTON_STEPS = 12
 """Steps of Newton's method towards the minimum of a piece."""
 CUT_LEAST, CUT_MOST = 2.0**-20, 2.0**-3
 """What is cut out around a minimum: at least the one and at most the other of its piece, to either side."""
+SMALL = ONE >> 40
+"""A value that is no touch if it is larger."""
+TOUCH_BITS = 80
+"""Around a touch so much less than its piece is cut out at first."""
 What = Literal["root", "touch", "miss"]
 Fixed = Sequence[int]
 """Coefficients, each times 2^220."""
@@ -199,6 +203,10 @@ def _around_minimum(q: Fixed, piece: Fixed, low: int, high: int) -> list[int]:
         return []
     width = high - low
     middle, distance = (int(part * 2.0**53) * width >> 53 for part in found)
+    if abs(horner(q, low + middle)) < SMALL:
+        touched = _minimum(q, low + middle)
+        if touched is not None and low < touched < high and abs(horner(q, touched)) <= ZERO:
+            middle, distance = touched - low, width >> TOUCH_BITS
     while distance < CUT_MOST * width:
         places = [at for at in (low + middle - distance, low + middle + distance) if low < at < high]
         if all(abs(horner(q, at)) > CLEARANCE * ZERO for at in places):

@@ -82,10 +82,27 @@ def test_a_rest_at_once_is_compiled_code_s(jumps_in_python: list[tuple[int, ...]
     assert jumps_in_python == []
 
 
-def test_the_limit_of_impacts_is_python_s(jumps_in_python: list[tuple[int, ...]]) -> None:
-    found = run(ball(sp.Integer(5), sp.Rational(4, 5)))
+@pytest.mark.parametrize("restitution", [sp.Rational(4, 5), HALF, sp.Rational(1, 20)])
+def test_the_limit_of_impacts_is_compiled_code_s(
+    jumps_in_python: list[tuple[int, ...]], restitution: sp.Rational
+) -> None:
+    """Flights last r, r^2, ... times as long as twice the first fall: the ball rests from T (1 + r)/(1 - r) on."""
+    found = run(ball(sp.Integer(5), restitution))
+    assert jumps_in_python == []
     assert found.transitions[-1].kind == "stick"
-    assert jumps_in_python == [(0,)]
+    limit = np.sqrt(1 / 5) * float((1 + restitution) / (1 - restitution))
+    assert found.transitions[-1].time == pytest.approx(limit, abs=1e-12, rel=0)
+    assert found.end_state == pytest.approx((0.0, 0.0), abs=1e-14)
+
+
+def test_an_impact_that_the_acceleration_ends_is_compiled_code_s(jumps_in_python: list[tuple[int, ...]]) -> None:
+    """x = 1 - 2 t + t^2/2 comes down on a floor that takes all speed, and is lifted off at once."""
+    lifted = FilippovSystem((X, V), (S,), (X,), (V, sp.Integer(1)), resets={0: Reset({V: sp.Integer(0)})})
+    found = run(Problem(with_resting(lifted), sp.Integer(0), ints(1, -2), sp.Integer(2)))
+    assert jumps_in_python == []
+    assert [(t.kind, t.from_mode, t.to_mode) for t in found.transitions] == [("reset", (1,), (1,))]
+    assert found.transitions[0].time == pytest.approx(2 - np.sqrt(2), abs=1e-14)
+    assert found.end_state == pytest.approx((1.0, np.sqrt(2)), abs=1e-14)
 
 
 # What a jump is, where compiled code leaves it to Python, and what follows.
