@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import sympy as sp
@@ -14,15 +14,17 @@ from henon_ref.filippov.mode_evaluation import ModeWithTape
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.switching import Switching
 from henon_ref.henon.growing_rows import GrowingRows
-from henon_ref.henon.jump import Jumps
 from henon_ref.henon.mode_table import CompiledModes
 from henon_ref.henon.pairs import Pair, Three, three_of
 from henon_ref.henon.parameter_programs import LoopData, ParameterPrograms, loop_data, numbers_behind
-from henon_ref.henon.precise_modes import BallSwitching, PreciseModes
 from henon_ref.jit.processor_time import compiling
 from henon_ref.kernel.shared import kernel
 from henon_ref.precision import one_at_a_time
 from henon_ref.taylor.tape import Tape
+
+if TYPE_CHECKING:
+    from henon_ref.henon.jump import Jumps
+    from henon_ref.henon.precise_modes import PreciseModes
 
 
 class ModeConstants:
@@ -122,12 +124,16 @@ class ModeConstants:
     @cached_property
     def precise(self) -> PreciseModes:
         """The modes in multiprecision."""
+        from henon_ref.henon.precise_modes import PreciseModes, PreciseSwitching  # most runs have no use for it
+
         values = tuple(self.exact())
-        return PreciseModes(self.programs.system, self.switching, lambda: _PreciseSwitching(self.programs, values))
+        return PreciseModes(self.programs.system, self.switching, lambda: PreciseSwitching(self.programs, values))
 
     @cached_property
     def jumps(self) -> Jumps:
         """The resets' maps, in multiprecision."""
+        from henon_ref.henon.jump import Jumps
+
         return Jumps(self.precise)
 
 
@@ -150,20 +156,3 @@ class DoubleSwitching(Switching):
     def _function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
         function, values = self._programs.function(names, expressions), self._values
         return lambda *point: function(*point, *values)
-
-
-class _PreciseSwitching(BallSwitching):
-    """The same in balls."""
-
-    def __init__(self, programs: ParameterPrograms, values: tuple[sp.Expr, ...]) -> None:
-        self._programs, self._values = programs, values
-        super().__init__(programs.system)
-
-    def _tape(self, mode: Mode) -> ModeWithTape | None:
-        return self._programs.mode(mode)
-
-    def _constants(self, tape: Tape) -> list[Any]:
-        return [ball.mid() for ball in self._programs.constants(tape).balls(self._values)]
-
-    def _tape_of(self, names: tuple[sp.Symbol, ...], expressions: tuple[sp.Expr, ...]) -> Tape:
-        return self._programs.tape(names, expressions)

@@ -13,9 +13,11 @@ from flint import arb, arb_poly
 
 from henon_ref.filippov.equations import Guard, ModeEquations
 from henon_ref.filippov.mode_evaluation import ORDER as DERIVATIVES
+from henon_ref.filippov.mode_evaluation import ModeWithTape
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.switching import Switching
 from henon_ref.filippov.system import FilippovSystem
+from henon_ref.henon.parameter_programs import ParameterPrograms
 from henon_ref.jit.processor_time import compiling
 from henon_ref.taylor.fold import FUNCTIONS
 from henon_ref.taylor.series import Ring, expand
@@ -209,3 +211,20 @@ class BallSwitching(Switching):
 
     def _size(self, t: Any, x: Sequence[Any], mode: Mode, index: int) -> float:
         return 0.0
+
+
+class PreciseSwitching(BallSwitching):
+    """The same with constants from programs (see :class:`henon_ref.henon.constants.DoubleSwitching`)."""
+
+    def __init__(self, programs: ParameterPrograms, values: tuple[sp.Expr, ...]) -> None:
+        self._programs, self._values = programs, values
+        super().__init__(programs.system)
+
+    def _tape(self, mode: Mode) -> ModeWithTape | None:
+        return self._programs.mode(mode)
+
+    def _constants(self, tape: Tape) -> list[Any]:
+        return [ball.mid() for ball in self._programs.constants(tape).balls(self._values)]
+
+    def _tape_of(self, names: tuple[sp.Symbol, ...], expressions: tuple[sp.Expr, ...]) -> Tape:
+        return self._programs.tape(names, expressions)

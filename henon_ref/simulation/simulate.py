@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from henon_ref.henon.run import Run
 from henon_ref.henon.start import MOST_STEPS
 from henon_ref.simulation.dense_output import STEPS
 from henon_ref.simulation.launch import launch
 from henon_ref.simulation.solution import Solution
-from henon_ref.simulation.stream import TransitionStream
 from henon_ref.simulation.system import System
+
+if TYPE_CHECKING:
+    from henon_ref.simulation.stream import TransitionStream
 
 
 def simulate(
@@ -128,4 +130,6 @@ def stream(
     >>> [round(row.time_s, 9) for row in stream(oscillator, {"x": 1, "v": 0}, until=5)]
     [1.570796327, 4.71238898]
     """
+    from henon_ref.simulation.stream import TransitionStream
+
     return TransitionStream(launch(system, initial, until, start, rtol, atol, parameters, mode, stop, max_steps))
