@@ -14,10 +14,9 @@ from henon_ref.henon.endings import ending_of
 from henon_ref.henon.entries import numbered, words_of
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.mode_changes import Jumped, ModeChanges
-from henon_ref.henon.records import GRAZE, STEP_PLACES, step_dtype
+from henon_ref.henon.records import CHUNK, GRAZE, STATE_PLACE, STEP_PLACES, step_dtype
 from henon_ref.henon.start import Start, doubles_of, out_of_steps
 from henon_ref.henon.transition_array import TransitionArray
-from henon_ref.henon.workspace import CHUNK, STATE_PLACE
 from henon_ref.jit.processor_time import Deadline
 from henon_ref.kernel.shared import doubles, ffi, kernel
 from henon_ref.trajectory import Counts, Decisions, Status, Trajectory, Transition
