@@ -10,7 +10,6 @@ import sympy as sp
 
 from henon_ref.casefile.bodies import Body
 from henon_ref.casefile.connection import Hold, Impact, Surface
-from henon_ref.casefile.impact_law import thrown_back
 from henon_ref.filippov.overrides import Release, Reset, SlidingOverride
 from henon_ref.filippov.resting import with_resting
 from henon_ref.filippov.system import FilippovSystem
@@ -145,3 +144,24 @@ class Scene:
             inertia=inertia,
             push=tuple(ends.get(x, sp.S.Zero) for body in self.bodies.values() for x in body.states) if ends else (),
         )
+
+
+def thrown_back(p: Body, q: Body, restitution: sp.Expr) -> dict[sp.Symbol, sp.Expr]:
+    """Velocities after an impact, of those bodies that move freely.
+
+    The relative velocity v_p - v_q turns round and is multiplied by the restitution, the momentum of the two stays
+    (Brogliato, *Nonsmooth Mechanics*, 2016, Ch. 4); a body whose motion is given is not moved.
+
+    Parameters
+    ----------
+    p, q : Body
+    restitution : Expr
+        Speed after over speed before, 0 to 1 [1].
+    """
+    change = (1 + restitution) * (p.velocity - q.velocity)
+    if p.inertia is None:
+        return {q.velocity: q.velocity + change}
+    if q.inertia is None:
+        return {p.velocity: p.velocity - change}
+    whole = p.inertia + q.inertia
+    return {p.velocity: p.velocity - q.inertia * change / whole, q.velocity: q.velocity + p.inertia * change / whole}

@@ -15,7 +15,6 @@ from henon_ref.filippov.algebra import MAX_SIZE
 from henon_ref.filippov.bounds import put
 from henon_ref.filippov.exact_numbers import exact_sign
 from henon_ref.filippov.exponents import with_rational_exponents
-from henon_ref.filippov.held_loops import with_held_loops
 from henon_ref.filippov.overrides import SlidingOverride
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.resting import impact_of, into_surface, with_resting
@@ -73,7 +72,11 @@ def written_model(source: Source) -> tuple[FilippovSystem, Names]:
     resets = build_resets(source, names, system)
     if resets:
         system = with_resting(replace(system, resets={**system.resets, **resets}))
-    return with_held_loops(system), names
+    if len(system.surfaces) > 1:
+        from henon_ref.filippov.held_loops import with_held_loops
+
+        system = with_held_loops(system)
+    return system, names
 
 
 def read_scene(source: Source) -> tuple[Scene, Names]:

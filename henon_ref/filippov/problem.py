@@ -9,7 +9,6 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.filippov.callables import Jacobian, vector
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.system import FilippovSystem
 
@@ -68,7 +67,7 @@ class Problem:
         >>> slip(0.0, np.array([0.5, 0.0])), stick(0.0, np.array([0.5, 1.0]))
         (array([0. , 0.5]), array([1., 0.]))
         """
-        return vector(self.system.states, [self.system.numeric(f) for f in self.system.equations(mode).field])
+        return self._functions([self.system.numeric(f) for f in self.system.equations(mode).field])
 
     def guards(self, mode: Mode) -> ArrayFunction:
         """The functions that end one mode (unstable).
@@ -102,9 +101,7 @@ class Problem:
         >>> [guard.to_sign for guard in block.equations((0,)).guards]  # the sides that a stick is released into
         [1, -1]
         """
-        return vector(
-            self.system.states, [self.system.numeric(g.expression) for g in self.system.equations(mode).guards]
-        )
+        return self._functions([self.system.numeric(g.expression) for g in self.system.equations(mode).guards])
 
     def jacobian(self, mode: Mode) -> ArrayFunction:
         """Derivative of one mode's field in the state (unstable).
@@ -134,6 +131,8 @@ class Problem:
         array([[ 0.,  1.],
                [-1.,  0.]])
         """
+        from henon_ref.filippov.callables import Jacobian
+
         field = [self.system.numeric(f) for f in self.system.equations(mode).field]
         return Jacobian(self.system.states, field)
 
@@ -166,4 +165,9 @@ class Problem:
         array([0., 2.])
         """
         own = self.system.resets[surface].map
-        return vector(self.system.states, [self.system.numeric(own.get(x, x)) for x in self.system.states])
+        return self._functions([self.system.numeric(own.get(x, x)) for x in self.system.states])
+
+    def _functions(self, expressions: list[sp.Expr]) -> ArrayFunction:
+        from henon_ref.filippov.callables import vector  # the library's own runs have no use for it
+
+        return vector(self.system.states, expressions)

@@ -19,10 +19,8 @@ from henon_ref.errors import ModelError
 from henon_ref.filippov.bounds import put
 from henon_ref.filippov.branches import has_no_value, leaves_out
 from henon_ref.filippov.contact_loops import closed, relations
-from henon_ref.filippov.coupled_contacts import coupled_equations
 from henon_ref.filippov.decoupled_contacts import FEW, SwitchedEquations, switched_equations
 from henon_ref.filippov.equations import Guard, ModeEquations, Refusal, along
-from henon_ref.filippov.held_contacts import held_field
 from henon_ref.filippov.modes import Mode, replaced
 from henon_ref.filippov.overrides import Reset, SlidingOverride
 from henon_ref.filippov.sliding import filippov_sliding
@@ -165,6 +163,8 @@ class FilippovSystem(SwitchedField):
         """One set of equations for all modes of many contacts."""
         if len(self.surfaces) <= FEW:
             return None
+        from henon_ref.filippov.coupled_contacts import coupled_equations  # few systems have many contacts
+
         return switched_equations(self) or coupled_equations(self, self)
 
     @property
@@ -211,6 +211,8 @@ class FilippovSystem(SwitchedField):
             (i,) = sliding
             return self.overrides[i].field, tuple(g for zone in zones.values() for g in zone), {}
         held = {i: self.overrides[i] for i in sorted(overridden)}
+        from henon_ref.filippov.held_contacts import held_field
+
         made = held_field(self, self.with_reactions(self.reacting & overridden), held, zones, sliding)
         field, own, others = made.field, made.guards, tuple(sorted(sliding - made.decided))
         signs = {i: made.signs[self.signs[i]] for i in sorted(made.decided - overridden)}

@@ -4,25 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.filippov.in_balls import BALLS, ball_function
 from henon_ref.filippov.in_doubles import DOUBLES
 from henon_ref.filippov.mode_evaluation import ModeEvaluation
 from henon_ref.henon.growing_rows import GrowingRows
-from henon_ref.henon.jump import Jumps
 from henon_ref.henon.mode_table import CompiledModes
 from henon_ref.henon.pairs import Pair, Three, three_of
 from henon_ref.henon.parameter_programs import LoopData, ParameterPrograms, loop_data, numbers_behind
-from henon_ref.henon.precise_modes import PreciseModes
 from henon_ref.jit.processor_time import compiling
 from henon_ref.kernel.shared import kernel
 from henon_ref.precision import one_at_a_time
 from henon_ref.taylor.tape import Tape
+
+if TYPE_CHECKING:
+    from henon_ref.henon.jump import Jumps
+    from henon_ref.henon.precise_modes import PreciseModes
 
 
 class ModeConstants:
@@ -122,12 +123,16 @@ class ModeConstants:
     @cached_property
     def precise(self) -> PreciseModes:
         """The modes in multiprecision."""
-        system, tapes = self.programs.system, _BallTapes(self.programs, tuple(self.exact()))
-        return PreciseModes(system, self.in_doubles, lambda: ModeEvaluation(system, BALLS, tapes))
+        from henon_ref.henon.precise_modes import PreciseModes, balls_of  # most runs have no use for it
+
+        values = tuple(self.exact())
+        return PreciseModes(self.programs.system, self.in_doubles, lambda: balls_of(self.programs, values))
 
     @cached_property
     def jumps(self) -> Jumps:
         """The resets' maps, in multiprecision."""
+        from henon_ref.henon.jump import Jumps
+
         return Jumps(self.precise)
 
 
@@ -146,17 +151,3 @@ class _DoubleTapes:
     def function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
         function, values = self._programs.function(names, expressions), self._values
         return lambda *point: function(*point, *values)
-
-
-class _BallTapes:
-    """The same in balls."""
-
-    def __init__(self, programs: ParameterPrograms, values: tuple[sp.Expr, ...]) -> None:
-        self.mode, self._programs, self._values = programs.mode, programs, values
-
-    def constants(self, tape: Tape) -> list[Any]:
-        return [ball.mid() for ball in self._programs.constants(tape).balls(self._values)]
-
-    def function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
-        tape = self._programs.tape(tuple(names), tuple(expressions))
-        return ball_function(tape, self.constants(tape))

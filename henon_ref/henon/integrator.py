@@ -15,8 +15,8 @@ from henon_ref.henon.constants import ModeConstants
 from henon_ref.henon.mode_table import ModeTable
 from henon_ref.henon.pairs import exact_expression, pair_of_exact, three_of
 from henon_ref.henon.parameter_programs import ParameterPrograms
+from henon_ref.henon.records import WorkspacePool
 from henon_ref.henon.start import Start, begin
-from henon_ref.henon.workspace import WorkspacePool
 
 KEPT_VALUES = 64
 """Parameter values of which the constants are kept."""

@@ -12,11 +12,9 @@ from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.resets import Jump, jump_of
 from henon_ref.filippov.resting import impact_of
 from henon_ref.filippov.system import FilippovSystem
-from henon_ref.henon.mode_code import native_module
-from henon_ref.jit.ir_writer import declarations
 from henon_ref.jit.native_module import NativeModule
 from henon_ref.kernel.shared import kernel
-from henon_ref.taylor.llvm.expansion import values_ir
+from henon_ref.taylor.machine_code import Part, machine_code
 from henon_ref.taylor.tape import build_tape
 
 
@@ -67,11 +65,11 @@ def jump_code(system: FilippovSystem) -> JumpCode | None:
         outputs += [sp.Integer(1) if impact is None or impact.refusal else impact.ratio]
         places[i] = [*jump.moved, *(n + k for k in jump.moved), *(2 * n + j for j in new), 2 * n + len(system.surfaces)]
     tape = build_tape((*system.states, *lost), (), outputs)
-    code, first = declarations(), 0
+    parts, first = [], 0
     for i, own in places.items():
-        code += values_ir(tape.part(range(first, first + len(own))), 2 * n, f"jump_{i}", own)
+        parts.append(Part("values", (tape.part(range(first, first + len(own))), 2 * n, f"jump_{i}", own)))
         first += len(own)
-    return JumpCode(system, ModeTape(tape, ()), native_module(code), jumps)
+    return JumpCode(system, ModeTape(tape, ()), machine_code(parts), jumps)
 
 
 def _carried(value: sp.Expr, states: tuple[sp.Symbol, ...], lost: tuple[sp.Symbol, ...]) -> sp.Expr:

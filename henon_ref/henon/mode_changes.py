@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from flint import arb
@@ -18,15 +18,15 @@ from henon_ref.filippov.resting import REMAINING
 from henon_ref.filippov.selection import after_event, contact_orders
 from henon_ref.henon.endings import ending_of, vanishing_guard
 from henon_ref.henon.entries import written
-from henon_ref.henon.guard_branch_point import behind_branch_point
-from henon_ref.henon.precise_motion import PreciseMotion
 from henon_ref.henon.records import RESET, STEP, STEP_PLACES, STICK, TRANSITION, TRANSITION_PLACES
 from henon_ref.henon.state_view import State
 from henon_ref.henon.transition_array import KINDS
 from henon_ref.kernel.shared import LEVELS, doubles, kernel
 from henon_ref.precision import working_precision
-from henon_ref.roots.multiprecision import BITS
 from henon_ref.trajectory import Decisions, Status
+
+if TYPE_CHECKING:
+    from henon_ref.henon.precise_motion import PreciseMotion
 
 CLOSE_PART = 2.0**-40
 """Part of the horizon's time below which what is left of a run is next to nothing."""
@@ -141,6 +141,9 @@ class ModeChanges(State):
         More than doubles have kept are there as long as the first mode lasts, and neither a jump nor a caller has
         changed the state.
         """
+        from henon_ref.henon.precise_motion import PreciseMotion
+        from henon_ref.roots.multiprecision import BITS
+
         scalars, start, state = self.scalars, self.start, self.x.tolist()
         time, length = (float(scalars.time), float(scalars.time_low)), float(scalars.step_length)
         if scalars.more_digits and scalars.remembered == 1:
@@ -235,6 +238,8 @@ class ModeChanges(State):
         code = self.integrator.mode_table.codes[int(scalars.mode)]
         if not code.guards_branch_alone or self._passed_at == scalars.steps or vanishing_guard(self) is not None:
             return False
+        from henon_ref.henon.guard_branch_point import behind_branch_point
+
         until, until_low = self.until
         behind = behind_branch_point(
             self.start.constants.precise,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 import sympy as sp
@@ -16,13 +15,9 @@ from henon_ref.filippov.mode_evaluation import ModeTape
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.tape_program import tape_program
-from henon_ref.jit.ir_writer import declarations, row_length
 from henon_ref.jit.native_module import NativeModule
 from henon_ref.kernel.shared import kernel
-from henon_ref.taylor.llvm.expansion import expansion_ir
-from henon_ref.taylor.llvm.looped import looped_expansion_ir
-from henon_ref.taylor.llvm.rounding import rounding_ir
-from henon_ref.taylor.llvm.step_end import looped_step_end_ir, step_end_ir
+from henon_ref.taylor.machine_code import Part, machine_code
 from henon_ref.taylor.tape import Tape, build_tape
 
 BRANCHING = frozenset({"sqrt", "power", "asin", "acos"})
@@ -37,14 +32,6 @@ LARGE = 200
 compiling straight-line code takes a time that grows with the square. For 40 masses with one contact, at 243, loops are
 ready in 2.2 in place of 6.9 s and a run takes 1.07 times as long; for 4 blocks with friction, at 88, twice as long; for
 16, at 388, the same."""
-SAME_CODE = 64
-"""Pieces of machine code that are remembered by their text, for systems that are made anew."""
-
-
-@lru_cache(maxsize=SAME_CODE)
-def native_module(ir: str, *, optimised: bool = True, simplified: bool | None = None) -> NativeModule:
-    """Machine code of a text; the same for the same text."""
-    return NativeModule(ir, optimised=optimised, simplified=simplified)
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,17 +137,16 @@ def _mode_code(system: FilippovSystem, order: int, expansion: Tape, probe: Tape,
     guards_branch = tuple(_has_branch_points(expansion, [row]) for row in expansion.outputs)
     has_branch_points = field_branches or any(guards_branch)
     large, not_watched = len(nodes) > LARGE, len(nodes) <= len(expansion.needed(expansion.field)) + MOST_WATCHED
-    expansion_code, end_code = (looped_expansion_ir, looped_step_end_ir) if large else (expansion_ir, step_end_ir)
-    code = native_module(
-        declarations()
-        + expansion_code(expansion, n, order, "expansion")
-        + end_code(n, len(expansion.outputs), order, "closing")
-        + expansion_code(probe, n, 0, "probe")
-        + rounding_ir(expansion, n, "rounding")
-        + (expansion_code(expansion, n, 1, "slopes", row_length(order)) if has_branch_points else ""),
-        optimised=large or not_watched,
-        simplified=not_watched and not large,
-    )
+    loops = "looped " if large else ""
+    parts = [
+        Part(f"{loops}expansion", (expansion, n, order, "expansion")),
+        Part(f"{loops}step end", (n, len(expansion.outputs), order, "closing")),
+        Part(f"{loops}expansion", (probe, n, 0, "probe")),
+        Part("rounding", (expansion, n, "rounding")),
+    ]
+    if has_branch_points:
+        parts.append(Part(f"{loops}expansion", (expansion, n, 1, "slopes", int(kernel.row_length(order)))))
+    code = machine_code(parts, optimised=large or not_watched, simplified=not_watched and not large)
     tapes = ModeTape(expansion, entries), ModeTape(probe, entries)
     return ModeCode(*tapes, code, degree, field_branches, guards_branch, tape_program(expansion, max(degrees)))
 
@@ -211,7 +197,7 @@ def normal_velocities(system: FilippovSystem) -> NormalVelocities:
         inputs = (*inputs, *loads)
         contacts = np.array([_known_of(system, i) for i in surfaces], dtype=np.int64)
     tape = build_tape(inputs, (), outputs)
-    code = native_module(declarations() + expansion_ir(tape, len(inputs), 0, "normals"))
+    code = machine_code([Part("expansion", (tape, len(inputs), 0, "normals"))])
     beside = np.array([[j in system.together(i, (i, j)) for j in surfaces] for i in surfaces], dtype=np.int64)
     return NormalVelocities(tape, code.address("normals"), code, contacts, beside)
 

@@ -15,11 +15,10 @@ from henon_ref.henon.entries import numbered, words_of, written
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.pairs import decimal_pairs, exact_expression, threes
 from henon_ref.henon.parameter_programs import LoopData, loop_data
-from henon_ref.henon.records import HENON, TRANSITION_PLACES, transition_dtype
+from henon_ref.henon.records import CHUNK, HENON, TRANSITION_PLACES, Workspace, transition_dtype
 from henon_ref.henon.run import Run
 from henon_ref.henon.start import MOST_STEPS, Start, out_of_steps, row_at_start
 from henon_ref.henon.transition_array import numbered_rows
-from henon_ref.henon.workspace import CHUNK, Workspace
 from henon_ref.kernel.shared import doubles, ffi, integers, kernel, record_dtype
 from henon_ref.trajectory import Status, Trajectory
 

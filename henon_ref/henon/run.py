@@ -10,17 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.filippov.modes import Mode
-from henon_ref.filippov.resets import resetting
 from henon_ref.henon.endings import ending_of
 from henon_ref.henon.entries import numbered, words_of
-from henon_ref.henon.exponent_range import range_ending
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.mode_changes import Jumped, ModeChanges
-from henon_ref.henon.multiprecision_event import UndecidedStep, locate_event
-from henon_ref.henon.records import GRAZE, STEP_PLACES, step_dtype
+from henon_ref.henon.records import CHUNK, GRAZE, STATE_PLACE, STEP_PLACES, step_dtype
 from henon_ref.henon.start import Start, doubles_of, out_of_steps
 from henon_ref.henon.transition_array import TransitionArray
-from henon_ref.henon.workspace import CHUNK, STATE_PLACE
 from henon_ref.jit.processor_time import Deadline
 from henon_ref.kernel.shared import doubles, ffi, kernel
 from henon_ref.trajectory import Counts, Decisions, Status, Trajectory, Transition
@@ -199,6 +195,8 @@ class Run(ModeChanges):
             why = self._locate()
             return None if why is None else self._end(*why)
         elif code == kernel.OUT_OF_RANGE:
+            from henon_ref.henon.exponent_range import range_ending
+
             self._count("ranges")
             why = range_ending(self)
             self.scalars.within_range = self.scalars.steps + 1
@@ -214,6 +212,9 @@ class Run(ModeChanges):
 
     def _locate(self) -> tuple[Status, str] | None:
         """Take a step that double precision leaves undecided in multiprecision; None if the run goes on."""
+        from henon_ref.filippov.resets import resetting
+        from henon_ref.henon.multiprecision_event import UndecidedStep, locate_event  # most runs have no use for it
+
         self._count("event_locations")
         integrator, scalars, mode, row = self.integrator, self.scalars, self.mode, self.row
         places = integrator.mode_table.places(mode)

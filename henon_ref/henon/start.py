@@ -24,7 +24,7 @@ from henon_ref.henon.constants import ModeConstants
 from henon_ref.henon.entries import words_of, written
 from henon_ref.henon.mode_table import ModeTable
 from henon_ref.henon.pairs import Pair
-from henon_ref.henon.workspace import CHUNK, LAST_STEPS, RUN_VIEW, STATE_PLACE, places
+from henon_ref.henon.records import CHUNK, LAST_STEPS, RUN_VIEW, STATE_PLACE, places
 from henon_ref.kernel.shared import doubles, ffi, kernel
 from henon_ref.trajectory import Trajectory
 

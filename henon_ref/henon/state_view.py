@@ -11,8 +11,8 @@ from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode
 from henon_ref.henon.entries import read, words_of, written
 from henon_ref.henon.integrator import Integrator
+from henon_ref.henon.records import STATE_PLACE, Workspace
 from henon_ref.henon.start import Start
-from henon_ref.henon.workspace import STATE_PLACE, Workspace
 
 
 class State:

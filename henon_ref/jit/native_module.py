@@ -1,9 +1,10 @@
-"""LLVM IR to callable machine code, through llvmlite, kept on disk by a hash of the IR."""
+"""LLVM IR to callable machine code by llvmlite, kept on disk by a hash of the IR, or of what that is made from."""
 
 from __future__ import annotations
 
 import hashlib
 import os
+from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -34,37 +35,63 @@ class NativeModule:
 
     Parameters
     ----------
-    ir : str
-        LLVM IR with opaque pointers.
+    ir : str or callable
+        LLVM IR with opaque pointers; or, with a ``key``, what writes it where the disk does not have the code.
     optimised : bool
         Without it a module of 40,000 lines, as one long block, is compiled in 1.3 s in place of 12 s; it computes the
         same bits.
     simplified : bool, optional
         Whether the IR is simplified first; as ``optimised`` if left out. Loops over short pieces of code that has
         nothing to simplify are as fast without, and compiled in 0.7 in place of 1.8 s.
+    key : str, optional
+        Everything that the IR depends on, the program that writes it included (:func:`source_hash`); the IR itself if
+        left out.
     """
 
-    def __init__(self, ir: str, *, optimised: bool = True, simplified: bool | None = None) -> None:
+    def __init__(
+        self,
+        ir: str | Callable[[], str],
+        *,
+        optimised: bool = True,
+        simplified: bool | None = None,
+        key: str | None = None,
+    ) -> None:
         simplified = optimised if simplified is None else simplified
         machine = _target(optimised=optimised)
-        module = llvm.parse_assembly(ir)
+        text = ir if isinstance(ir, str) else None
+        name = key if key is not None else text
+        assert name is not None, "IR that is written only when it is needed has a key"
         level = "" if optimised and simplified else f"O{2 * optimised}{' simplified' * simplified}\n"
-        file = _objects() / hashlib.sha256((_maker() + level + ir).encode()).hexdigest()
+        file = _objects() / hashlib.sha256((_maker() + level + name).encode()).hexdigest()
         known = _read(file)
-        if known is None:
-            module.verify()
-        if known is None and simplified:
+        if known is not None:
+            self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
+            self._engine.add_object_file(llvm.ObjectFileRef.from_data(known))
+            self._engine.finalize_object()
+            return
+        module = llvm.parse_assembly(ir() if callable(ir) else ir)
+        module.verify()
+        if simplified:
             options = llvm.create_pipeline_tuning_options(speed_level=2)
             builder = llvm.create_pass_builder(machine, options)
             builder.getModulePassManager().run(module, builder)
         # The execution engine takes over the module and the target machine: each has its own.
         self._engine = llvm.create_mcjit_compiler(module, machine)
-        self._engine.set_object_cache(lambda _, made: _write(file, made), lambda _: known)
+        self._engine.set_object_cache(lambda _, made: _write(file, made), lambda _: None)
         self._engine.finalize_object()
 
     def address(self, name: str) -> int:
         """Address of one of its functions."""
         return int(self._engine.get_function_address(name))
+
+
+@cache
+def source_hash(*patterns: str) -> str:
+    """Hash of the package's files that match some patterns, such as ``taylor/llvm/*.py``."""
+    package, made = Path(__file__).parents[1], hashlib.sha256()
+    for file in sorted(file for pattern in patterns for file in package.glob(pattern)):
+        made.update(f"{file.relative_to(package)}\n".encode() + file.read_bytes())
+    return made.hexdigest()
 
 
 @cache

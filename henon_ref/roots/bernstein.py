@@ -10,7 +10,7 @@ from functools import cache
 from math import comb
 
 from henon_ref.jit.ir_writer import LANES, ZERO, IRWriter, declarations, literal, row_length
-from henon_ref.jit.native_module import NativeModule
+from henon_ref.jit.native_module import NativeModule, source_hash
 from henon_ref.kernel.shared import kernel
 
 _VECTOR = f"<{LANES} x double>"
@@ -78,4 +78,5 @@ def _gathered(w: IRWriter, mask: str, comparison: str, block: int) -> str:
 @cache
 def bernstein_code(order: int) -> NativeModule:
     """Machine code with the function ``bernstein`` of an order."""
-    return NativeModule(declarations() + bernstein_ir(order, "bernstein"))
+    sources = source_hash("roots/bernstein.py", "jit/*.py", "kernel/kernel.h")
+    return NativeModule(lambda: declarations() + bernstein_ir(order, "bernstein"), key=f"{sources} bernstein {order}")

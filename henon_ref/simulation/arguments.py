@@ -16,8 +16,8 @@ from henon_ref.errors import ArgumentError, HenonRefError
 from henon_ref.filippov.bounds import put
 from henon_ref.filippov.problem import Problem
 from henon_ref.precision import one_at_a_time
-from henon_ref.simulation.system import System, argument_error, check_form
-from henon_ref.simulation.written import mapping, tree_of, written, written_name
+from henon_ref.simulation.system import System
+from henon_ref.simulation.written import argument_error, check_form, mapping, tree_of, written, written_name
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed, shortened
 

@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping
 from fractions import Fraction
 from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import sympy as sp
 
@@ -22,8 +22,10 @@ from henon_ref.henon.pairs import Three, exact_expression, exact_number, pair_of
 from henon_ref.henon.records import HENON
 from henon_ref.henon.start import Start, begin
 from henon_ref.kernel.shared import kernel
-from henon_ref.simulation.dependent_parameters import DependentParameters
 from henon_ref.simulation.system import System
+
+if TYPE_CHECKING:
+    from henon_ref.simulation.dependent_parameters import DependentParameters
 
 KEPT = 64
 """Parameter values of which the constants are kept."""
@@ -140,6 +142,8 @@ class QuickStart:
     def _dependents_of(self, names: tuple[str, ...]) -> DependentParameters | None:
         """What follows some parameters; None where that is not all that they change."""
         if names not in self._dependents:
+            from henon_ref.simulation.dependent_parameters import DependentParameters
+
             try:
                 found: DependentParameters | None = DependentParameters.of(self._system, frozenset(names))
             except ModelError:

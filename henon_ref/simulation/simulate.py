@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Never
+from typing import TYPE_CHECKING, Any, Never
 
 from henon_ref.henon.run import Run
 from henon_ref.henon.start import MOST_STEPS
@@ -11,8 +11,10 @@ from henon_ref.simulation.arguments import refuse
 from henon_ref.simulation.dense_output import STEPS
 from henon_ref.simulation.launch import launch
 from henon_ref.simulation.solution import Solution
-from henon_ref.simulation.stream import TransitionStream
 from henon_ref.simulation.system import System
+
+if TYPE_CHECKING:
+    from henon_ref.simulation.stream import TransitionStream
 
 
 def simulate(
@@ -134,6 +136,8 @@ def stream(
     >>> [round(row.time_s, 9) for row in stream(oscillator, {"x": 1, "v": 0}, until=5)]
     [1.570796327, 4.71238898]
     """
+    from henon_ref.simulation.stream import TransitionStream
+
     if others:
         refuse("stream", others)
     return TransitionStream(launch(system, initial, until, start, rtol, atol, parameters, mode, stop, max_steps))

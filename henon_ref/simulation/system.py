@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 from collections.abc import Callable, Mapping, Sequence
-from fractions import Fraction
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -12,28 +12,32 @@ from typing import Any, NamedTuple
 import sympy as sp
 
 from henon_ref.casefile.expressions import parse_expression, parse_number
-from henon_ref.casefile.grammar import MAX_STATES, MOST_STATES
-from henon_ref.casefile.model_form import plainly_fits
 from henon_ref.casefile.problem import written_model
 from henon_ref.casefile.source import Source
-from henon_ref.casefile.tree import MappingNode, ScalarNode, SequenceNode, child, merged
+from henon_ref.casefile.tree import MappingNode, ScalarNode, child, merged
 from henon_ref.casefile.work import Work
 from henon_ref.errors import ArgumentError, ExpressionError, HenonRefError
 from henon_ref.filippov.exponents import parameters_in_exponents, with_rational_exponents
 from henon_ref.precision import one_at_a_time
-from henon_ref.simulation.written import mapping, tree_of, written, written_name
+from henon_ref.simulation.written import (
+    Number,
+    argument_error,
+    check_form,
+    mapping,
+    python_number,
+    source_of,
+    tree_of,
+    written,
+    written_name,
+)
 from henon_ref.taylor.size import size
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed
 
-Number = int | Fraction | Any
-"""An exact number: whole, rational, or one of SymPy's (``sqrt(3)/9``)."""
 MODEL_KEYS = ("system", "scene", "sliding", "resets")
 """Keys of a case file that make its system."""
 LONGEST_SHOWN = 200
 """Operations of an expression that is shown as a formula."""
-_REST: Mapping[str, object] = {"schema": 1, "name": "system", "title": "system", "initial": {}, "until": 1}
-"""What the form of a case file wants besides the system."""
 
 
 class System:
@@ -172,10 +176,14 @@ class System:
         try:
             check_form(self.tree)
             with one_at_a_time():
-                self._written, self._names = written_model(_source(self.tree))
+                self._written, self._names = written_model(source_of(self.tree))
                 self.model = with_rational_exponents(self._written)
         except HenonRefError as error:
             raise argument_error(error, declared) from None
+        self._begin()
+
+    def _begin(self) -> None:
+        """What the system has of its own, apart from what it says."""
         self.state: tuple[str, ...] = self.model.state_names
         self.initial: dict[str, Number] | None = None
         self.start: Number | None = None
@@ -183,6 +191,15 @@ class System:
         self.mode: dict[str, int] | None = None
         self.own_start: OwnStart | None = None
         self.prepared: dict[float, Any] = {}
+
+    def with_surfaces(self, surfaces: Mapping[sp.Symbol, sp.Expr]) -> System:
+        """The system with more surfaces, by their signs, which neither its fields nor its text know of."""
+        other, model = System.__new__(System), self.model
+        other.tree, other._written, other._names = self.tree, self._written, self._names
+        surfaces = dict(zip(model.signs, model.surfaces, strict=True)) | dict(surfaces)
+        other.model = replace(model, signs=tuple(surfaces), surfaces=tuple(surfaces.values()))
+        other._begin()
+        return other
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "prepared": {}}
@@ -347,41 +364,6 @@ def written_start(source: Source, states: Sequence[str]) -> OwnStart:
     start = source.text(("initial", "t")) if "t" in keys else "0"
     mode = {name: int(source.text(("initial", "mode", name))) for name in source.keys(("initial", "mode"))}
     return OwnStart({x: source.text(("initial", x)) for x in states}, start, source.text(("until",)), mode)
-
-
-def python_number(number: sp.Expr) -> Number:
-    """An exact number as int or Fraction where it is rational."""
-    if number.is_Integer:
-        return int(number)
-    return Fraction(int(number.p), int(number.q)) if number.is_Rational else number
-
-
-def argument_error(error: HenonRefError, declared: Sequence[str] = ()) -> ArgumentError:
-    """An error of reading as one of an argument: what comes from Python has no line and column, but is declared."""
-    message, line = getattr(error, "message", str(error)), getattr(error, "line", None)
-    return ArgumentError(f"{declared[line - 1]}: {message}" if declared and line else message)
-
-
-def check_form(tree: MappingNode) -> None:
-    """Check the form of a model, and of the start and horizon that may stand beside it.
-
-    Raises
-    ------
-    CaseError
-        For the first key or value that does not fit.
-    """
-    if not plainly_fits(tree):
-        from henon_ref.casefile.validation import check_model
-
-        rest = {key: tree_of(value, key) for key, value in _REST.items()}
-        check_model(mapping({**rest, **tree.entries}))
-
-
-def _source(tree: MappingNode) -> Source:
-    """A model from Python, whose expressions may cost the more the more states it has."""
-    state = child(tree, ["system", "state"])
-    parts = len(state.items) // MAX_STATES if isinstance(state, SequenceNode) else 0
-    return Source(tree, work=Work(files=1 + parts), most_states=MOST_STATES)
 
 
 def _short(expression: sp.Expr) -> str:

@@ -9,15 +9,20 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from decimal import Decimal
+from fractions import Fraction
 from numbers import Integral, Rational, Real
+from typing import Any
 
 import numpy as np
 import sympy as sp
 from sympy.printing.str import StrPrinter
 
-from henon_ref.casefile.grammar import MAX_DIGITS, MAX_LENGTH, NAME
-from henon_ref.casefile.tree import MappingNode, Node, Place, ScalarNode, SequenceNode
-from henon_ref.errors import ArgumentError
+from henon_ref.casefile.grammar import MAX_DIGITS, MAX_LENGTH, MAX_STATES, MOST_STATES, NAME
+from henon_ref.casefile.model_form import plainly_fits
+from henon_ref.casefile.source import Source
+from henon_ref.casefile.tree import MappingNode, Node, Place, ScalarNode, SequenceNode, child
+from henon_ref.errors import ArgumentError, HenonRefError
+from henon_ref.filippov.work import Work
 from henon_ref.taylor.size import size
 from henon_ref.text import shortened
 
@@ -29,6 +34,10 @@ DEEPEST = 8
 """How deep lists and mappings may stand in each other."""
 LONGEST_WHOLE = 4 * MAX_DIGITS
 """Bits of a whole number that may be written out."""
+Number = int | Fraction | Any
+"""An exact number: whole, rational, or one of SymPy's (``sqrt(3)/9``)."""
+_REST: Mapping[str, object] = {"schema": 1, "name": "system", "title": "system", "initial": {}, "until": 1}
+"""What the form of a case file wants besides the system."""
 _OTHER = "wanted a number (int, float, Fraction), text or a SymPy expression"
 
 
@@ -136,6 +145,41 @@ def mapping(entries: Mapping[str, Node], place: Place = NOWHERE) -> MappingNode:
 def sequence(items: Sequence[Node], place: Place = NOWHERE) -> SequenceNode:
     """A list of nodes."""
     return SequenceNode(place, tuple(items), 1 + sum(item.size for item in items))
+
+
+def python_number(number: sp.Expr) -> Number:
+    """An exact number as int or Fraction where it is rational."""
+    if number.is_Integer:
+        return int(number)
+    return Fraction(int(number.p), int(number.q)) if number.is_Rational else number
+
+
+def argument_error(error: HenonRefError, declared: Sequence[str] = ()) -> ArgumentError:
+    """An error of reading as one of an argument: what comes from Python has no line and column, but is declared."""
+    message, line = getattr(error, "message", str(error)), getattr(error, "line", None)
+    return ArgumentError(f"{declared[line - 1]}: {message}" if declared and line else message)
+
+
+def check_form(tree: MappingNode) -> None:
+    """Check the form of a model, and of the start and horizon that may stand beside it.
+
+    Raises
+    ------
+    CaseError
+        For the first key or value that does not fit.
+    """
+    if not plainly_fits(tree):
+        from henon_ref.casefile.validation import check_model
+
+        rest = {key: tree_of(value, key) for key, value in _REST.items()}
+        check_model(mapping({**rest, **tree.entries}))
+
+
+def source_of(tree: MappingNode) -> Source:
+    """A model from Python, whose expressions may cost the more the more states it has."""
+    state = child(tree, ["system", "state"])
+    parts = len(state.items) // MAX_STATES if isinstance(state, SequenceNode) else 0
+    return Source(tree, work=Work(files=1 + parts), most_states=MOST_STATES)
 
 
 def _shown(value: object) -> str:

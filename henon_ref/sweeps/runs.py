@@ -15,7 +15,8 @@ from henon_ref.filippov.exact_numbers import double_double
 from henon_ref.filippov.kinks import HiddenKinks, hidden_kinks
 from henon_ref.filippov.modes import Mode, mode_text
 from henon_ref.henon.start import MOST_STEPS
-from henon_ref.simulation.system import System, python_number
+from henon_ref.simulation.system import System
+from henon_ref.simulation.written import python_number
 from henon_ref.sweeps.sections import Section
 from henon_ref.text import listed
 

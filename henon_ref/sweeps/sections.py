@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from copy import copy
-from dataclasses import replace
 from typing import NamedTuple
 
 import sympy as sp
 
 from henon_ref.filippov.algebra import signed_form
 from henon_ref.simulation.system import System
-
-DERIVED = ("structure", "content")
-"""What a system works out of its model and keeps."""
 
 
 class Section(NamedTuple):
@@ -37,9 +32,9 @@ def with_sections(system: System, expressions: Sequence[sp.Expr]) -> tuple[Syste
         In time, states and parameters.
     """
     model = system.model
-    surfaces, signs = list(model.surfaces), list(model.signs)
+    added: dict[sp.Symbol, sp.Expr] = {}
     known: dict[object, tuple[int, int]] = {}
-    for index, surface in enumerate(surfaces):
+    for index, surface in enumerate(model.surfaces):
         form, way = signed_form(surface, model.parameters)
         known.setdefault(form, (index, way))
     found: dict[sp.Expr, Section] = {}
@@ -48,15 +43,8 @@ def with_sections(system: System, expressions: Sequence[sp.Expr]) -> tuple[Syste
             continue
         form, way = signed_form(expression, model.parameters)
         if form not in known:
-            known[form] = len(surfaces), way
-            surfaces.append(expression)
-            signs.append(sp.Symbol(f"section {len(surfaces) - len(model.surfaces)}", real=True))  # no name has a blank
+            known[form] = len(model.surfaces) + len(added), way
+            added[sp.Symbol(f"section {len(added) + 1}", real=True)] = expression  # no name has a blank
         index, own = known[form]
         found[expression] = Section(index, way * own)
-    if len(surfaces) == len(model.surfaces):
-        return system, found
-    other = copy(system)
-    for name in DERIVED:
-        vars(other).pop(name, None)
-    other.model = replace(model, surfaces=tuple(surfaces), signs=tuple(signs))
-    return other, found
+    return (system.with_surfaces(added) if added else system), found

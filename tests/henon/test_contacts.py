@@ -17,9 +17,8 @@ from henon_ref.filippov.selection import after_event
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.entries import numbered, packed, read, unpacked, words_of, written
 from henon_ref.henon.integrator import Integrator
-from henon_ref.henon.records import HENON, mode_dtype
+from henon_ref.henon.records import HENON, mode_dtype, places
 from henon_ref.henon.run import Run
-from henon_ref.henon.workspace import places
 from henon_ref.kernel.shared import ffi, kernel
 from henon_ref.simulation.compiled import integrator_of
 from henon_ref.trajectory import Decisions, Trajectory, Transition

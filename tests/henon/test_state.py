@@ -7,9 +7,8 @@ import pytest
 from problems import make_problem
 
 from henon_ref.henon.integrator import Integrator
-from henon_ref.henon.records import HENON, TRANSITION, step_dtype, transition_dtype
+from henon_ref.henon.records import HENON, RUN, TRANSITION, places, step_dtype, transition_dtype
 from henon_ref.henon.run import Run
-from henon_ref.henon.workspace import RUN, places
 from henon_ref.kernel.shared import ffi, record_dtype
 
 

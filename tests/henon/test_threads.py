@@ -140,7 +140,7 @@ def test_another_problem_of_a_system_without_values_compiles_nothing(monkeypatch
         return transition.time
 
     assert released(sp.Integer(1), integrator) == 1.0
-    monkeypatch.setattr("henon_ref.henon.mode_code.NativeModule", None)
+    monkeypatch.setattr("henon_ref.taylor.machine_code.NativeModule", None)
     monkeypatch.setattr("henon_ref.filippov.system.FilippovSystem.shared_equations", None)
     assert released(sp.Integer(2), integrator) == 0.5
     assert released(sp.Rational(1, 2), integrator) == 2.0

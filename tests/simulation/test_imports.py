@@ -41,3 +41,20 @@ def test_runs_load_nothing_that_they_do_not_need() -> None:
     assert [m for m in loaded if any(m == name or m.startswith(f"{name}.") for name in NOT_NEEDED)] == []
     if "numba" not in loaded:
         assert [m for m in loaded if m.startswith("scipy")] == []
+
+
+SELDOM = (
+    "henon_ref.taylor.llvm", "henon_ref.henon.multiprecision_event", "henon_ref.henon.precise_modes", "henon_ref.henon.jump",
+    "henon_ref.filippov.coupled_contacts", "henon_ref.filippov.held_contacts", "henon_ref.simulation.stream",
+)  # fmt: skip
+
+
+def test_a_run_of_what_was_compiled_before_writes_no_code() -> None:
+    """Nor does it load what few runs need; of our own modules there are no more than 110."""
+    runs = f"(hr.System({BELT}), {{'x': 1, 'v': 0.1}}, None)"
+    for _ in range(2):
+        code = RUN.format(runs=runs)
+        found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=300)
+    loaded = found.stdout.split()
+    assert set(loaded).isdisjoint(SELDOM)
+    assert len([m for m in loaded if m.startswith("henon_ref.")]) <= 110
