@@ -10,6 +10,7 @@ import sympy as sp
 from flint import arb, ctx
 
 from henon_ref.enclosure.balls import enclose, proves_zero
+from henon_ref.enclosure.contact_proof import is_proven
 from henon_ref.enclosure.enclosure import UndecidedError
 from henon_ref.enclosure.model import ModeModel, SystemModel, solve_for_states
 from henon_ref.errors import ModelError
@@ -133,7 +134,7 @@ class Judge:
             self._broken,
             lambda one, other: False,  # a surface that is never left is not told from one that is left late
             self.box[0].str(17, radius=False),
-            proven=True,
+            proof=is_proven,
         )
         if not any(map(self.model.system.held_inside, active)):  # any system's fields, not those of friction alone
             raise UndecidedError(f"{len(active)} surfaces in play at once: too many modes to try", "mode")

@@ -1,15 +1,41 @@
-"""Which contacts of a group hold, slide and let go: one rule for all groups, with static friction or without.
+"""Contacts with Coulomb's friction that act on each other: the theory, and who holds, slides and lets go.
 
-Contacts whose forces act on each other at once, through a body that they share, form a group. At a point their relative
-accelerations are affine in their forces, and the motion that follows is the one of Gauss's principle with Coulomb's
-friction (:mod:`henon_ref.filippov.contact_problem`). The limit of a contact at rest is its static friction, or what it
-slides with once it has slipped in this instant, as one has whose load has just reached its limit. What slips in the
-solution and had not slipped before falls to kinetic friction, and the problem is solved again, at most once a contact.
-A body that rests on a stop is one contact more, its force the reaction, which does not pull.
+**Contact.** A surface h = 0 between two bodies, h being their relative velocity, whose sign is the direction of a
+friction force that acts against it. It *slips* (mode -1 or +1) where h is not zero, and is *held* (mode 0) where a
+force within its limits keeps h at zero. The limit is static friction, or what it slides with once it has slipped in
+this instant, as one has whose load has just reached its limit. A body at rest on a stop is a contact as well: its
+velocity is h', its force the reaction, which does not pull.
 
-What is zero at a limit (a load that equals what a contact holds, a reaction that vanishes) is decided by the next
-derivatives: the mode found is expanded, and the guards that fall first say which contacts let go or hold instead, until
-its own field keeps it.
+**Group.** Contacts whose forces act on each other at once, through a body that they share. Their relative accelerations
+are affine in their forces, N = a - W s, W being the inverse inertia that they see, symmetric but for units, positive
+semidefinite (:mod:`~henon_ref.filippov.group_balance`).
+
+**The problem.** The motion that follows is the one of Gauss's principle with Coulomb's friction: of all accelerations
+those that make
+
+    1/2 sum of m (a - F/m)^2 + sum of limit_i abs(N_i)
+
+smallest over the contacts with h_i = 0; at a stop N_i >= 0 is a condition in place of a term. The sum is strictly
+convex, so that the accelerations are unique, in loops and between drives that pull apart as well. The conditions of
+the minimum are a complementarity problem in the forces, each in an interval, solved by pivoting
+(:mod:`~henon_ref.filippov.contact_problem`). What slips in the solution and had not slipped before falls to kinetic
+friction, and the problem is solved again, at most once a contact.
+
+**Ties.** What is zero at a limit (a load that equals what a contact holds, a reaction that vanishes) is decided by the
+next derivatives: the mode found is expanded, and the guards that fall first say which contacts let go or hold instead,
+until its own field keeps it.
+
+**Loop.** Contacts whose surfaces depend on each other, so that W is singular: the motion is settled, the loads are not.
+They hold while some distribution of the loads is within all limits, which ends where a cut is full
+(:mod:`~henon_ref.filippov.contact_loops`: guards that are smooth in time, as the largest load of a solution is not).
+
+**Equations.** Of held contacts of a group: :mod:`~henon_ref.filippov.held_contacts`; of all modes of contacts that do
+not act on each other: :mod:`~henon_ref.filippov.decoupled_contacts`; of rows and trees of bodies:
+:mod:`~henon_ref.filippov.coupled_contacts`; rest on a stop: :mod:`~henon_ref.filippov.resting`.
+
+Moreau, *Standard inelastic shocks and the dynamics of unilateral constraints* (1985), Sec. 2; Lötstedt, *SIAM J.
+Appl. Math.* 42 (1982) 281-296; Glocker, *Set-Valued Force Laws* (2001), Ch. 6; Brogliato, *Nonsmooth Mechanics* (2016),
+Ch. 5.
 """
 
 from __future__ import annotations
@@ -27,8 +53,8 @@ from henon_ref.filippov.contact_problem import (
     Accelerations,
     ContactProblem,
     Negative,
+    Settled,
     independent_of,
-    is_clear,
     solved,
 )
 from henon_ref.filippov.decision import Decision, with_entries
@@ -66,8 +92,8 @@ class Numbers:
     """Whether two modes have the same motion from the point."""
     time: str
     """For messages."""
-    proven: bool = False
-    """Whether a decision that rests on a number which is not clear is refused."""
+    proof: Callable[[ContactProblem, Accelerations, Settled], bool] | None = None
+    """Whether a solution is proven: a decision that rests on one which is not is refused."""
 
 
 def by_groups(system: FilippovSystem, active: Sequence[int]) -> bool:
@@ -224,7 +250,7 @@ class _Group:
         """Whether forces that are clear of their limits say that a mode is kept, without derivatives or a proof."""
         system = self.system
         simple = all(i in self.static or i not in system.overrides for i in self.contacts)
-        if self.numbers.proven or system.has_loops or self.contacts != self.active or not simple:
+        if self.numbers.proof or system.has_loops or self.contacts != self.active or not simple:
             return False
         # What holds by friction in sliding is below static friction where that is larger, as it need not be.
         return not any(mode[i] == 0 for i in slipped & self.static) and system.has_equations(mode)
@@ -301,7 +327,7 @@ class _Group:
             own = frozenset(self.contacts[j] for j in chosen)
             return self.contacts[k] in closed(self.system.velocities, own, self.contacts)
 
-        if self.numbers.proven and (self.separating or not is_clear(problem, found, settled, self.numbers.negative)):
+        if self.numbers.proof and (self.separating or not self.numbers.proof(problem, found, settled)):
             raise ModelError(f"{what} cannot be told at t = {self.numbers.time}")
 
     def _names(self, contacts: Collection[int]) -> str:
