@@ -21,8 +21,8 @@ from henon_ref.casefile.grammar import MAX_DIGITS, MAX_LENGTH, MAX_STATES, MOST_
 from henon_ref.casefile.model_form import plainly_fits
 from henon_ref.casefile.source import Source
 from henon_ref.casefile.tree import MappingNode, Node, Place, ScalarNode, SequenceNode, child
+from henon_ref.casefile.work import Work
 from henon_ref.errors import ArgumentError, HenonRefError
-from henon_ref.filippov.work import Work
 from henon_ref.taylor.size import size
 from henon_ref.text import shortened
 
