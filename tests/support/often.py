@@ -23,6 +23,6 @@ All others are ``long``: .ci/pythons collects them, so that each is imported, an
 
 
 def daily(values: Iterable[Any], *, some: Collection[Any]) -> list[Any]:
-    """All values for ``parametrize``; those that are not among ``some`` are marked slow. A tuple is of several names."""
+    """All values for ``parametrize``; those that are not among ``some`` are marked slow. A tuple is of several."""
     rows = [(value in some, value if isinstance(value, tuple) else (value,)) for value in values]
     return [pytest.param(*row, marks=[] if often else [pytest.mark.slow]) for often, row in rows]
