@@ -274,10 +274,13 @@ class Corner:
         return compiled.modes[found] if found >= 0 else None, theirs
 
 
+CORNERS = [(2, False), (3, False), (2, True), (3, True)]
+
+
 @pytest.mark.parametrize(
     ("surfaces", "coupled"),
     # 243 and 729 modes, whose equations take as long as all the rest; daily: up to three.
-    daily([(2, False), (3, False), (5, False), (6, False), (2, True), (3, True)], slow=[(5, False), (6, False)]),
+    daily([*CORNERS, (5, False), (6, False)], some=CORNERS),
 )
 def test_any_corner_is_decided_as_in_python(surfaces: int, coupled: bool) -> None:
     every = range(surfaces)

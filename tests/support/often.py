@@ -22,8 +22,7 @@ EVERY_PYTHON = (
 All others are ``long``: .ci/pythons collects them, so that each is imported, and leaves them out."""
 
 
-def daily(values: Iterable[Any], *, slow: Collection[Any]) -> list[Any]:
-    """Values for ``parametrize``, of which some are marked slow; a tuple is the values of several parameters."""
-    rows = [value if isinstance(value, tuple) else (value,) for value in values]
-    often = [row not in slow and (len(row) > 1 or row[0] not in slow) for row in rows]
-    return [pytest.param(*row, marks=[] if own else pytest.mark.slow) for row, own in zip(rows, often, strict=True)]
+def daily(values: Iterable[Any], *, some: Collection[Any]) -> list[Any]:
+    """All values for ``parametrize``; those that are not among ``some`` are marked slow. A tuple is of several."""
+    rows = [(value in some, value if isinstance(value, tuple) else (value,)) for value in values]
+    return [pytest.param(*row, marks=[] if often else [pytest.mark.slow]) for often, row in rows]

@@ -198,7 +198,7 @@ def _dies(number: int) -> int:
     return number
 
 
-@pytest.mark.parametrize("processes", daily(["forked", "fresh"], slow=["fresh"]), indirect=True)  # daily: a copy
+@pytest.mark.parametrize("processes", daily(["forked", "fresh"], some=["forked"]), indirect=True)  # daily: a copy
 def test_a_task_whose_worker_is_killed_is_done_again(processes: str, tmp_path: Path) -> None:
     tasks = (Task(k, (str(tmp_path / "mark"), k)) for k in range(60))
     assert dict(finished(_dies_once, tasks, jobs=2)) == {k: k * k for k in range(60)}

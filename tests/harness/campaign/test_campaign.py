@@ -159,10 +159,7 @@ HOSTILE = [
 ]
 
 
-@pytest.mark.parametrize(
-    ("what", "status", "words"),
-    daily(HOSTILE, slow=HOSTILE[3:]),
-)
+@pytest.mark.parametrize(("what", "status", "words"), daily(HOSTILE, some=HOSTILE[:3]))
 def test_what_is_hostile_is_the_solver_s_own_defect_and_nobody_else_s(what, status, words):
     found: list[Comparison] = []
     timeout = 0.3 if status == "timeout" else 20.0
@@ -186,7 +183,7 @@ def test_a_solver_whose_own_answers_are_right_is_right_whatever_its_children_do(
 
 @pytest.mark.parametrize(
     ("what", "status"),
-    daily([("sleeps", "ok"), ("compiles", "ok"), ("burns", "timeout")], slow=[("compiles", "ok")]),
+    daily([("sleeps", "ok"), ("compiles", "ok"), ("burns", "timeout")], some=[("sleeps", "ok"), ("burns", "timeout")]),
 )  # daily: test_pool.py, of a job that compiles
 def test_a_deadline_is_processor_time_without_what_is_compiled(what, status):
     """Each takes half as long again as it may, of the one or the other."""
