@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import henon_ref as hr
+from henon_ref.filippov.selection import after_event
 from henon_ref.henon.entries import numbered, packed, read, unpacked, words_of, written
 from henon_ref.henon.records import HENON, mode_dtype
 from henon_ref.henon.run import Run
@@ -235,7 +236,7 @@ def test_any_corner_is_decided_as_in_python() -> None:
         own.scalars.guard, own.scalars.event_pending = 2 * hit[0], 1
         code = kernel.advance(own.workspace.run, begin.constants.update().tables, ffi.NULL, 0)
         asked = [g for g in table.guards(mode) if g.kind == "surface" and g.index in hit]
-        theirs = begin.constants.switching.after_event(0.0, x, mode, asked)
+        theirs = after_event(begin.constants.in_doubles.at(0.0, x), mode, asked)
         assert code in (kernel.HORIZON, kernel.SELECT_MODE)
         assert code != kernel.HORIZON or (theirs.status, theirs.mode) == ("unique", own.mode), (numbers, mode, hit)
         assert code == kernel.HORIZON or own.mode == mode

@@ -16,6 +16,7 @@ from baselines.henon import HENON_SOLVER
 from henon_ref.casefile.case import load_case, parse_case
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.problem import Problem
+from henon_ref.filippov.selection import after_event
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.mode_changes import ModeChanges
 from henon_ref.henon.records import HENON
@@ -269,8 +270,8 @@ class Corner:
         run.hits[: len(hits)] = hits
         found = kernel.test_select_mode(run.workspace.run, self.constants.update().tables)
         asked = [g for g, zero in zip(guards, at_zero, strict=True) if zero]
-        switching = self.constants.switching
-        return compiled.modes[found] if found >= 0 else None, switching.after_event(0.0, x, mode, asked)
+        at = self.constants.in_doubles.at(0.0, x)
+        return compiled.modes[found] if found >= 0 else None, after_event(at, mode, asked)
 
 
 @pytest.mark.parametrize(
