@@ -13,7 +13,7 @@ import pytest
 import sympy as sp
 from often import daily
 
-from baselines.henon import HENON_SOLVER
+from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.casefile.case import load_case, parse_case
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.problem import Problem

@@ -14,7 +14,7 @@ import sympy as sp
 from scipy.integrate import solve_ivp
 
 import henon_ref as hr
-from baselines.henon import HENON_SOLVER
+from henon_ref.baselines.henon import HENON_SOLVER
 
 CASES = Path(__file__).parents[2] / "cases"
 OSCILLATOR = hr.System(["x", "v"], {"w": 1}, {"s": "x"}, ["v", "-w^2*x"])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib.metadata
 
-from baselines.causes import CAUSES, Cause, ClaimError
+from henon_ref.baselines.causes import CAUSES, Cause, ClaimError
 from henon_ref.harness.registry import program_versions
 from henon_ref.harness.studies.page import write
 from henon_ref.harness.studies.study import Asked, Made
