@@ -41,8 +41,8 @@ RAISE = 1 + 2.0**-36
 TINY = 1e-290
 """More than what underflow can lose in a sum of a few thousand terms."""
 ROUNDS = 12
-"""Tries to find tails that the Picard map sends into themselves, once all states have some: where many act on each other
-in a row, it takes a try from each to the next one."""
+"""Tries to find tails that the Picard map sends into themselves, once all states have some: where many act on each
+other in a row, it takes a try from each to the next one."""
 REACHED = 1e-250
 """A tail above this is more than :data:`TINY` and what tries have made of it."""
 
