@@ -224,9 +224,7 @@ class _Attempt:
                 if left < 0:
                     return f"the deadline passed at t = {now.str(17, radius=False)}"
                 if float(now) - begin < FAR * (float(self.horizon) - begin):
-                    return (
-                        f"at the pace up to t = {now.str(17, radius=False)} the deadline would pass long before the end"
-                    )
+                    return f"its time would pass long before the end, at the pace up to t = {now.str(17, radius=False)}"
         return ""
 
     def _crowded(self) -> str:

@@ -82,7 +82,10 @@ def coupled_equations(system: SwitchedField, contacts: Contacts) -> SwitchedEqua
     own_field = SwitchedField(system.states, tuple(signs), tuple(surfaces), system.field, system.parameters)
     try:
         own, forces = _own_states(own_field), _forces(own_field)
-        if own is None or forces is None or not (_common(own_field, own) and _definite(own_field, own, forces)):
+        beside = {*contacts.signs} - {*signs}
+        if forces is None or any(not f.free_symbols.isdisjoint(beside) for f in forces.friction):
+            return None  # on one of the sides it may be none, and no sign holds
+        if own is None or not (_common(own_field, own) and _definite(own_field, own, forces)):
             return None
         made = _equations(own_field, contacts, slid, own, forces)
         return None if made is None or any(e.has(sp.zoo, sp.nan) for e in made.outputs) else made
@@ -197,7 +200,10 @@ def _definite(system: SwitchedField, own: Mapping[int, int], forces: Forces) -> 
     count = len(forces.slopes)
     entries = [forces.slopes[i].get(j, sp.S.Zero) for i in range(count) for j in range(count)]
     ways = [put(put(forces.friction[i], {system.signs[i]: sp.S.One}), _there(system, i, own[i])) for i in range(count)]
-    values = np.array([float(v) for v in sample(system, (*entries, *ways))])
+    found = sample(system, (*entries, *ways))
+    if not all(value.is_real for value in found):  # a root of a branch that is not in use there
+        return False
+    values = np.array([float(v) for v in found])
     matrix, friction = values[: count * count].reshape(count, count), values[count * count :]
     scale = np.zeros(count)
     for first in range(count):

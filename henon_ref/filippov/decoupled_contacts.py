@@ -230,8 +230,8 @@ class SwitchedEquations:
     def own_guards(self, mode: Mode) -> tuple[Guard, ...]:
         """Their guards."""
         slips = (self._leaving[i][entry] for i, entry in enumerate(mode) if entry)
-        held = (c for entry, c in zip(mode, self.contacts, strict=True) if not entry and c is not None)
-        ends: Iterable[Guard] = chain.from_iterable(contact.ends for contact in held)
+        held = (own for entry, own in zip(mode, self.contacts, strict=True) if not entry and own is not None)
+        ends: Iterable[Guard] = chain.from_iterable(own.ends for own in held)
         if sides := self.sides(mode):
             ends = (replace(end, expression=put(end.expression, sides)) for end in ends)
         return (*slips, *ends, *self._valid)
@@ -270,7 +270,16 @@ def switched_equations(system: Contacts) -> SwitchedEquations | None:
         return None
     if not own or any(end.expression.free_symbols & slid for contact in own for end in contact.ends):
         return None
+    beside = {sign for sign in system.signs if sign not in slid}
+    if beside and any(_friction_changes(contact, slid, beside) for contact in own):
+        return None
     return SwitchedEquations(system, indicators(system.signs), tuple(contacts))
+
+
+def _friction_changes(contact: Contact, slid: set[sp.Symbol], beside: set[sp.Symbol]) -> bool:
+    """Whether friction in sliding depends on the side of another surface: on one it may be none, and no sign holds."""
+    above, below = (put(contact.slipping, dict.fromkeys(slid, sp.Integer(side))) for side in (1, -1))
+    return not sp.expand(above - below).free_symbols.isdisjoint(beside)
 
 
 def acting_rows(system: Contacts) -> dict[sp.Symbol, list[int]]:

@@ -153,6 +153,47 @@ def test_runs_need_no_equations_of_single_modes(name: str, monkeypatch: pytest.M
     assert times[0] == pytest.approx(times[1], abs=1e-11)
 
 
+def beside(system: FilippovSystem, surface: sp.Expr, force: sp.Expr = sp.S.Zero) -> FilippovSystem:
+    """The system with one more surface, whose sign p drives the first body by a force."""
+    first = next(k for k, x in enumerate(system.states) if x.name.startswith("v_"))
+    field = tuple(rate + force * (k == first) for k, rate in enumerate(system.field))
+    return replace(system, signs=(*system.signs, P), surfaces=(*system.surfaces, surface), field=field)
+
+
+P = sp.Symbol("p", real=True)
+
+
+@pytest.mark.parametrize("kind", ["section", "section of a speed", "kink", "force that jumps"])
+def test_what_stands_beside_them_changes_no_more_than_its_side(kind: str) -> None:
+    base = clutches() if kind in ("kink", "force that jumps") else stack(3)
+    x, v = (next(s for s in base.states if s.name.startswith(letter)) for letter in ("x_", "v_"))
+    force = {"kink": -10 * (1 + P) * (x - sp.Rational(1, 10)), "force that jumps": -P / 2}.get(kind, sp.S.Zero)
+    system = beside(base, v - sp.Rational(3, 10) if kind == "section of a speed" else x - sp.Rational(1, 10), force)
+    start = tuple(sp.Rational((-1) ** k * k, 4) for k in range(len(system.states)))
+    runs = []
+    for together in (True, False):
+        fresh = replace(system)
+        if not together:
+            vars(fresh)["switched"] = None
+        integrator = Integrator(fresh, 18)
+        problem = Problem(fresh, sp.S.Zero, start, sp.Integer(3))
+        run = Run(integrator, integrator.start(problem, tolerance=1e-13, landing=HENON)).to_horizon()
+        assert run.status == "ok", run.reason
+        assert not together or run.counts.decisions == Decisions()
+        runs.append(run)
+    told = [[(t.kind, t.surface, t.from_mode, t.to_mode) for t in run.transitions] for run in runs]
+    assert told[0] == told[1]
+    assert any(surface == len(base.surfaces) for _, surface, *_ in told[0])
+    assert [t.time for t in runs[0].transitions] == pytest.approx([t.time for t in runs[1].transitions], abs=1e-11)
+
+
+def test_friction_that_another_surface_turns_off_is_no_one_set() -> None:
+    system = clutches()
+    turned = tuple(rate.xreplace({system.signs[0]: system.signs[0] * (1 + P) / 2}) for rate in system.field)
+    off = replace(system, signs=(*system.signs, P), surfaces=(*system.surfaces, TIME - 1), field=turned)
+    assert off.switched is None
+
+
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_each_constant_is_that_of_one_contact(name: str) -> None:
     """So a mode that is new has no constants that are: three a place, whatever the other contacts do."""

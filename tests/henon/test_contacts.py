@@ -117,7 +117,7 @@ def test_what_stands_beside_a_chain_costs_no_rows_of_modes(beside: str, static: 
     assert all(len(own) < 2 for tape in integrator.mode_table.codes[0].tapes for own in tape.owners)
 
 
-@pytest.mark.parametrize("beside", BESIDE)
+@pytest.mark.parametrize("beside", ["section of a block's own speed", "stop", "force that jumps"])
 def test_a_chain_with_more_beside_it_is_what_its_own_modes_make_of_it(
     beside: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import Any
 
 import heyoka as hy
@@ -262,8 +262,15 @@ class Stepper:
         c = step.rough[self._rows[guard], skipped:]
         if not np.isfinite(c).all():
             return 0.0
-        ends = END * np.arange(1, PIECES + 1) / PIECES
-        values = np.abs(np.polynomial.polynomial.polyval(ends - ends[0] / 2, c))
-        slopes = np.polynomial.polynomial.polyval(ends, np.arange(1, len(c)) * np.abs(c[1:])) if len(c) > 1 else 0.0
+        ends, at_ends, at_middles = _pieces(len(c))
+        values = np.abs(at_middles @ c)
+        slopes = at_ends[:, :-1] @ (np.arange(1, len(c)) * np.abs(c[1:]))
         unclear = ~(values > slopes * ends[0] / 2 + 1e-9 * np.abs(c).sum())
         return float(ends[unclear.argmax()] - ends[0]) if unclear.any() else math.inf
+
+
+@cache
+def _pieces(terms: int) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Ends of the pieces of a step, and so many powers of these, and of the pieces' middles: shape (PIECES, terms)."""
+    ends = END * np.arange(1, PIECES + 1) / PIECES
+    return ends, np.vander(ends, terms, increasing=True), np.vander(ends - ends[0] / 2, terms, increasing=True)
