@@ -24,7 +24,7 @@ MAX_TERMS, MAX_MONOMIALS = 50, 2_000
 """Terms that numerator and denominator may have, multiplied out, and products of powers that there are below the
 degrees of either, where their greatest common divisor is looked for."""
 MAX_FACTORED_TERMS, MAX_FACTORED_MONOMIALS = 8, 128
-"""The same where they are taken apart into factors, which is much more work."""
+"""The same where an expression is asked whether it is positive, which is much more work."""
 MAX_COEFFICIENT = 64
 """Bits of a number that counts as one: a larger one, whose factors would be looked for, counts as a symbol."""
 MAX_EXPANDED = 1_000
@@ -47,11 +47,6 @@ def simplified(expression: sp.Expr) -> sp.Expr:
 def cancelled(expression: sp.Expr) -> sp.Expr:
     """The expression as one quotient in lowest terms, or as it is written where that is too much work."""
     return _rational(expression, sp.cancel, MAX_TERMS, MAX_MONOMIALS) if expression.has(sp.Add) else expression
-
-
-def factored(expression: sp.Expr) -> sp.Expr:
-    """The expression as a product, or as it is written where that is too much work."""
-    return _rational(expression, sp.factor, MAX_FACTORED_TERMS, MAX_FACTORED_MONOMIALS)
 
 
 def known_positive(expression: sp.Expr) -> bool:
