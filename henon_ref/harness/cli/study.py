@@ -5,6 +5,7 @@ Exit status 1: a claim of the page fails its check; for the others see :mod:`hen
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
@@ -109,4 +110,6 @@ def _solvers(text: str | None) -> tuple[str, ...] | None:
 
 def command(arguments: Sequence[str] | None = None) -> int:
     """Run the command; the exit status."""
-    return exit_status(lambda: int(parsed(app, arguments, name="study")), name="study", arguments=arguments, kept=KEPT)
+    words = sys.argv[1:] if arguments is None else arguments
+    kept = KEPT if any("resume" in STUDIES[word].takes for word in words[:1] if word in STUDIES) else ""
+    return exit_status(lambda: int(parsed(app, arguments, name="study")), name="study", arguments=arguments, kept=kept)
