@@ -225,8 +225,8 @@ class Solution(Outcome):
         ``initial``, ``end_state``, ``end_mode``
             The state at the start, shape (2, n), with what rounding lost of it; state and mode at the end.
         ``transition_time``, ``_time_low``, ``_kind``, ``_surface``, ``_from``, ``_to``, ``_state``, ``_landing``
-            (Each begins with ``transition``.) A row a transition: its time and what rounding lost of it, kind, index of the surface, modes before and
-            after as rows of ``modes``, state, and how it was landed on.
+            (Each begins with ``transition``.) A row a transition: its time and what rounding lost of it, kind, index of
+            the surface, modes before and after as rows of ``modes``, state, and how it was landed on.
         ``modes``
             Modes as rows of m entries: -1, 0, +1.
         ``step_time``, ``step_time_low``, ``step_unit``, ``step_coefficients``
