@@ -12,10 +12,8 @@ from pathlib import Path
 
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE.parent), str(HERE)]
-for name, folder in (
-    ("PYTHONPATH", HERE.parent),
-    ("JUPYTER_PATH", HERE / "website/jupyter"),
-):  # of the notebooks' kernel
+for name, folder in (("PYTHONPATH", HERE.parent), ("JUPYTER_PATH", HERE / "website/jupyter")):
+    # of the notebooks' kernel
     os.environ[name] = os.pathsep.join([str(folder), *filter(None, [os.environ.get(name)])])
 
 logging.getLogger("traitlets").setLevel(logging.WARNING)  # it tells of each notebook

@@ -3,9 +3,9 @@
 ``python -m tests.support.doc_pages docs/bifurcation.md ...`` runs pages, and puts the pictures that their blocks save
 where the pages show them, in ``docs/pictures``.
 
-* ``python`` blocks run one after the other with the same names, ``bash`` blocks under ``bash -euo pipefail``,
-  ``matlab`` blocks by Octave where it is installed, in a folder of the page's own, where ``cases`` is the repository's
-  and ``.venv/bin`` leads to this Python. A ``text`` block below is what they print (``...`` stands for anything).
+* ``python`` blocks run one after the other with the same names, ``bash`` blocks under ``bash -euo pipefail``, those in
+  ``matlab`` by Octave where it is installed; in a folder of the page's own, where ``cases`` is the repository's and
+  ``.venv/bin`` leads to this Python. A ``text`` block below is what they print (``...`` stands for anything).
 * ``<!-- file: NAME -->`` before a block: it is written to that file instead.
 * ``yaml`` blocks that are case or sweep files are read as such, ``json``, ``toml`` and ``csv`` blocks are read.
 * ``<!-- not run: REASON -->`` before a block: it is not run. A block in any other language needs that.
