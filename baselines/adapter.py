@@ -10,12 +10,12 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.driver import prepared, tolerances
-from baselines.flow import Flow, Library
-from baselines.mode_functions import ModeFunctions
-from baselines.mode_table import ModeTable
-from baselines.restart import STOPPED, Restart
-from baselines.work import Work
+from henon_ref.baselines.driver import prepared, tolerances
+from henon_ref.baselines.flow import Flow, Library
+from henon_ref.baselines.mode_functions import ModeFunctions
+from henon_ref.baselines.mode_table import ModeTable
+from henon_ref.baselines.restart import STOPPED, Restart
+from henon_ref.baselines.work import Work
 from henon_ref.errors import UnavailableError
 from henon_ref.filippov.problem import Problem
 from henon_ref.solver import Run
@@ -104,11 +104,11 @@ class Adapter(ABC):
 
     @abstractmethod
     def flow(self, library: ConfiguredLibrary, model: ModeFunctions, work: Work, horizon: float) -> Flow:
-        """All that is done once a mode; see :meth:`baselines.flow.Library.flow`."""
+        """All that is done once a mode; see :meth:`henon_ref.baselines.flow.Library.flow`."""
 
     @abstractmethod
     def location_error(self, t: float) -> float:
-        """See :meth:`baselines.flow.Library.location_error`."""
+        """See :meth:`henon_ref.baselines.flow.Library.location_error`."""
 
     def accuracy(self, rtol: float, atol: float) -> tuple[float, float]:
         """Relative and absolute error that the tolerances allow a step."""
@@ -125,7 +125,7 @@ class Adapter(ABC):
 
 @dataclass(frozen=True)
 class ConfiguredLibrary:
-    """A library with its tolerances, as the driver sees it (:class:`baselines.flow.Library`)."""
+    """A library with its tolerances, as the driver sees it (:class:`henon_ref.baselines.flow.Library`)."""
 
     adapter: Adapter
     module: Any

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from baselines.record import Event
+from henon_ref.baselines.record import Event
 from henon_ref.filippov.callables import Scalar
 from henon_ref.filippov.modes import Mode, replaced, transition_kind
 

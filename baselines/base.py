@@ -2,8 +2,8 @@
 
 A new library is a subclass of :class:`SmoothMode` with one method, ``integrate``, and a :class:`ModeSolver` that
 names it. Modes, sliding, what follows an event, and the match against the truth are the driver's. The adapters here are
-made of the same class, and of an :class:`~baselines.adapter.Adapter` where a library has more to say of itself;
-heyoka's compiles its modes and is a :class:`baselines.flow.Flow` of its own.
+made of the same class, and of an :class:`~henon_ref.baselines.adapter.Adapter` where a library has more to say of
+itself; heyoka's compiles its modes and is a :class:`henon_ref.baselines.flow.Flow` of its own.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.adapter import Adapter, ConfiguredLibrary
-from baselines.callbacks import LastSeen, counted_field
-from baselines.flow import Stop
-from baselines.mode_functions import EPSILON, ModeFunctions
-from baselines.restart import Fresh, GatedGuards, Watcher
-from baselines.work import Stalled, Work
+from henon_ref.baselines.adapter import Adapter, ConfiguredLibrary
+from henon_ref.baselines.callbacks import LastSeen, counted_field
+from henon_ref.baselines.flow import Stop
+from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
+from henon_ref.baselines.restart import Fresh, GatedGuards, Watcher
+from henon_ref.baselines.work import Stalled, Work
 from henon_ref.errors import ContractError
 from henon_ref.filippov.callables import Jacobian
 
@@ -139,7 +139,7 @@ class SmoothMode(ABC):
         fresh: Sequence[Fresh],
         wanted: NDArray[np.float64] | None,
     ) -> Stop:
-        """What the driver calls (:class:`baselines.flow.Flow`): sets the guards, then :meth:`integrate`."""
+        """What the driver calls (:class:`henon_ref.baselines.flow.Flow`): sets the guards, then :meth:`integrate`."""
         self.gates.open(t, x, fresh, self.horizon)
         self.last.start(t, tuple(x))
         self.wanted = wanted

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.flow import LIMIT
-from baselines.mode_functions import EPSILON, ModeFunctions
-from baselines.numba_callbacks import Callbacks
-from baselines.work import Stalled, Work
+from henon_ref.baselines.flow import LIMIT
+from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
+from henon_ref.baselines.numba_callbacks import Callbacks
+from henon_ref.baselines.work import Stalled, Work
 from henon_ref.filippov.callables import ARITHMETIC
 
 STALL = 2000

@@ -11,7 +11,7 @@ from typing import Any
 
 import sympy as sp
 
-from baselines.numba_callbacks import Callbacks, Fill, compiled, jacobian
+from henon_ref.baselines.numba_callbacks import Callbacks, Fill, compiled, jacobian
 from henon_ref.filippov.callables import Jacobian, Scalar, scalar
 from henon_ref.filippov.equations import along
 from henon_ref.filippov.modes import Mode

@@ -1,13 +1,13 @@
 """diffrax: Dopri8 and Kvaerno5 with ``diffrax.Event``, one compiled solve a mode.
 
 diffrax compares the sign of each condition function at the ends of a step and, where one has changed, seeks its root
-on the step's dense output. Three things follow, each shown in :mod:`baselines.causes.diffrax_events`: of several
-conditions that change in one step the first in their list counts, not the first in time; from the step's end Newton's
-method, the "typical choice" of its page, goes to the last root of the step; a condition that is zero where a run
-starts stops it there, or, with a direction, loses its root in the first step. So the guards are one condition here,
-their minimum, the root finder is bisection within the step, the direction is downwards, and the guard of a surface
-just left starts clearly positive (``offset``, :mod:`baselines.restart`). (Bisection takes one condition only.) A guard
-that is negative where its mode begins is watched for its rise first, then for its fall.
+on the step's dense output. Three things follow, each shown in :mod:`henon_ref.baselines.causes.diffrax_events`: of
+several conditions that change in one step the first in their list counts, not the first in time; from the step's end
+Newton's method, the "typical choice" of its page, goes to the last root of the step; a condition that is zero where a
+run starts stops it there, or, with a direction, loses its root in the first step. So the guards are one condition here,
+their minimum, the root finder is bisection within the step, the direction is downwards, and the guard of a surface just
+left starts clearly positive (``offset``, :mod:`henon_ref.baselines.restart`). (Bisection takes one condition only.) A
+guard that is negative where its mode begins is watched for its rise first, then for its fall.
 
 Kvaerno5's dense output is a cubic: its event times are less accurate than its steps. A pair of roots inside one step
 is not seen.
@@ -26,13 +26,13 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.adapter import SCOUTING, Adapter, ConfiguredLibrary
-from baselines.base import SmoothMode
-from baselines.flow import LIMIT, Library, Stop
-from baselines.jax_functions import ModeSource, jax_function, mode_source
-from baselines.mode_functions import EPSILON, ModeFunctions
-from baselines.restart import LEAST, Restart
-from baselines.work import Work
+from henon_ref.baselines.adapter import SCOUTING, Adapter, ConfiguredLibrary
+from henon_ref.baselines.base import SmoothMode
+from henon_ref.baselines.flow import LIMIT, Library, Stop
+from henon_ref.baselines.jax_functions import ModeSource, jax_function, mode_source
+from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
+from henon_ref.baselines.restart import LEAST, Restart
+from henon_ref.baselines.work import Work
 from henon_ref.filippov.callables import ARITHMETIC
 
 MAX_STEPS = 4096
@@ -79,7 +79,7 @@ class DiffraxOde(Adapter):
 
     def loosened(self, library: ConfiguredLibrary) -> Library:
         """SciPy's ``DOP853``: which modes are visited is found out without compiling for it."""
-        from baselines.scipy_ivp import DOP853
+        from henon_ref.baselines.scipy_ivp import DOP853
 
         return DOP853.library(SCOUTING, SCOUTING)
 
@@ -105,7 +105,7 @@ class _Flow(SmoothMode):
         self._tolerances = np.array([library.rtol, library.atol])
 
     def integrate(self, t: float, x: NDArray[np.float64], until: float) -> Stop:
-        """See :class:`baselines.base.SmoothMode`."""
+        """See :class:`henon_ref.baselines.base.SmoothMode`."""
         begin, start = t, x
         self._lift(t, x)
         signs = self._unarmed(t, x)

@@ -11,8 +11,8 @@ from collections.abc import Mapping, Sequence
 
 import sympy as sp
 
-from baselines.flow import LIMIT
-from baselines.mode_functions import ModeFunctions
+from henon_ref.baselines.flow import LIMIT
+from henon_ref.baselines.mode_functions import ModeFunctions
 from henon_ref.errors import UnsupportedError
 from henon_ref.filippov.callables import rounded
 from henon_ref.taylor.tape import TIME

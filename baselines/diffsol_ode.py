@@ -3,9 +3,9 @@
 A stop function counts at every change of its sign, whichever the direction, and the result says when the run stopped,
 not by which function: that is told here from the guards' values and rates, and where one has risen the run goes on. A
 stop function that is exactly zero where a run starts is out of play until it has left zero, as in SUNDIALS; one that
-is a rounding below zero and rises stops the run there. Hence the ``offset`` as default (:mod:`baselines.restart`).
-Roots are located by a secant method on the step's interpolant to ``100 eps (abs(t) + abs(h))``; a pair of roots
-inside one step is not seen.
+is a rounding below zero and rises stops the run there. Hence the ``offset`` as default
+(:mod:`henon_ref.baselines.restart`). Roots are located by a secant method on the step's interpolant to ``100 eps
+(abs(t) + abs(h))``; a pair of roots inside one step is not seen.
 
 A whole mode is one call into Rust, so that a deadline is looked at between modes only, and the guards are never called
 back: when a run failed is known from the library's message alone, and the state there is not known (the mode's first
@@ -22,13 +22,13 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.adapter import Adapter, ConfiguredLibrary
-from baselines.base import SmoothMode
-from baselines.diffsl_text import mode_text
-from baselines.flow import Stop
-from baselines.mode_functions import EPSILON, ModeFunctions
-from baselines.restart import LIFT, Restart
-from baselines.work import Work
+from henon_ref.baselines.adapter import Adapter, ConfiguredLibrary
+from henon_ref.baselines.base import SmoothMode
+from henon_ref.baselines.diffsl_text import mode_text
+from henon_ref.baselines.flow import Stop
+from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
+from henon_ref.baselines.restart import LIFT, Restart
+from henon_ref.baselines.work import Work
 from henon_ref.filippov.callables import ARITHMETIC
 
 STAGES = 6
@@ -85,7 +85,7 @@ class _Flow(SmoothMode):
         self._stages = STAGES if adapter.method == "tsit45" else 0
 
     def integrate(self, t: float, x: NDArray[np.float64], until: float) -> Stop:
-        """See :class:`baselines.base.SmoothMode`."""
+        """See :class:`henon_ref.baselines.base.SmoothMode`."""
         begin, start = t, x
         while True:
             try:

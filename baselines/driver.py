@@ -1,6 +1,6 @@
 """The sliding extension that all libraries share: modes, what follows an event, restarts, how a run ends.
 
-A library integrates one smooth mode until a guard stops it (:class:`~baselines.flow.Flow`); everything else
+A library integrates one smooth mode until a guard stops it (:class:`~henon_ref.baselines.flow.Flow`); everything else
 is here and the same for all. At an event the driver
 
 1. adds the guards that fell through zero at the same instant (within the library's own location error);
@@ -8,7 +8,7 @@ is here and the same for all. At an event the driver
    library left there (rounding after a located event, tolerance after a long slide) and no more; the
    largest such distance is the trajectory's ``max_surface_drift``;
 3. decides the next mode: by the signs of the normal velocities on the two sides where these settle it
-   (:mod:`baselines.mode_table`), by :class:`~henon_ref.filippov.switching.Switching` everywhere else;
+   (:mod:`henon_ref.baselines.mode_table`), by :class:`~henon_ref.filippov.switching.Switching` everywhere else;
 4. starts the next mode and names the guards that start at zero: what to do about those is the library's.
 
 A run ends at the horizon (an event at the horizon counts), or earlier with a status: ``diverged`` (the
@@ -24,14 +24,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.endings import ended
-from baselines.flow import Library, Stop
-from baselines.low_flights import behind_noise, low_flight
-from baselines.mode_functions import EPSILON
-from baselines.mode_table import ModeEntry, ModeTable
-from baselines.record import Record
-from baselines.restart import MARGIN, Fresh
-from baselines.work import DeadlinePassed, Work
+from henon_ref.baselines.endings import ended
+from henon_ref.baselines.flow import Library, Stop
+from henon_ref.baselines.low_flights import behind_noise, low_flight
+from henon_ref.baselines.mode_functions import EPSILON
+from henon_ref.baselines.mode_table import ModeEntry, ModeTable
+from henon_ref.baselines.record import Record
+from henon_ref.baselines.restart import MARGIN, Fresh
+from henon_ref.baselines.work import DeadlinePassed, Work
 from henon_ref.errors import ModelError, UnsupportedError
 from henon_ref.filippov.callables import ARITHMETIC
 from henon_ref.filippov.modes import Mode

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from baselines.flow import LIMIT, Stop
-from baselines.mode_functions import EPSILON, ModeFunctions
-from baselines.mode_table import ModeEntry
-from baselines.record import Record
-from baselines.restart import MARGIN
+from henon_ref.baselines.flow import LIMIT, Stop
+from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
+from henon_ref.baselines.mode_table import ModeEntry
+from henon_ref.baselines.record import Record
+from henon_ref.baselines.restart import MARGIN
 from henon_ref.filippov.callables import ARITHMETIC, Scalar
 from henon_ref.trajectory import Trajectory
 

@@ -8,9 +8,9 @@ from typing import Literal, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.mode_functions import ModeFunctions
-from baselines.restart import Fresh
-from baselines.work import Work
+from henon_ref.baselines.mode_functions import ModeFunctions
+from henon_ref.baselines.restart import Fresh
+from henon_ref.baselines.work import Work
 
 LIMIT = 1e100
 """A state beyond this has diverged (no smaller bound is right in all units)."""

@@ -29,12 +29,12 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from baselines.adapter import SCOUTING, Adapter, ConfiguredLibrary
-from baselines.flow import LIMIT, Library, Stop
-from baselines.heyoka_expressions import to_heyoka
-from baselines.mode_functions import EPSILON, ModeFunctions
-from baselines.restart import LEAST, LIFT, SPAN, Fresh, Restart, dips, lift, quiet_until
-from baselines.work import Work
+from henon_ref.baselines.adapter import SCOUTING, Adapter, ConfiguredLibrary
+from henon_ref.baselines.flow import LIMIT, Library, Stop
+from henon_ref.baselines.heyoka_expressions import to_heyoka
+from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
+from henon_ref.baselines.restart import LEAST, LIFT, SPAN, Fresh, Restart, dips, lift, quiet_until
+from henon_ref.baselines.work import Work
 from henon_ref.filippov.callables import ARITHMETIC
 from henon_ref.jit.processor_time import compiling
 
@@ -87,7 +87,7 @@ class HeyokaTaylor(Adapter):
 
     def loosened(self, library: ConfiguredLibrary) -> Library:
         """SciPy's ``DOP853``: which modes are visited is found out without compiling for it."""
-        from baselines.scipy_ivp import DOP853
+        from henon_ref.baselines.scipy_ivp import DOP853
 
         return DOP853.library(SCOUTING, SCOUTING)
 
@@ -192,7 +192,7 @@ class _Flow:
         fresh: Sequence[Fresh],
         wanted: NDArray[np.float64] | None,
     ) -> Stop:
-        """See :class:`baselines.flow.Flow`."""
+        """See :class:`henon_ref.baselines.flow.Flow`."""
         lifted: Sequence[Fresh] = ()
         if fresh:
             if self._policy == "offset":

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from baselines.mode_functions import EPSILON, ModeFunctions
-from baselines.restart import LONGEST, MARGIN, quiet_until
+from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
+from henon_ref.baselines.restart import LONGEST, MARGIN, quiet_until
 from henon_ref.filippov.callables import ARITHMETIC
 
 LEAST = 1e-9

@@ -11,8 +11,8 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from baselines.common_functions import CommonFunctions, common_functions
-from baselines.numba_callbacks import Callbacks, Fill, compiled, jacobian
+from henon_ref.baselines.common_functions import CommonFunctions, common_functions
+from henon_ref.baselines.numba_callbacks import Callbacks, Fill, compiled, jacobian
 from henon_ref.filippov.callables import ARITHMETIC, Jacobian, Scalar, scalar
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.mode_evaluation import ModeEvaluation

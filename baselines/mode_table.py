@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 import sympy as sp
 
-from baselines.flow import Flow, Library
-from baselines.mode_functions import EPSILON, ModeFunctions, projected
-from baselines.restart import Fresh
-from baselines.work import Work
+from henon_ref.baselines.flow import Flow, Library
+from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions, projected
+from henon_ref.baselines.restart import Fresh
+from henon_ref.baselines.work import Work
 from henon_ref.filippov.after_jump import after_jump, without_speed
 from henon_ref.filippov.callables import ARITHMETIC, Scalar, scalar
 from henon_ref.filippov.decision import Decision
@@ -183,7 +183,7 @@ class ModeTable:
         return self.entry(mode)
 
     def entry(self, mode: Mode, idle: frozenset[int] = frozenset()) -> ModeEntry:
-        """A mode in which some surfaces are ``idle`` (:class:`~baselines.mode_functions.ModeFunctions`)."""
+        """A mode in which some surfaces are ``idle`` (:class:`~henon_ref.baselines.mode_functions.ModeFunctions`)."""
         key = mode, idle
         if key not in self._entries:
             with compiling():

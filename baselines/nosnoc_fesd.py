@@ -9,7 +9,7 @@ nosnoc has no error control. Its user chooses a grid, the number of stages of Ra
 tolerance of the complementarity. Here the tolerance of a row chooses the last two (:data:`STAGES`), and the grid is the
 same for all: twice as many equal control steps as SciPy's RK45 takes steps at 1e-3, two finite elements each, so that
 motion and events are resolved; a control step has room for one switch. So a tolerance of a row is a level of effort,
-not a bound on an error. A coarser grid is silently wrong (:mod:`baselines.causes.nosnoc_grid`).
+not a bound on an error. A coarser grid is silently wrong (:mod:`henon_ref.baselines.causes.nosnoc_grid`).
 
 The homotopy starts at 1e-2 and falls by 1e-4 a step, a quarter of the work of the default. Where IPOPT calls a control
 step infeasible, the step is halved, up to twice, and then tried with slower homotopies, the last of them nosnoc's
@@ -34,12 +34,12 @@ import sympy as sp
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from baselines.driver import Driver, tolerances
-from baselines.flow import LIMIT
-from baselines.record import Record
-from baselines.scipy_ivp import RK45
-from baselines.sundials_cvode import ADAMS
-from baselines.work import DeadlinePassed, Work
+from henon_ref.baselines.driver import Driver, tolerances
+from henon_ref.baselines.flow import LIMIT
+from henon_ref.baselines.record import Record
+from henon_ref.baselines.scipy_ivp import RK45
+from henon_ref.baselines.sundials_cvode import ADAMS
+from henon_ref.baselines.work import DeadlinePassed, Work
 from henon_ref.errors import UnavailableError, UnsupportedError
 from henon_ref.filippov.callables import rounded
 from henon_ref.filippov.kinks import visible

@@ -10,8 +10,8 @@ from typing import overload
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.mode_functions import EPSILON
-from baselines.work import Work
+from henon_ref.baselines.mode_functions import EPSILON
+from henon_ref.baselines.work import Work
 from henon_ref.filippov.modes import Mode, transition_kind
 from henon_ref.filippov.resets import rows_at
 from henon_ref.trajectory import Kind, Status, Trajectory, Transition

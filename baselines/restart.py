@@ -25,7 +25,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.mode_functions import EPSILON, ModeFunctions
+from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
 from henon_ref.filippov.callables import ARITHMETIC
 
 Restart = Literal["event-free-step", "offset", "direction", "none"]

@@ -3,9 +3,9 @@
 At its starting point SciPy takes the sign of each event function as it is. A zero there (or one rounding on
 the wrong side of it) is a root at once unless a direction excludes it; with direction -1 it is a root at
 once if it starts at +0 and the first step ends below, and a true root in the first step is lost if it starts
-one rounding below. Hence ``offset`` as default (:mod:`baselines.restart`), the restart with which every method is right
-most often over the suite: the guard starts clearly positive. ``event-free-step``, ``direction`` and ``none`` can be
-chosen to see what they do. Which of SciPy's own advice is followed: ``docs/solvers.md``.
+one rounding below. Hence ``offset`` as default (:mod:`henon_ref.baselines.restart`), the restart with which every
+method is right most often over the suite: the guard starts clearly positive. ``event-free-step``, ``direction`` and
+``none`` can be chosen to see what they do. Which of SciPy's own advice is followed: ``docs/solvers.md``.
 
 Two roots of one event function inside one step are not seen. Roots are located by ``brentq`` on the dense
 output to ``4 eps (1 + abs(t))``, an absolute time; the state after an event is the dense output's, which
@@ -22,14 +22,14 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.adapter import Adapter, ConfiguredLibrary
-from baselines.base import SmoothMode
-from baselines.callbacks import counted_field
-from baselines.flow import Stop
-from baselines.mode_functions import EPSILON, ModeFunctions
-from baselines.numba_callbacks import Callbacks
-from baselines.restart import Restart
-from baselines.work import Work
+from henon_ref.baselines.adapter import Adapter, ConfiguredLibrary
+from henon_ref.baselines.base import SmoothMode
+from henon_ref.baselines.callbacks import counted_field
+from henon_ref.baselines.flow import Stop
+from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
+from henon_ref.baselines.numba_callbacks import Callbacks
+from henon_ref.baselines.restart import Restart
+from henon_ref.baselines.work import Work
 
 Method = Literal["RK45", "DOP853", "Radau", "BDF", "LSODA"]
 
@@ -94,7 +94,7 @@ class _Flow(SmoothMode):
         self._events = [*(_event(g, direction) for g in guards), _event(self.last.value, -1)]
 
     def integrate(self, t: float, x: NDArray[np.float64], until: float) -> Stop:
-        """See :class:`baselines.base.SmoothMode`."""
+        """See :class:`henon_ref.baselines.base.SmoothMode`."""
         wanted = self.wanted
         with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always")

@@ -1,7 +1,7 @@
 """What people write first: friction smoothed by tanh, or ``sign`` in the right-hand side; no modes, no events.
 
 Both integrate one field over the whole run, and their transitions are read off afterwards
-(:mod:`baselines.bands`), with a band of 20 widths of the smoothing, or of 200 tolerances.
+(:mod:`henon_ref.baselines.bands`), with a band of 20 widths of the smoothing, or of 200 tolerances.
 
 ``scipy-smoothed`` puts tanh(h / eps) for the sign of h, with LSODA and SymPy's Jacobian. The width is
 ``eps = 100 atol``: wide enough that the error control can tell where on the tanh the state is, no wider. A
@@ -27,13 +27,13 @@ import sympy as sp
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from baselines.bands import Band, Dense, joined
-from baselines.driver import tolerances
-from baselines.endings import blown_up
-from baselines.flow import LIMIT
-from baselines.mode_functions import EPSILON
-from baselines.record import Event, Transitions
-from baselines.work import BudgetSpent, DeadlinePassed, Work
+from henon_ref.baselines.bands import Band, Dense, joined
+from henon_ref.baselines.driver import tolerances
+from henon_ref.baselines.endings import blown_up
+from henon_ref.baselines.flow import LIMIT
+from henon_ref.baselines.mode_functions import EPSILON
+from henon_ref.baselines.record import Event, Transitions
+from henon_ref.baselines.work import BudgetSpent, DeadlinePassed, Work
 from henon_ref.errors import UnavailableError, UnsupportedError
 from henon_ref.filippov.callables import ARITHMETIC, Jacobian, Scalar, scalar
 from henon_ref.filippov.modes import Mode

@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.adapter import Adapter
-from baselines.base import SmoothMode
-from baselines.callbacks import LastSeen
-from baselines.flow import Stop
-from baselines.mode_functions import EPSILON
-from baselines.restart import Watcher
-from baselines.work import Stalled
+from henon_ref.baselines.adapter import Adapter
+from henon_ref.baselines.base import SmoothMode
+from henon_ref.baselines.callbacks import LastSeen
+from henon_ref.baselines.flow import Stop
+from henon_ref.baselines.mode_functions import EPSILON
+from henon_ref.baselines.restart import Watcher
+from henon_ref.baselines.work import Stalled
 from henon_ref.filippov.callables import ARITHMETIC
 
 # SUNDIALS' own logger writes its warnings ("t + h = t") to the standard output of the process, past Python.
@@ -61,7 +61,7 @@ class SundialsFlow(SmoothMode):
         """
 
     def integrate(self, t: float, x: NDArray[np.float64], until: float) -> Stop:
-        """See :class:`baselines.base.SmoothMode`."""
+        """See :class:`henon_ref.baselines.base.SmoothMode`."""
         try:
             start = self.start(t, x)
         except ARITHMETIC as error:

@@ -2,10 +2,10 @@
 
 At its starting point CVODE takes an event function that is exactly zero out of play until it has left zero,
 so it does not fire again there; one that is a rounding off zero it takes at its sign. Hence ``direction`` as default
-(:mod:`baselines.restart`): the guard as it is, falling roots alone. No restart is right more often over the suite; an
-event-free step is so less often, since a guard that stays at zero is not out of play behind it. The first steps
-(order 1, with Newton's iteration stopped at a part of the tolerance) move a guard by about the tolerance. Which of the
-documentation's advice is followed: ``docs/solvers.md``.
+(:mod:`henon_ref.baselines.restart`): the guard as it is, falling roots alone. No restart is right more often over the
+suite; an event-free step is so less often, since a guard that stays at zero is not out of play behind it. The first
+steps (order 1, with Newton's iteration stopped at a part of the tolerance) move a guard by about the tolerance. Which
+of the documentation's advice is followed: ``docs/solvers.md``.
 
 Roots are located by the Illinois method on the Nordsieck polynomial to ``100 eps (abs(t) + abs(h))``; a
 pair of roots inside one step is not seen. scikit-sundae keeps the events of earlier calls of one object, so
@@ -22,13 +22,13 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.adapter import ConfiguredLibrary
-from baselines.callbacks import filling_field
-from baselines.mode_functions import ModeFunctions
-from baselines.numba_callbacks import Callbacks
-from baselines.restart import Restart
-from baselines.sundials import STEPS_BETWEEN_OUTPUTS, SundialsAdapter, SundialsFlow, event_function
-from baselines.work import Work
+from henon_ref.baselines.adapter import ConfiguredLibrary
+from henon_ref.baselines.callbacks import filling_field
+from henon_ref.baselines.mode_functions import ModeFunctions
+from henon_ref.baselines.numba_callbacks import Callbacks
+from henon_ref.baselines.restart import Restart
+from henon_ref.baselines.sundials import STEPS_BETWEEN_OUTPUTS, SundialsAdapter, SundialsFlow, event_function
+from henon_ref.baselines.work import Work
 
 
 @dataclass(frozen=True)

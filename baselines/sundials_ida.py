@@ -10,11 +10,10 @@ on the surface at the stick's end and reports the drift. A ``sliding`` override 
 Starting points: the state is consistent by construction (x' = f, s from the expression of the equivalent
 sign), so no initial-condition solve is needed. At a root at the starting point IDA does as CVODE: an exact
 zero is out of play until it leaves zero, and the first steps (order 1, Newton stopped at a part of the
-tolerance) move a guard by the tolerance. ``offset`` is the default (:mod:`baselines.restart`): with it IDA is right
-most often over the suite; behind an event-free step a guard that stays at zero is no longer out of play.
-Roots are located by the Illinois method to ``100 eps (abs(t) + abs(h))``; a pair inside one step is not
-seen; a new object for every run of a mode, as for CVODE. Which of the documentation's advice is followed:
-``docs/solvers.md``.
+tolerance) move a guard by the tolerance. ``offset`` is the default (:mod:`henon_ref.baselines.restart`): with it IDA is
+right most often over the suite; behind an event-free step a guard that stays at zero is no longer out of play. Roots
+are located by the Illinois method to ``100 eps (abs(t) + abs(h))``; a pair inside one step is not seen; a new object
+for every run of a mode, as for CVODE. Which of the documentation's advice is followed: ``docs/solvers.md``.
 """
 
 from __future__ import annotations
@@ -27,12 +26,12 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from baselines.adapter import ConfiguredLibrary
-from baselines.mode_functions import ModeFunctions
-from baselines.numba_callbacks import Callbacks, compiled, jacobian, njit
-from baselines.restart import Restart, Watcher
-from baselines.sundials import STEPS_BETWEEN_OUTPUTS, SundialsAdapter, SundialsFlow, event_function_of_dae
-from baselines.work import Work
+from henon_ref.baselines.adapter import ConfiguredLibrary
+from henon_ref.baselines.mode_functions import ModeFunctions
+from henon_ref.baselines.numba_callbacks import Callbacks, compiled, jacobian, njit
+from henon_ref.baselines.restart import Restart, Watcher
+from henon_ref.baselines.sundials import STEPS_BETWEEN_OUTPUTS, SundialsAdapter, SundialsFlow, event_function_of_dae
+from henon_ref.baselines.work import Work
 from henon_ref.filippov.callables import ARITHMETIC, scalar
 from henon_ref.filippov.equations import Guard
 

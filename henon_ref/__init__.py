@@ -18,11 +18,11 @@ if TYPE_CHECKING:  # modules, too, under the names by which they go here
     import henon_ref.figures.sweeps as plots  # noqa: F401
     import henon_ref.sweeps.observe as observe  # noqa: F401
     import henon_ref.sweeps.point_sets as points  # noqa: F401
-    from baselines.base import ModeSolver, SmoothMode
-    from baselines.protocol.program import ProgramSolver
     from henon_ref.analysis.lyapunov import lyapunov_exponents
     from henon_ref.analysis.periodic_orbit import periodic_orbit
     from henon_ref.analysis.tangent import tangent_points
+    from henon_ref.baselines.base import ModeSolver, SmoothMode
+    from henon_ref.baselines.protocol.program import ProgramSolver
     from henon_ref.casefile.case import Case, Reading, load_case, parse_case
     from henon_ref.errors import (
         ArgumentError,
@@ -119,8 +119,7 @@ def __getattr__(name: str) -> Any:
     if name in _MODULES:
         return _loaded(f"henon_ref.{_MODULES[name]}")
     if name in _HOME:
-        home = _HOME[name] if _HOME[name].startswith("baselines") else f"henon_ref.{_HOME[name]}"
-        value = getattr(_loaded(home), name)
+        value = getattr(_loaded(f"henon_ref.{_HOME[name]}"), name)
         globals()[name] = value
         return value
     raise AttributeError(f"module 'henon_ref' has no attribute {name!r}")

@@ -13,7 +13,7 @@ import pytest
 from doc_pages import blocks
 
 import henon_ref
-from baselines.henon import HENON_SOLVER
+from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.casefile.case import parse_case
 
 ROOT = Path(__file__).parent.parent

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from doc_pages import blocks
 
-from baselines.henon import HENON_SOLVER
+from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.casefile.case import parse_case
 from henon_ref.errors import CaseError
 from henon_ref.trajectory import Trajectory

@@ -15,7 +15,7 @@ import pytest
 import sympy as sp
 from shipped import CASES, paths, read, readings, shipped
 
-from baselines.henon import HENON_SOLVER
+from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.casefile.case import Case, Reading, load_case
 from henon_ref.casefile.catalogue import catalogue
 from henon_ref.filippov.modes import transition_kind

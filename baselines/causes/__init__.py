@@ -8,17 +8,17 @@ explains.
 
 from __future__ import annotations
 
-from baselines.causes.base import Cause, ClaimError
-from baselines.causes.cvode_c_events import CVODE_C
-from baselines.causes.diffrax_events import DIFFRAX
-from baselines.causes.diffsol_events import DIFFSOL
-from baselines.causes.heyoka_events import HEYOKA
-from baselines.causes.naive import NAIVE
-from baselines.causes.nosnoc_grid import NOSNOC
-from baselines.causes.octave_events import OCTAVE
-from baselines.causes.scipy_events import SCIPY
-from baselines.causes.siconos_step import SICONOS
-from baselines.causes.sundials_events import SUNDIALS
+from henon_ref.baselines.causes.base import Cause, ClaimError
+from henon_ref.baselines.causes.cvode_c_events import CVODE_C
+from henon_ref.baselines.causes.diffrax_events import DIFFRAX
+from henon_ref.baselines.causes.diffsol_events import DIFFSOL
+from henon_ref.baselines.causes.heyoka_events import HEYOKA
+from henon_ref.baselines.causes.naive import NAIVE
+from henon_ref.baselines.causes.nosnoc_grid import NOSNOC
+from henon_ref.baselines.causes.octave_events import OCTAVE
+from henon_ref.baselines.causes.scipy_events import SCIPY
+from henon_ref.baselines.causes.siconos_step import SICONOS
+from henon_ref.baselines.causes.sundials_events import SUNDIALS
 
 ALL = (*SCIPY, *SUNDIALS, *CVODE_C, *OCTAVE, *SICONOS, *HEYOKA, *DIFFRAX, *DIFFSOL, *NOSNOC, *NAIVE)
 CAUSES: dict[str, Cause] = {cause.name: cause for cause in ALL}

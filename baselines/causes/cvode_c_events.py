@@ -8,8 +8,8 @@ from importlib.resources import as_file, files
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from baselines.causes.base import Cause, ClaimError, holds
-from baselines.cvode_c.build import LIBRARIES, tools
+from henon_ref.baselines.causes.base import Cause, ClaimError, holds
+from henon_ref.baselines.cvode_c.build import LIBRARIES, tools
 from henon_ref.errors import UnavailableError
 
 SECONDS = 120.0
@@ -23,7 +23,10 @@ def seen() -> dict[str, list[float]]:
         compiler, include = tools()
     except UnavailableError as error:
         raise ClaimError(str(error)) from error
-    with as_file(files("baselines.causes.programs").joinpath("cvode_events.c")) as path, TemporaryDirectory() as folder:
+    with (
+        as_file(files("henon_ref.baselines.causes.programs").joinpath("cvode_events.c")) as path,
+        TemporaryDirectory() as folder,
+    ):
         made = Path(folder) / "program"
         libraries = [f"-L{include.parent / 'lib'}", *(f"-l{name}" for name in LIBRARIES)]
         command = [compiler, "-O2", f"-I{include}", str(path), "-o", str(made), *libraries]

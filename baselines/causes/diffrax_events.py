@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from baselines.causes.base import Cause, elsewhere, holds
+from henon_ref.baselines.causes.base import Cause, elsewhere, holds
 
 DOCS = "https://docs.kidger.site/diffrax/api/events/"
 ISSUES = "https://github.com/patrick-kidger/diffrax/issues"

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from baselines.causes.base import Cause, ClaimError, holds
+from henon_ref.baselines.causes.base import Cause, ClaimError, holds
 
 DIFFSL = "https://martinjrobins.github.io/diffsl"
 

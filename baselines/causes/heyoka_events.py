@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from baselines.causes.base import Cause, holds
+from henon_ref.baselines.causes.base import Cause, holds
 
 DOCS = "https://bluescarni.github.io/heyoka.py/notebooks/Event%20detection.html"
 

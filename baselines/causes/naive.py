@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from baselines.causes.base import Cause, holds
-from baselines.causes.scipy_events import quiet
+from henon_ref.baselines.causes.base import Cause, holds
+from henon_ref.baselines.causes.scipy_events import quiet
 
 WIDTH = 1e-4
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from baselines.causes.base import Cause, elsewhere, holds
+from henon_ref.baselines.causes.base import Cause, elsewhere, holds
 
 DOCS = "https://nosnoc-py.readthedocs.io/en/latest/"
 REPOSITORY = "https://github.com/nosnoc/nosnoc_py"

@@ -7,8 +7,8 @@ import subprocess
 from functools import cache
 from importlib.resources import as_file, files
 
-from baselines.causes.base import Cause, ClaimError, holds
-from baselines.octave.solver import OPTIONS, PROGRAM
+from henon_ref.baselines.causes.base import Cause, ClaimError, holds
+from henon_ref.baselines.octave.solver import OPTIONS, PROGRAM
 
 SECONDS = 300.0
 """Wall time of the program [s]."""
@@ -17,7 +17,7 @@ SECONDS = 300.0
 @cache
 def seen() -> dict[str, list[list[float]]]:
     """What the program prints: name -> the numbers of each of its lines."""
-    with as_file(files("baselines.causes.programs").joinpath("octave_events.m")) as path:
+    with as_file(files("henon_ref.baselines.causes.programs").joinpath("octave_events.m")) as path:
         try:
             done = subprocess.run(
                 [PROGRAM, *OPTIONS, str(path)], capture_output=True, text=True, timeout=SECONDS, check=False

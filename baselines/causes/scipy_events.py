@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Callable
 from typing import Any
 
-from baselines.causes.base import Cause, holds
+from henon_ref.baselines.causes.base import Cause, holds
 
 ISSUES = "https://github.com/scipy/scipy/issues"
 

@@ -8,8 +8,8 @@ import subprocess
 from functools import cache
 from importlib.resources import as_file, files
 
-from baselines.causes.base import Cause, ClaimError, holds
-from baselines.siconos.solver import ENVIRONMENT, interpreter
+from henon_ref.baselines.causes.base import Cause, ClaimError, holds
+from henon_ref.baselines.siconos.solver import ENVIRONMENT, interpreter
 
 SECONDS = 300.0
 """Wall time of the program [s]."""
@@ -20,7 +20,7 @@ NAMES = ("turn ", "pole ", "steep ", "slide ", "swing ")
 @cache
 def seen() -> list[list[str]]:
     """What the program prints: a name and numbers a line; Siconos' own warnings stand between."""
-    with as_file(files("baselines.causes.programs").joinpath("siconos_step.py")) as path:
+    with as_file(files("henon_ref.baselines.causes.programs").joinpath("siconos_step.py")) as path:
         command, variables = [interpreter(), str(path)], os.environ | ENVIRONMENT
         try:
             done = subprocess.run(command, capture_output=True, text=True, timeout=SECONDS, check=True, env=variables)

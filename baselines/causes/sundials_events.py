@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from baselines.causes.base import Cause, holds
+from henon_ref.baselines.causes.base import Cause, holds
 
 # SUNDIALS' own logger writes its warnings to the standard output of the process, past Python.
 os.environ.setdefault("SUNLOGGER_WARNING_FILENAME", os.devnull)

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from baselines.protocol.messages import Guard, Mode, Problem
-from baselines.protocol.text import renamed
+from henon_ref.baselines.protocol.messages import Guard, Mode, Problem
+from henon_ref.baselines.protocol.text import renamed
 
 ARGUMENTS = "double t, const double *x, const double *p"
 SILENT = "    (void)t, (void)x, (void)p, (void)out;"

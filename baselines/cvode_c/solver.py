@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from baselines.cvode_c.build import library_version, program_for, tools
-from baselines.cvode_c.equations import c_equations
-from baselines.protocol.messages import Problem
-from baselines.protocol.program import ProgramSolver
+from henon_ref.baselines.cvode_c.build import library_version, program_for, tools
+from henon_ref.baselines.cvode_c.equations import c_equations
+from henon_ref.baselines.protocol.messages import Problem
+from henon_ref.baselines.protocol.program import ProgramSolver
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """``octave-ode45``: Octave's ``ode45`` (Dormand and Prince, order 5) with terminal events, run by ``octave-cli``.
 
 Octave 7 locates an event by a straight line between the two ends of a step, whatever the tolerances, and takes the
-first of several in the order in which they are listed (:mod:`baselines.causes.octave_events`).
+first of several in the order in which they are listed (:mod:`henon_ref.baselines.causes.octave_events`).
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.resources import as_file, files
 
-from baselines.protocol.messages import Problem
-from baselines.protocol.program import ProgramSolver
+from henon_ref.baselines.protocol.messages import Problem
+from henon_ref.baselines.protocol.program import ProgramSolver
 from henon_ref.errors import UnavailableError
 
 PROGRAM = "octave-cli"
@@ -60,7 +60,7 @@ class OctaveSolver(ProgramSolver):
     def built(self, text: Problem) -> tuple[str, ...]:
         """Octave with the program's file."""
         self.check()
-        with as_file(files("baselines.octave").joinpath(*self.command)) as path:
+        with as_file(files("henon_ref.baselines.octave").joinpath(*self.command)) as path:
             return PROGRAM, *OPTIONS, str(path)
 
 

@@ -1,6 +1,6 @@
 """``henon-listing``: the program in the paper's appendix as it is printed, as a solver.
 
-The program itself is :mod:`baselines.paper.listing_program`.
+The program itself is :mod:`henon_ref.baselines.paper.listing_program`.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from baselines.paper.compiled import COMPILER
-from baselines.paper.listing_program import EDGES, effective_changes, run_listing
+from henon_ref.baselines.paper.compiled import COMPILER
+from henon_ref.baselines.paper.listing_program import EDGES, effective_changes, run_listing
 from henon_ref.errors import UnsupportedError
 from henon_ref.filippov.algebra import simplified
 from henon_ref.filippov.modes import Mode, transition_kind

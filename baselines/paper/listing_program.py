@@ -1,7 +1,7 @@
 """The program in the paper's appendix as it is printed, mistakes and all: ``listing.c``, called from Python.
 
 What it does, step by step and mistake by mistake, stands there, at the lines that do it;
-:mod:`baselines.paper.listing_variants` has each mistake as a switch.
+:mod:`henon_ref.baselines.paper.listing_variants` has each mistake as a switch.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.paper.compiled import ffi, lib, rows
+from henon_ref.baselines.paper.compiled import ffi, lib, rows
 
 SINE, COSINE_1, COSINE_2 = math.sin(math.pi / 18), math.cos(math.pi / 9), math.cos(2 * math.pi / 9)
 WIDTH = 2 * math.sqrt(3) / 3

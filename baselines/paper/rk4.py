@@ -17,8 +17,8 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from baselines.paper.compiled import COMPILER
-from baselines.paper.rk4_kernel import EVENT, NO_GUARD, NOT_FINITE, Floats, Kernel, crossed_guards, land
+from henon_ref.baselines.paper.compiled import COMPILER
+from henon_ref.baselines.paper.rk4_kernel import EVENT, NO_GUARD, NOT_FINITE, Floats, Kernel, crossed_guards, land
 from henon_ref.errors import UnsupportedError
 from henon_ref.filippov.decision import Decision
 from henon_ref.filippov.equations import Guard

@@ -10,7 +10,7 @@ import sympy as sp
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from baselines.paper.compiled import ffi, flags, lib, rows
+from henon_ref.baselines.paper.compiled import ffi, flags, lib, rows
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.exact_numbers import double_double
 from henon_ref.filippov.modes import Mode

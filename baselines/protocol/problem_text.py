@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import sympy as sp
 
-from baselines.mode_functions import is_linear
-from baselines.protocol import messages
-from baselines.protocol.text import infix
+from henon_ref.baselines.mode_functions import is_linear
+from henon_ref.baselines.protocol import messages
+from henon_ref.baselines.protocol.text import infix
 from henon_ref.errors import ModelError, UnsupportedError
 from henon_ref.filippov import equations
 from henon_ref.filippov.modes import Mode

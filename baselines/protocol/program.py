@@ -1,4 +1,4 @@
-"""A program that speaks the protocol as a solver: what :mod:`baselines.protocol` is for."""
+"""A program that speaks the protocol as a solver: what :mod:`henon_ref.baselines.protocol` is for."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.protocol.exchange import Limits, ProgramTimeoutError, exchange
-from baselines.protocol.messages import VERSION, Request, Response
-from baselines.protocol.messages import Problem as ProblemText
-from baselines.protocol.problem_text import problem_text
-from baselines.protocol.reader import read_response, trajectory
+from henon_ref.baselines.protocol.exchange import Limits, ProgramTimeoutError, exchange
+from henon_ref.baselines.protocol.messages import VERSION, Request, Response
+from henon_ref.baselines.protocol.messages import Problem as ProblemText
+from henon_ref.baselines.protocol.problem_text import problem_text
+from henon_ref.baselines.protocol.reader import read_response, trajectory
 from henon_ref.errors import ContractError, UnavailableError, UnsupportedError
 from henon_ref.filippov.kinks import visible
 from henon_ref.filippov.problem import Problem

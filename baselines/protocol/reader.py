@@ -11,7 +11,7 @@ from typing import Any
 from pydantic import ValidationError
 from pydantic_core import from_json
 
-from baselines.protocol.messages import Point, Request, Response
+from henon_ref.baselines.protocol.messages import Point, Request, Response
 from henon_ref.errors import ContractError, UnavailableError, UnsupportedError
 from henon_ref.filippov.modes import transition_kind
 from henon_ref.text import short_line

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.resources import as_file, files
 
-from baselines.protocol.messages import Problem
-from baselines.protocol.program import ProgramSolver
+from henon_ref.baselines.protocol.messages import Problem
+from henon_ref.baselines.protocol.program import ProgramSolver
 from henon_ref.errors import UnavailableError
 
 VARIABLE = "SICONOS_PYTHON"
@@ -80,7 +80,7 @@ class SiconosSolver(ProgramSolver):
     def built(self, text: Problem) -> tuple[str, ...]:
         """The interpreter with the program's file."""
         self.check()
-        with as_file(files("baselines.siconos").joinpath(*self.command)) as path:
+        with as_file(files("henon_ref.baselines.siconos").joinpath(*self.command)) as path:
             return interpreter(), str(path), siconos_version()
 
 

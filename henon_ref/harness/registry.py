@@ -4,9 +4,9 @@ A third party registers an instance of :class:`henon_ref.solver.Solver` (or a fu
 makes one) under the entry-point group ``henon_ref.solvers``; the entry point's name is the solver's. One that
 holds no solver is listed all the same: its rows say what is wrong with it.
 
-A library is restarted after every event in one of four ways (:mod:`baselines.restart`), one of which is its default:
-``heyoka@direction`` is heyoka with another restart than ``heyoka``'s own. Such names are solvers like any other, and
-are not listed by :func:`names`.
+A library is restarted after every event in one of four ways (:mod:`henon_ref.baselines.restart`), one of which is its
+default: ``heyoka@direction`` is heyoka with another restart than ``heyoka``'s own. Such names are solvers like any
+other, and are not listed by :func:`names`.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ COMPARED = (
 )  # fmt: skip
 """Packages besides the reference's whose versions the results of a comparison depend on."""
 RESTARTS = ("event-free-step", "offset", "direction", "none")
-"""Ways of restarting a library on the surface it has just left; described in :mod:`baselines.restart`."""
+"""Ways of restarting a library on the surface it has just left; described in :mod:`henon_ref.baselines.restart`."""
 ALL = "all"
 """In place of a solver's name: those that run by default, and the peers that are installed."""
 AT = "@"
@@ -332,4 +332,4 @@ def loaded(point: EntryPoint) -> Solver:
 
 
 def _module(file: AdapterFile) -> ModuleType:
-    return import_module(f"baselines.{file.module}")
+    return import_module(f"henon_ref.baselines.{file.module}")

@@ -26,7 +26,7 @@ class Outcome:
     message : str
         How the run ended, in one sentence.
     counts : Counts
-        ``steps``, ``rhs_evaluations``, ``event_evaluations``, as :class:`baselines.henon.HenonSolver` counts;
+        ``steps``, ``rhs_evaluations``, ``event_evaluations``, as :class:`henon_ref.baselines.henon.HenonSolver` counts;
         and ``decisions``, how often the run went to Python, by cause (:class:`henon_ref.trajectory.Decisions`).
     undecided_after : dict of str to float
         Surfaces that have been below their own rounding, and since when [s]: of these no later transition is told, for

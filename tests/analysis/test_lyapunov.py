@@ -12,9 +12,9 @@ import sympy as sp
 from problems import make_problem
 from scipy.spatial import KDTree
 
-from baselines.henon import HENON_SOLVER
 from henon_ref.analysis.lyapunov import Spectrum, floquet_exponents, floquet_multipliers, lyapunov_spectrum
 from henon_ref.analysis.variational import Saltation
+from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.casefile.case import load_case
 from henon_ref.errors import ModelError
 from henon_ref.harness.studies.paper.timeseries import Settings, time_series_spectrum

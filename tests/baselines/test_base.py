@@ -10,13 +10,13 @@ import pytest
 import sympy as sp
 from numpy.typing import NDArray
 
-from baselines import scipy_ivp
-from baselines.adapter import Adapter, ConfiguredLibrary
-from baselines.base import ModeSolver, SmoothMode
-from baselines.flow import Stop
-from baselines.mode_functions import EPSILON, ModeFunctions
-from baselines.restart import STOPPED
-from baselines.work import Work
+from henon_ref.baselines import scipy_ivp
+from henon_ref.baselines.adapter import Adapter, ConfiguredLibrary
+from henon_ref.baselines.base import ModeSolver, SmoothMode
+from henon_ref.baselines.flow import Stop
+from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
+from henon_ref.baselines.restart import STOPPED
+from henon_ref.baselines.work import Work
 from henon_ref.errors import ContractError, UnavailableError, UnsupportedError
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem

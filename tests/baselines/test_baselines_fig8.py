@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 import systems
 
-from baselines.heyoka_taylor import HEYOKA
-from baselines.scipy_ivp import DOP853, LSODA, RK45
-from baselines.sundials_cvode import ADAMS
-from baselines.sundials_ida import IDA
+from henon_ref.baselines.heyoka_taylor import HEYOKA
+from henon_ref.baselines.scipy_ivp import DOP853, LSODA, RK45
+from henon_ref.baselines.sundials_cvode import ADAMS
+from henon_ref.baselines.sundials_ida import IDA
 from henon_ref.harness.truth.store import load
 
 TRUTH = Path(__file__).parents[2] / "cases" / "truth"

@@ -11,8 +11,8 @@ import pytest
 import sympy as sp
 import systems
 
-from baselines.bands import Band, joined
-from baselines.scipy_naive import SIGN, SMOOTHED
+from henon_ref.baselines.bands import Band, joined
+from henon_ref.baselines.scipy_naive import SIGN, SMOOTHED
 from henon_ref.errors import UnsupportedError
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem

@@ -14,14 +14,14 @@ import pytest
 import sympy as sp
 import systems
 
-from baselines import heyoka_taylor
-from baselines.heyoka_taylor import HEYOKA
-from baselines.mode_functions import EPSILON, ModeFunctions
-from baselines.restart import dips, lift, quiet_until
-from baselines.scipy_ivp import BDF, DOP853, LSODA, RADAU, RK45
-from baselines.sundials_cvode import ADAMS
-from baselines.sundials_cvode import BDF as CVODE_BDF
-from baselines.sundials_ida import IDA
+from henon_ref.baselines import heyoka_taylor
+from henon_ref.baselines.heyoka_taylor import HEYOKA
+from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
+from henon_ref.baselines.restart import dips, lift, quiet_until
+from henon_ref.baselines.scipy_ivp import BDF, DOP853, LSODA, RADAU, RK45
+from henon_ref.baselines.sundials_cvode import ADAMS
+from henon_ref.baselines.sundials_cvode import BDF as CVODE_BDF
+from henon_ref.baselines.sundials_ida import IDA
 from henon_ref.casefile.case import load_case
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem

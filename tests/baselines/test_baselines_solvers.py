@@ -13,11 +13,11 @@ import pytest
 import sympy as sp
 import systems
 
-from baselines.heyoka_taylor import HEYOKA
-from baselines.scipy_ivp import BDF, DOP853, LSODA, RADAU, RK45
-from baselines.sundials_cvode import ADAMS
-from baselines.sundials_cvode import BDF as CVODE_BDF
-from baselines.sundials_ida import IDA
+from henon_ref.baselines.heyoka_taylor import HEYOKA
+from henon_ref.baselines.scipy_ivp import BDF, DOP853, LSODA, RADAU, RK45
+from henon_ref.baselines.sundials_cvode import ADAMS
+from henon_ref.baselines.sundials_cvode import BDF as CVODE_BDF
+from henon_ref.baselines.sundials_ida import IDA
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.harness import registry

@@ -9,8 +9,8 @@ from itertools import pairwise
 
 import pytest
 
-from baselines.causes import CAUSES, Cause, ClaimError
-from baselines.cvode_c.build import compiler
+from henon_ref.baselines.causes import CAUSES, Cause, ClaimError
+from henon_ref.baselines.cvode_c.build import compiler
 from henon_ref.harness.campaign.causes import PATTERNS, cause_of
 from henon_ref.harness.registry import program_versions
 from henon_ref.harness.rows import RunRow, TransitionRow

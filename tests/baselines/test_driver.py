@@ -12,11 +12,11 @@ import sympy as sp
 import systems
 from numpy.typing import NDArray
 
-from baselines.driver import Driver, prepared, tolerances
-from baselines.flow import Stop
-from baselines.mode_functions import EPSILON, ModeFunctions
-from baselines.restart import Fresh
-from baselines.work import Work
+from henon_ref.baselines.driver import Driver, prepared, tolerances
+from henon_ref.baselines.flow import Stop
+from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
+from henon_ref.baselines.restart import Fresh
+from henon_ref.baselines.work import Work
 from henon_ref.errors import UnsupportedError
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem

@@ -8,10 +8,10 @@ import pytest
 import sympy as sp
 import systems
 
-from baselines.heyoka_taylor import HEYOKA
-from baselines.mode_functions import ModeFunctions
-from baselines.scipy_ivp import DOP853, RK45
-from baselines.work import Work
+from henon_ref.baselines.heyoka_taylor import HEYOKA
+from henon_ref.baselines.mode_functions import ModeFunctions
+from henon_ref.baselines.scipy_ivp import DOP853, RK45
+from henon_ref.baselines.work import Work
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from baselines.numba_callbacks import compiled, jacobian
+from henon_ref.baselines.numba_callbacks import compiled, jacobian
 from henon_ref.filippov.callables import scalar
 from henon_ref.taylor.tape import TIME
 

@@ -14,14 +14,14 @@ import systems
 from child import child, trajectory
 
 import henon_ref
-from baselines.adapter import Adapter
-from baselines.diffrax_ode import DOPRI8, KVAERNO5, _said
-from baselines.diffsl_text import mode_text, number, to_diffsl
-from baselines.diffsol_ode import BDF, TSIT45
-from baselines.jax_functions import mode_source
-from baselines.mode_functions import ModeFunctions
-from baselines.nosnoc_fesd import FEWEST, GRID, NOSNOC, Nosnoc, _control_steps
-from baselines.scipy_ivp import RK45
+from henon_ref.baselines.adapter import Adapter
+from henon_ref.baselines.diffrax_ode import DOPRI8, KVAERNO5, _said
+from henon_ref.baselines.diffsl_text import mode_text, number, to_diffsl
+from henon_ref.baselines.diffsol_ode import BDF, TSIT45
+from henon_ref.baselines.jax_functions import mode_source
+from henon_ref.baselines.mode_functions import ModeFunctions
+from henon_ref.baselines.nosnoc_fesd import FEWEST, GRID, NOSNOC, Nosnoc, _control_steps
+from henon_ref.baselines.scipy_ivp import RK45
 from henon_ref.errors import UnavailableError, UnsupportedError
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem
@@ -238,7 +238,7 @@ def test_a_peer_that_is_not_installed_is_unavailable_with_the_line_that_installs
 
 
 def test_nosnoc_that_is_not_installed_is_unavailable(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("baselines.nosnoc_fesd.find_spec", lambda name: None)
+    monkeypatch.setattr("henon_ref.baselines.nosnoc_fesd.find_spec", lambda name: None)
     with pytest.raises(UnavailableError, match=r"^nosnoc is not installed: pip install 'henon-ref\[peers\]'$"):
         NOSNOC.prepare(systems.free_coulomb(), rtol=1e-6)
 

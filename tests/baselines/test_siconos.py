@@ -7,7 +7,7 @@ import math
 import pytest
 
 import henon_ref
-from baselines.siconos.solver import DEFAULT, RELAY, VARIABLE, siconos_version
+from henon_ref.baselines.siconos.solver import DEFAULT, RELAY, VARIABLE, siconos_version
 from henon_ref.errors import UnavailableError, UnsupportedError
 from henon_ref.harness import registry
 

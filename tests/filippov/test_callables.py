@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from baselines.heyoka_expressions import to_heyoka
-from baselines.mode_functions import Landing, ModeFunctions
+from henon_ref.baselines.heyoka_expressions import to_heyoka
+from henon_ref.baselines.mode_functions import Landing, ModeFunctions
 from henon_ref.errors import ModelError, UnsupportedError
 from henon_ref.filippov.callables import Jacobian, rounded, scalar
 from henon_ref.filippov.system import FilippovSystem

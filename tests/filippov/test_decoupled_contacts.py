@@ -10,7 +10,7 @@ import pytest
 import sympy as sp
 from problems import make_problem
 
-from baselines.henon import HENON_SOLVER
+from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.casefile.case import load_case, parse_case
 from henon_ref.errors import ModelError
 from henon_ref.filippov import system as systems

@@ -10,7 +10,7 @@ import sympy as sp
 from problems import make_problem
 from runs import kinds, run
 
-from baselines.henon import HENON_SOLVER
+from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.filippov import mode_evaluation
 from henon_ref.filippov.derivatives import leading, rate_of
 from henon_ref.filippov.exact_numbers import exact_sign

@@ -220,6 +220,6 @@ def test_an_unknown_restart_is_refused_with_the_nearest():
 def test_the_restarts_are_those_that_the_adapters_know():
     from typing import get_args
 
-    from baselines.restart import Restart
+    from henon_ref.baselines.restart import Restart
 
     assert get_args(Restart) == registry.RESTARTS

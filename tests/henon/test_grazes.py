@@ -11,7 +11,7 @@ import sympy as sp
 from problems import make_problem
 from runs import kinds, run
 
-from baselines.henon import HENON_SOLVER
+from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.casefile.case import load_case
 from henon_ref.henon import records as k
 from henon_ref.henon.integrator import Integrator

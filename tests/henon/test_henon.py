@@ -12,8 +12,8 @@ from multiprecision import simulate
 from problems import make_problem
 from runs import kinds, run, times
 
-from baselines.henon import HENON_BRENT, HENON_NEWTON, HENON_SOLVER
-from baselines.scipy_ivp import DOP853
+from henon_ref.baselines.henon import HENON_BRENT, HENON_NEWTON, HENON_SOLVER
+from henon_ref.baselines.scipy_ivp import DOP853
 from henon_ref.casefile.case import load_case
 from henon_ref.henon import records as k
 from henon_ref.henon.integrator import Integrator

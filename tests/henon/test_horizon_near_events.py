@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import henon_ref as hr
-from baselines.henon import HENON_SOLVER
+from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.casefile.case import load_case
 from henon_ref.filippov.problem import Problem
 from henon_ref.trajectory import Trajectory

@@ -9,7 +9,7 @@ import pytest
 from problems import make_problem
 from runs import kinds, run
 
-from baselines.henon import HENON_SOLVER
+from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.casefile.case import load_case
 
 FINE = pytest.mark.parametrize("rtol", [1e-12, 1e-15])

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from fakes import case, found, trajectory
 
-from baselines.henon import HENON_SOLVER
-from baselines.work import DeadlinePassed, Work
+from henon_ref.baselines.henon import HENON_SOLVER
+from henon_ref.baselines.work import DeadlinePassed, Work
 from henon_ref.casefile.case import parse_case
 from henon_ref.harness.campaign.run_jobs import KEPT, RunJob
 from henon_ref.harness.campaign.worker import COMPILING, WorkerState
@@ -33,7 +33,7 @@ class Clocks:
 @pytest.fixture
 def clocks(monkeypatch) -> Clocks:
     made = Clocks()
-    for module in (processor_time, __import__("baselines.work", fromlist=["work"])):
+    for module in (processor_time, __import__("henon_ref.baselines.work", fromlist=["work"])):
         monkeypatch.setattr(module, "perf_counter", lambda: made.wall)
     monkeypatch.setattr(processor_time, "thread_time", lambda: made.processor)
     return made

@@ -11,7 +11,7 @@ import pytest
 import sympy as sp
 
 import henon_ref as hr
-from baselines.henon import HENON_SOLVER
+from henon_ref.baselines.henon import HENON_SOLVER
 
 CASES = Path(__file__).parents[2] / "cases"
 OSCILLATOR = hr.System(["x", "v"], {"w": 1}, {"s": "x"}, ["v", "-w^2*x"])

@@ -7,9 +7,9 @@ import sys
 
 import sympy as sp
 
-from baselines.protocol.messages import VERSION, Request
-from baselines.protocol.problem_text import problem_text
-from baselines.protocol.program import ProgramSolver
+from henon_ref.baselines.protocol.messages import VERSION, Request
+from henon_ref.baselines.protocol.problem_text import problem_text
+from henon_ref.baselines.protocol.program import ProgramSolver
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from baselines.henon import HENON_SOLVER
+from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.filippov.problem import Problem
 from henon_ref.trajectory import Trajectory
 

@@ -1,7 +1,7 @@
 """Which checked cause explains a run that is wrong by its solver's fault.
 
-The causes are in :mod:`baselines.causes`, a minimal run of the library alone each. Here is a table of how a run looks
-where one of them is the reason, and no other is left; where nothing in it fits, the run stays unexplained.
+The causes are in :mod:`henon_ref.baselines.causes`, a minimal run of the library alone each. Here is a table of how a
+run looks where one of them is the reason, and no other is left; where nothing in it fits, the run stays unexplained.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ LATE = 1e8
 LOST = 1e-15
 """A surface function that goes no deeper than this part of the state's size between two roots is in its rounding."""
 SMOOTHED_BAND = 2000.0
-"""Half-width of the band of ``scipy-smoothed`` in absolute tolerances (:mod:`baselines.scipy_naive`)."""
+"""Half-width of the band of ``scipy-smoothed`` in absolute tolerances (:mod:`henon_ref.baselines.scipy_naive`)."""
 OFF = 3.0
 """Steps by which siconos may be off with a time (the cause siconos-step sees less)."""
 FIRST_STEP = 1e-9

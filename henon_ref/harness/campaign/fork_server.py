@@ -35,7 +35,7 @@ from henon_ref.jit.processor_time import waited_seconds
 from henon_ref.workers.procfs import adopt_orphans, children, family, is_at_work, kill_family, signal_with_parent
 
 WORKERS_NEED = (
-    "baselines.henon",
+    "henon_ref.baselines.henon",
     "henon_ref.harness.campaign.run_jobs",
     "henon_ref.harness.campaign.truth_job",
 )

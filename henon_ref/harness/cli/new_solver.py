@@ -86,7 +86,7 @@ def check_name(name: str) -> None:
         raise CaseError(f"a solver named '{name}' is installed; take another name")
     if iskeyword(module) or module in sys.stdlib_module_names:
         raise CaseError(f"'{module}' is a word or a module of Python; take another name")
-    if module in packages_distributions() or module in ("henon_ref", "baselines"):
+    if module in packages_distributions() or module == "henon_ref":
         raise CaseError(f"an installed package has a module '{module}'; take another name")
 
 

@@ -76,9 +76,9 @@ def listed_solvers() -> list[Listed]:
 
 def _unavailable(name: str) -> str:
     """Why a solver's rows would say that it is unavailable; empty where they would not."""
-    from baselines.adapter import Adapter
-    from baselines.nosnoc_fesd import Nosnoc
-    from baselines.protocol.program import ProgramSolver
+    from henon_ref.baselines.adapter import Adapter
+    from henon_ref.baselines.nosnoc_fesd import Nosnoc
+    from henon_ref.baselines.protocol.program import ProgramSolver
     from henon_ref.errors import UnavailableError
     from henon_ref.harness import registry
 

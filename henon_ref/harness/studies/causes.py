@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib.metadata
 from pathlib import Path
 
-from baselines.causes import CAUSES, Cause, ClaimError
+from henon_ref.baselines.causes import CAUSES, Cause, ClaimError
 from henon_ref.harness.registry import program_versions
 from henon_ref.harness.studies.page import write
 

@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 
 import henon_ref
-from baselines.cvode_c import build
-from baselines.cvode_c.equations import c_equations
-from baselines.cvode_c.solver import ADAMS, BDF
-from baselines.protocol.problem_text import problem_text
-from baselines.protocol.program import ProgramRun
+from henon_ref.baselines.cvode_c import build
+from henon_ref.baselines.cvode_c.equations import c_equations
+from henon_ref.baselines.cvode_c.solver import ADAMS, BDF
+from henon_ref.baselines.protocol.problem_text import problem_text
+from henon_ref.baselines.protocol.program import ProgramRun
 from henon_ref.casefile.case import Case, Reading
 from henon_ref.errors import UnavailableError
 from henon_ref.harness import registry

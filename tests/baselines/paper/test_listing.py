@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from baselines.paper.listing import LISTING
-from baselines.paper.rk4 import RK4
+from henon_ref.baselines.paper.listing import LISTING
+from henon_ref.baselines.paper.rk4 import RK4
 from henon_ref.errors import UnsupportedError
 from henon_ref.filippov.overrides import Release, SlidingOverride
 from henon_ref.filippov.problem import Problem

@@ -17,7 +17,7 @@ import sympy as sp
 from problems import make_problem
 from scipy.optimize import brentq
 
-from baselines.paper.rk4 import RK4
+from henon_ref.baselines.paper.rk4 import RK4
 from henon_ref.casefile.case import load_case
 from henon_ref.errors import UnsupportedError
 from henon_ref.filippov.problem import Problem

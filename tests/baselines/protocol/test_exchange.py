@@ -11,8 +11,8 @@ from jobs import crowd
 from programs import FINE, PRELUDE, answer, program, ramp
 
 import henon_ref
-from baselines.protocol import exchange as module
-from baselines.protocol.exchange import Limits, ProgramError, ProgramTimeoutError, exchange
+from henon_ref.baselines.protocol import exchange as module
+from henon_ref.baselines.protocol.exchange import Limits, ProgramError, ProgramTimeoutError, exchange
 from henon_ref.errors import ContractError, UnavailableError
 from henon_ref.solver import SelfTimedRun, Solver
 

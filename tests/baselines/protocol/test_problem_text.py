@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from programs import ramp
 from resets import ball
 
-from baselines.protocol.problem_text import problem_text
-from baselines.protocol.text import FUNCTIONS, infix, renamed
 from henon_ref import load_case
+from henon_ref.baselines.protocol.problem_text import problem_text
+from henon_ref.baselines.protocol.text import FUNCTIONS, infix, renamed
 from henon_ref.errors import UnsupportedError
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem

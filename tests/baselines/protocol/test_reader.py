@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 from json_schema import faults
 from programs import FINE, request
 
-from baselines.protocol.messages import Request, Response, schema_text
-from baselines.protocol.reader import read_response, trajectory
+from henon_ref.baselines.protocol.messages import Request, Response, schema_text
+from henon_ref.baselines.protocol.reader import read_response, trajectory
 from henon_ref.errors import ContractError, UnavailableError, UnsupportedError
 from henon_ref.trajectory import Counts
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from fakes import case, found, trajectory
 
-from baselines.record import Transitions
+from henon_ref.baselines.record import Transitions
 from henon_ref.errors import ContractError
 from henon_ref.harness.campaign.contract_check import check_prepared, check_trajectory
 from henon_ref.harness.campaign.worker import failure_of

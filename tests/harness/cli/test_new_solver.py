@@ -87,7 +87,6 @@ def test_a_bad_name_is_refused_in_one_line_that_says_what_is_allowed(name, tmp_p
         ("json", "a word or a module of Python"),
         ("numpy", "an installed package has a module 'numpy'"),
         ("henon-ref", "an installed package has a module 'henon_ref'"),
-        ("baselines", "an installed package has a module 'baselines'"),
     ],
 )
 def test_a_name_that_is_taken_is_refused(name, words, tmp_path, monkeypatch, capsys):

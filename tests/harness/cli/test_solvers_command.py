@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from importlib import metadata
 
-from baselines.heyoka_taylor import HeyokaTaylor
+from henon_ref.baselines.heyoka_taylor import HeyokaTaylor
 from henon_ref.casefile.json_schema import case_schema
 from henon_ref.harness import registry
 from henon_ref.harness.cli.schema import command as schema

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from baselines.paper.compiled import ffi
-from baselines.paper.listing import LISTING
-from baselines.paper.listing_variants import DEFECTS, run_variant
+from henon_ref.baselines.paper.compiled import ffi
+from henon_ref.baselines.paper.listing import LISTING
+from henon_ref.baselines.paper.listing_variants import DEFECTS, run_variant
 from henon_ref.harness.studies.paper.audit import (
     ADDED,
     CROSSING_START,

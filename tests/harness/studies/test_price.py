@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import pytest
 import sympy as sp
 
-from baselines.henon import HENON_SOLVER
+from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.casefile.case import load_case
 from henon_ref.errors import CaseError
 from henon_ref.filippov.problem import Problem

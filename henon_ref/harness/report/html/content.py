@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from baselines.causes import CAUSES
+from henon_ref.baselines.causes import CAUSES
 from henon_ref.figures.style import Line, lines_of
 from henon_ref.harness import registry
 from henon_ref.harness.report.files.write import MANIFEST, PAGE, RUNS

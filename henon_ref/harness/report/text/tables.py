@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from baselines.causes import CAUSES
+from henon_ref.baselines.causes import CAUSES
 from henon_ref.harness.campaign.comparison import Comparison
 from henon_ref.harness.campaign.results import ReadingResult
 from henon_ref.harness.campaign.rows import Record

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 import pandas as pd
 
-from baselines.paper.listing_variants import DEFECTS, VariantRun, run_variant
+from henon_ref.baselines.paper.listing_variants import DEFECTS, VariantRun, run_variant
 from henon_ref.figures import style
 from henon_ref.harness.report.files.svg import svg
 from henon_ref.harness.studies.paper.audit import ADDED, PRINTED_STEP, audit, durations, numbers

@@ -15,8 +15,8 @@ import pandas as pd
 import sympy as sp
 from numpy.typing import NDArray
 
-from baselines.paper.listing import PARAMETERS
-from baselines.paper.listing_variants import DEFECTS, VariantRun, run_variant
+from henon_ref.baselines.paper.listing import PARAMETERS
+from henon_ref.baselines.paper.listing_variants import DEFECTS, VariantRun, run_variant
 from henon_ref.harness.registry import solver
 from henon_ref.harness.studies.paper.systems import FIG8_VALUES, fig8_equations, one_sided
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from baselines.henon import HENON_SOLVER
+from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.casefile.case import parse_case
 from henon_ref.filippov.problem import Problem
 from henon_ref.harness.registry import solver

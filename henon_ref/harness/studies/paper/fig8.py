@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.paper.listing import LISTING
-from baselines.paper.listing_variants import DEFECTS, run_variant
+from henon_ref.baselines.paper.listing import LISTING
+from henon_ref.baselines.paper.listing_variants import DEFECTS, run_variant
 from henon_ref.figures import style
 from henon_ref.filippov.problem import Problem
 from henon_ref.harness.report.files.svg import svg

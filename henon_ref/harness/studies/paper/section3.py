@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import sympy as sp
 
-from baselines.paper.rk4 import RK4
 from henon_ref.analysis.tangent import TangentAnalysis, TangentPoint
+from henon_ref.baselines.paper.rk4 import RK4
 from henon_ref.figures import style
 from henon_ref.filippov.problem import Problem
 from henon_ref.harness.report.files.svg import svg

@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
-from baselines.henon import HENON_SOLVER
 from henon_ref.analysis.lyapunov import Spectrum, lyapunov_spectrum
 from henon_ref.analysis.periodic import measured_period
+from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.figures import style
 from henon_ref.harness.registry import solver
 from henon_ref.harness.report.files.svg import svg

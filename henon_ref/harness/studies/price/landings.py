@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import sympy as sp
 
-from baselines.henon import HENON_BRENT, HENON_NEWTON, HENON_SOLVER
+from henon_ref.baselines.henon import HENON_BRENT, HENON_NEWTON, HENON_SOLVER
 from henon_ref.casefile.case import Case, parse_case
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.problem import Problem

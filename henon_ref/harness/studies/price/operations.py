@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from baselines.henon import HENON_SOLVER
+from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.filippov.problem import Problem
 from henon_ref.harness.campaign.interleaved import interleaved
 from henon_ref.henon.integrator import Integrator

@@ -11,7 +11,7 @@ from statistics import median
 from time import perf_counter
 from typing import Any
 
-from baselines.heyoka_taylor import HeyokaTaylor
+from henon_ref.baselines.heyoka_taylor import HeyokaTaylor
 from henon_ref.harness.campaign.timing import timed
 from henon_ref.solver import Solver
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from baselines.adapter import Adapter
-from baselines.heyoka_taylor import HEYOKA
-from baselines.scipy_ivp import BDF, DOP853, LSODA, RADAU, RK45
+from henon_ref.baselines.adapter import Adapter
+from henon_ref.baselines.heyoka_taylor import HEYOKA
+from henon_ref.baselines.scipy_ivp import BDF, DOP853, LSODA, RADAU, RK45
 from henon_ref.harness.report.text.restarts import MOST, ending
 from henon_ref.harness.rows import NOT_RUN, Row, RunRow
 from henon_ref.harness.table import Table

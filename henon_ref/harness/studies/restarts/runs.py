@@ -9,9 +9,9 @@ from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from baselines.adapter import Adapter
-from baselines.mode_table import ModeTable
-from baselines.work import Work
+from henon_ref.baselines.adapter import Adapter
+from henon_ref.baselines.mode_table import ModeTable
+from henon_ref.baselines.work import Work
 from henon_ref.casefile.case import Case, Reading
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.contract_check import check_trajectory
