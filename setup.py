@@ -16,6 +16,7 @@ setup(
         *(f"henon_ref.{package}" for package in MOVED),
     ],
     package_dir={f"henon_ref.{folder}": folder for folder in INSIDE},
+    exclude_package_data={"henon_ref": ["baselines/*"]},  # the door of a checkout, which an sdist has, too
     distclass=PlatformDistribution,
     cmdclass={"build": Build, "build_libraries": BuildLibraries, "bdist_wheel": PlatformWheel},
 )

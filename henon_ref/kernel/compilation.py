@@ -78,7 +78,10 @@ def source_files(source: Path) -> dict[Path, bytes]:
         begun.add(path)
         content = Path(path).read_bytes()
         for name in _INCLUDE.findall(b"\n" + content):
-            read(os.path.normpath(os.path.join(os.path.dirname(path), name.decode())))
+            folder = os.path.dirname(path)
+            if not os.path.isfile(os.path.join(folder, name.decode())):
+                folder = os.path.join(folder, os.pardir)  # an installation has the baselines a folder deeper
+            read(os.path.normpath(os.path.join(folder, name.decode())))
         found[Path(path)] = content
 
     read(os.path.normpath(source.absolute()))

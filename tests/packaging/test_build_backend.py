@@ -212,6 +212,8 @@ def test_a_wheel_is_for_any_python_and_the_same_bytes_from_tree_and_sdist(tmp_pa
     assert again.read_bytes() == wheel.read_bytes()
     assert re.fullmatch(r"henon_ref-0\.1\.0-py3-none-(?!any)\w+\.whl", wheel.name)
     with ZipFile(wheel) as packed:
+        assert packed.read("henon_ref/baselines/__init__.py") == (tree / "baselines/__init__.py").read_bytes()
+        assert (unpacked / "henon_ref/baselines/__init__.py").is_file()  # for an editable installation
         libraries = {installed(file).as_posix() for file in library_files()}
         assert {name for name in packed.namelist() if name.endswith(".so")} == libraries
         assert b"Root-Is-Purelib: false" in packed.read("henon_ref-0.1.0.dist-info/WHEEL")

@@ -49,9 +49,12 @@ def small_tree(root: Path) -> Path:
     shutil.copy(ROOT / "setup.py", root)
     (root / "pyproject.toml").write_text(PROJECT, encoding="utf-8")
     (root / "cases").mkdir()
+    for folder, text in (("baselines", '"""The solvers."""\n'), ("henon_ref/baselines", "__path__ = []\n")):
+        (root / folder).mkdir(parents=True)
+        (root / folder / "__init__.py").write_text(text, encoding="utf-8")
     for source in map(Path, SOURCES):
         folder = root / source.parent
-        folder.mkdir(parents=True)
+        folder.mkdir(parents=True, exist_ok=True)
         (folder / f"{source.stem}.h").write_text(HEADER, encoding="utf-8")
         (folder / source.name).write_text(SOURCE.format(name=source.stem), encoding="utf-8")
         (folder / "part.c").write_text(PART, encoding="utf-8")
