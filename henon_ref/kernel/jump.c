@@ -30,6 +30,7 @@ struct jump {
     int64_t expanded;            /* expansions that it took */
     int64_t zeros;               /* with which a surface that the map keeps is left */
     double flights;              /* s: how long all later flights last together, where the body comes to rest */
+    double rise;                 /* rate, by the unit, with which the last impact leaves the surface */
     double length;               /* part of the unit on which the terms of the last one fall */
 };
 
@@ -118,7 +119,7 @@ static enum impact after_impact(const struct run *run, struct jump *jump, const 
         return NOT_CLEAR;
     if (run->unit * rise > LASTING * rest * ending)
         return LEAVES;
-    jump->flights = run->unit * rise / ending;
+    jump->flights = run->unit * rise / ending, jump->rise = rise;
     bool told = !turned && ratio != 1.0 && row[2] < -margin && LASTING * jump->flights < rest;
     return told && jump->flights < remaining(run) ? RESTS : NOT_CLEAR;
 }
@@ -201,8 +202,15 @@ static void come_to_rest(struct work *w, const struct jump *jump)
     struct run *run = w->run;
     int64_t n = run->states;
     double part = jump->flights / run->unit;
-    const double *constants = constants_of(w->tables, jump->end, 0);
-    mode_at(w, jump->end)->expansion(run->time, run->time_low, run->unit, jump->state, constants, w->ahead);
+    const struct mode *slip = mode_at(w, jump->target), *rest = mode_at(w, jump->end);
+    slip->expansion(run->time, run->time_low, run->unit, jump->state, constants_of(w->tables, jump->target, 0), w->ahead);
+    double left = row_ahead(w, n + guard_on(slip, jump->surface))[1] / jump->rise; /* what rounding has left of it */
+    for (int64_t i = 0; i < n; i++) {
+        struct pair moved = pair_sum(jump->state[i], left * (jump->state[i] - w->x[i]) + jump->low[i]);
+        jump->state[i] = moved.high, jump->low[i] = moved.low;
+    }
+    rest->expansion(run->time, run->time_low, run->unit, jump->state, constants_of(w->tables, jump->end, 0), w->ahead);
+    run->expansions += 2;
     for (int64_t i = 0; i < n; i++) {
         double *row = row_ahead(w, i);
         row[0] = 0.0;
