@@ -167,8 +167,8 @@ P = sp.Symbol("p", real=True)
 def test_what_stands_beside_them_changes_no_more_than_its_side(kind: str) -> None:
     base = clutches() if kind in ("kink", "force that jumps") else stack(3)
     x, v = (next(s for s in base.states if s.name.startswith(letter)) for letter in ("x_", "v_"))
-    force = {"kink": -10 * (1 + P) * (x - sp.Rational(1, 10)), "force that jumps": -P / 2}.get(kind, sp.S.Zero)
-    system = beside(base, v - sp.Rational(3, 10) if kind == "section of a speed" else x - sp.Rational(1, 10), force)
+    force = {"kink": -10 * (1 + P) * (x - sp.Rational(1, 50)), "force that jumps": -P / 2}.get(kind, sp.S.Zero)
+    system = beside(base, v - sp.Rational(3, 10) if kind == "section of a speed" else x - sp.Rational(1, 50), force)
     start = tuple(sp.Rational((-1) ** k * k, 4) for k in range(len(system.states)))
     runs = []
     for together in (True, False):
