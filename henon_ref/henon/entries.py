@@ -1,4 +1,4 @@
-"""Modes of contacts that do not act on each other, as the compiled loop has them: entries of two bits each.
+"""Modes of many contacts as the compiled loop has them: entries of two bits each.
 
 Such a mode is no row of a table but a number, of base 4, the first contact's entry being its last digit (-1 is written
 as 0, 0 as 1, +1 as 2); in memory it is some words (``kernel/contacts.c``).

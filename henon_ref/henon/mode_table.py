@@ -57,7 +57,7 @@ class CompiledModes:
 
 
 class Owned(NamedTuple):
-    """Constants of contacts that do not act on each other, as ``struct tables`` of ``kernel.h`` has them."""
+    """Constants of contacts, as ``struct tables`` of ``kernel.h`` has them."""
 
     ends: NDArray[np.int64]
     """Of each contact, where its places end."""

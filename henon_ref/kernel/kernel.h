@@ -175,7 +175,7 @@ struct tables {
                               the maps of resets; behind them what their rounding to double lost */
     int64_t tapes, length;
     struct selection selection;
-    /* Of contacts that do not act on each other a mode is the entry of each, a number. Rows 0, 1 and 2 are then those
+    /* Of many contacts a mode is the entry of each, a number. Rows 0, 1 and 2 are then those
      * in which every entry is -1, 0 and +1; a run puts its mode's record and constants together from these three, and
      * a guard's mode_across and mode_stuck say from which one its contact's part comes next (kernel/contacts.c). */
     int64_t contacts;          /* how many; 0 where a mode is a row */
