@@ -14,6 +14,9 @@
 /* So many times the longest rest all later flights must last together, for it to be clear that they go on. */
 #define LASTING (1.0 + 1e-6)
 
+/* Part of a state that double-double leaves of zero where it cancels. */
+#define OF_NOTHING 0x1p-100
+
 /* What becomes of a surface whose function the map keeps; Python has to decide where that is not clear. */
 enum impact { NOT_CLEAR, RESTS, LEAVES, LIFTS_OFF, FALLS };
 
@@ -207,7 +210,8 @@ static void come_to_rest(struct work *w, const struct jump *jump)
     double left = row_ahead(w, n + guard_on(slip, jump->surface))[1] / jump->rise; /* what rounding has left of it */
     for (int64_t i = 0; i < n; i++) {
         struct pair moved = pair_sum(jump->state[i], left * (jump->state[i] - w->x[i]) + jump->low[i]);
-        jump->state[i] = moved.high, jump->low[i] = moved.low;
+        bool nothing = fabs(moved.high) <= OF_NOTHING * fabs(w->x[i]);
+        jump->state[i] = nothing ? 0.0 : moved.high, jump->low[i] = nothing ? 0.0 : moved.low;
     }
     rest->expansion(run->time, run->time_low, run->unit, jump->state, constants_of(w->tables, jump->end, 0), w->ahead);
     run->expansions += 2;
