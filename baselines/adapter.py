@@ -17,7 +17,7 @@ from henon_ref.baselines.mode_table import ModeTable
 from henon_ref.baselines.restart import STOPPED, Restart
 from henon_ref.baselines.work import Work
 from henon_ref.errors import UnavailableError
-from henon_ref.filippov.problem import Problem
+from henon_ref.modes.problem import Problem
 from henon_ref.solver import Run
 
 SCOUTING = 1e-6

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from henon_ref.baselines.record import Event
-from henon_ref.filippov.callables import Scalar
-from henon_ref.filippov.modes import Mode, replaced, transition_kind
+from henon_ref.modes.callables import Scalar
+from henon_ref.modes.mode import Mode, replaced, transition_kind
 
 SUBSTEPS = 4
 """Points looked at in each step."""

@@ -25,7 +25,7 @@ from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
 from henon_ref.baselines.restart import Fresh, GatedGuards, Watcher
 from henon_ref.baselines.work import Stalled, Work
 from henon_ref.errors import ContractError
-from henon_ref.filippov.callables import Jacobian
+from henon_ref.modes.callables import Jacobian
 
 
 class SmoothMode(ABC):

@@ -13,7 +13,7 @@ from henon_ref.baselines.flow import LIMIT
 from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
 from henon_ref.baselines.numba_callbacks import Callbacks
 from henon_ref.baselines.work import Stalled, Work
-from henon_ref.filippov.callables import ARITHMETIC
+from henon_ref.modes.callables import ARITHMETIC
 
 STALL = 2000
 """Evaluations in a row, at accepted steps and while a root is sought, within four roundings of one time."""

@@ -1,7 +1,7 @@
 """Functions that all modes of a system have in common: numbers that switch tell the modes apart.
 
 A chain of many contacts with static friction visits a new mode at nearly every transition; nothing is derived or
-compiled there (:mod:`henon_ref.filippov.decoupled_contacts`).
+compiled there (:mod:`henon_ref.modes.decoupled_contacts`).
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from typing import Any
 import sympy as sp
 
 from henon_ref.baselines.numba_callbacks import Callbacks, Fill, compiled, jacobian
-from henon_ref.filippov.callables import Jacobian, Scalar, scalar
-from henon_ref.filippov.equations import along
-from henon_ref.filippov.modes import Mode
-from henon_ref.filippov.system import FilippovSystem
+from henon_ref.modes.callables import Jacobian, Scalar, scalar
+from henon_ref.modes.equations import along
+from henon_ref.modes.mode import Mode
+from henon_ref.modes.system import FilippovSystem
 
 
 class CommonFunctions:

@@ -33,7 +33,7 @@ from henon_ref.baselines.jax_functions import ModeSource, jax_function, mode_sou
 from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
 from henon_ref.baselines.restart import LEAST, Restart
 from henon_ref.baselines.work import Work
-from henon_ref.filippov.callables import ARITHMETIC
+from henon_ref.modes.callables import ARITHMETIC
 
 MAX_STEPS = 4096
 """Steps between two looks at the clock (diffrax's own default for ``max_steps``)."""

@@ -14,7 +14,7 @@ import sympy as sp
 from henon_ref.baselines.flow import LIMIT
 from henon_ref.baselines.mode_functions import ModeFunctions
 from henon_ref.errors import UnsupportedError
-from henon_ref.filippov.callables import rounded
+from henon_ref.modes.callables import rounded
 from henon_ref.taylor.fold import Rules, Walk, fold, fraction
 from henon_ref.taylor.tape import TIME
 

@@ -29,7 +29,7 @@ from henon_ref.baselines.flow import Stop
 from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
 from henon_ref.baselines.restart import LIFT, Restart
 from henon_ref.baselines.work import Work
-from henon_ref.filippov.callables import ARITHMETIC
+from henon_ref.modes.callables import ARITHMETIC
 
 STAGES = 6
 """Right-hand sides of a step of Tsit45: seven stages, of which the first is the last of the step before."""

@@ -8,7 +8,7 @@ is here and the same for all. At an event the driver
    library left there (rounding after a located event, tolerance after a long slide) and no more; the
    largest such distance is the trajectory's ``max_surface_drift``;
 3. decides the next mode: by the signs of the normal velocities on the two sides where these settle it
-   (:mod:`henon_ref.baselines.mode_table`), by :mod:`henon_ref.filippov.selection` everywhere else;
+   (:mod:`henon_ref.baselines.mode_table`), by :mod:`henon_ref.modes.selection` everywhere else;
 4. starts the next mode and names the guards that start at zero: what to do about those is the library's.
 
 A run ends at the horizon (an event at the horizon counts), or earlier with a status: ``diverged`` (the
@@ -33,10 +33,10 @@ from henon_ref.baselines.record import Record
 from henon_ref.baselines.restart import MARGIN, Fresh
 from henon_ref.baselines.work import DeadlinePassed, Work
 from henon_ref.errors import ModelError, UnsupportedError
-from henon_ref.filippov.callables import ARITHMETIC
-from henon_ref.filippov.modes import Mode
-from henon_ref.filippov.problem import Problem
-from henon_ref.filippov.selection import initial_mode
+from henon_ref.modes.callables import ARITHMETIC
+from henon_ref.modes.mode import Mode
+from henon_ref.modes.problem import Problem
+from henon_ref.modes.selection import initial_mode
 from henon_ref.solver import Run
 from henon_ref.trajectory import Trajectory, without_hidden_kinks
 

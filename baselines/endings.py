@@ -9,7 +9,7 @@ from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
 from henon_ref.baselines.mode_table import ModeEntry
 from henon_ref.baselines.record import Record
 from henon_ref.baselines.restart import MARGIN
-from henon_ref.filippov.callables import ARITHMETIC, Scalar
+from henon_ref.modes.callables import ARITHMETIC, Scalar
 from henon_ref.trajectory import Trajectory
 
 GROWTH = 8.0

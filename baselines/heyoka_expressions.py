@@ -12,7 +12,7 @@ from typing import Any
 import sympy as sp
 
 from henon_ref.errors import UnsupportedError
-from henon_ref.filippov.callables import rounded
+from henon_ref.modes.callables import rounded
 from henon_ref.taylor.fold import FUNCTIONS, Rules, Walk, fold, fraction
 from henon_ref.taylor.tape import TIME
 

@@ -35,8 +35,8 @@ from henon_ref.baselines.heyoka_expressions import to_heyoka
 from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
 from henon_ref.baselines.restart import LEAST, LIFT, SPAN, Fresh, Restart, dips, lift, quiet_until
 from henon_ref.baselines.work import Work
-from henon_ref.filippov.callables import ARITHMETIC
 from henon_ref.jit.processor_time import compiling
+from henon_ref.modes.callables import ARITHMETIC
 
 CHUNK = 4096
 """Steps between two looks at the clock and at the size of the state."""

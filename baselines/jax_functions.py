@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import sympy as sp
 
 from henon_ref.baselines.mode_functions import ModeFunctions
-from henon_ref.filippov.equations import along
+from henon_ref.modes.equations import along
 from henon_ref.taylor.tape import TIME
 
 

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
 from henon_ref.baselines.restart import LONGEST, MARGIN, quiet_until
-from henon_ref.filippov.callables import ARITHMETIC
+from henon_ref.modes.callables import ARITHMETIC
 
 LEAST = 1e-9
 """Tolerance below which it is rounding that a restart's error comes from: of a flight so low it is a 1e-7th part."""

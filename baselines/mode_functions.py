@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from henon_ref.baselines.common_functions import CommonFunctions, common_functions
 from henon_ref.baselines.numba_callbacks import Callbacks, Fill, compiled, jacobian
-from henon_ref.filippov.callables import ARITHMETIC, Jacobian, Scalar, scalar
-from henon_ref.filippov.equations import Guard
-from henon_ref.filippov.mode_evaluation import ModeEvaluation
-from henon_ref.filippov.modes import Mode, replaced
-from henon_ref.filippov.system import FilippovSystem
+from henon_ref.modes.callables import ARITHMETIC, Jacobian, Scalar, scalar
+from henon_ref.modes.equations import Guard
+from henon_ref.modes.mode import Mode, replaced
+from henon_ref.modes.mode_evaluation import ModeEvaluation
+from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.series import expand
 from henon_ref.taylor.tape import TIME, Tape, build_tape
 

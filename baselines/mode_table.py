@@ -2,7 +2,7 @@
 
 Where one guard alone has fallen, its surface and those that slide do not act on each other, and neither normal
 velocity is near zero, what follows is settled by two signs, and costs a few microseconds; every other event
-is decided by :mod:`henon_ref.filippov.selection`.
+is decided by :mod:`henon_ref.modes.selection`.
 """
 
 from __future__ import annotations
@@ -16,20 +16,20 @@ from henon_ref.baselines.flow import Flow, Library
 from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions, projected
 from henon_ref.baselines.restart import Fresh
 from henon_ref.baselines.work import Work
-from henon_ref.filippov.after_jump import after_jump, without_speed
-from henon_ref.filippov.arithmetic import CLEAR
-from henon_ref.filippov.callables import ARITHMETIC, Scalar, scalar
-from henon_ref.filippov.consistency import stays
-from henon_ref.filippov.decision import Decision
-from henon_ref.filippov.equations import Guard
-from henon_ref.filippov.in_doubles import in_doubles
-from henon_ref.filippov.mode_evaluation import ModeEvaluation
-from henon_ref.filippov.modes import Mode, replaced
-from henon_ref.filippov.resets import resetting
-from henon_ref.filippov.resting import REMAINING, impact_of
-from henon_ref.filippov.selection import after_event, mode_by_signs, sign_after
-from henon_ref.filippov.system import FilippovSystem
 from henon_ref.jit.processor_time import compiling
+from henon_ref.modes.after_jump import after_jump, without_speed
+from henon_ref.modes.arithmetic import CLEAR
+from henon_ref.modes.callables import ARITHMETIC, Scalar, scalar
+from henon_ref.modes.consistency import stays
+from henon_ref.modes.decision import Decision
+from henon_ref.modes.equations import Guard
+from henon_ref.modes.in_doubles import in_doubles
+from henon_ref.modes.mode import Mode, replaced
+from henon_ref.modes.mode_evaluation import ModeEvaluation
+from henon_ref.modes.resets import resetting
+from henon_ref.modes.resting import REMAINING, impact_of
+from henon_ref.modes.selection import after_event, mode_by_signs, sign_after
+from henon_ref.modes.system import FilippovSystem
 from henon_ref.trajectory import Status
 
 ROUNDING = 1e-13

@@ -41,10 +41,10 @@ from henon_ref.baselines.scipy_ivp import RK45
 from henon_ref.baselines.sundials_cvode import ADAMS
 from henon_ref.baselines.work import DeadlinePassed, Work
 from henon_ref.errors import UnavailableError, UnsupportedError
-from henon_ref.filippov.callables import rounded
-from henon_ref.filippov.kinks import visible
-from henon_ref.filippov.modes import Mode
-from henon_ref.filippov.problem import Problem
+from henon_ref.modes.callables import rounded
+from henon_ref.modes.kinks import visible
+from henon_ref.modes.mode import Mode
+from henon_ref.modes.problem import Problem
 from henon_ref.solver import Run
 from henon_ref.taylor.fold import FUNCTIONS
 from henon_ref.taylor.tape import TIME

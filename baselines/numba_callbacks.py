@@ -14,8 +14,8 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.errors import UnavailableError
-from henon_ref.filippov.callables import Jacobian, ScalarPrinter, interpreted, with_rounded_constants
 from henon_ref.jit.target import target
+from henon_ref.modes.callables import Jacobian, ScalarPrinter, interpreted, with_rounded_constants
 from henon_ref.taylor.tape import TIME
 
 Callbacks = Literal["python", "numba"]

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from henon_ref.baselines.mode_functions import EPSILON
 from henon_ref.baselines.work import Work
-from henon_ref.filippov.modes import Mode, transition_kind
-from henon_ref.filippov.resets import rows_at
+from henon_ref.modes.mode import Mode, transition_kind
+from henon_ref.modes.resets import rows_at
 from henon_ref.trajectory import Kind, Status, Trajectory, Transition
 
 WINDOW = 32

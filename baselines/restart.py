@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
-from henon_ref.filippov.callables import ARITHMETIC
+from henon_ref.modes.callables import ARITHMETIC
 
 Restart = Literal["event-free-step", "offset", "direction", "none"]
 

@@ -35,10 +35,10 @@ from henon_ref.baselines.mode_functions import EPSILON
 from henon_ref.baselines.record import Event, Transitions
 from henon_ref.baselines.work import BudgetSpent, DeadlinePassed, Work
 from henon_ref.errors import UnavailableError, UnsupportedError
-from henon_ref.filippov.callables import ARITHMETIC, Jacobian, Scalar, scalar
-from henon_ref.filippov.modes import Mode
-from henon_ref.filippov.problem import Problem
-from henon_ref.filippov.system import FilippovSystem
+from henon_ref.modes.callables import ARITHMETIC, Jacobian, Scalar, scalar
+from henon_ref.modes.mode import Mode
+from henon_ref.modes.problem import Problem
+from henon_ref.modes.system import FilippovSystem
 from henon_ref.solver import Run
 from henon_ref.trajectory import Status, Trajectory
 

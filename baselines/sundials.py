@@ -19,7 +19,7 @@ from henon_ref.baselines.flow import Stop
 from henon_ref.baselines.mode_functions import EPSILON
 from henon_ref.baselines.restart import Watcher
 from henon_ref.baselines.work import Stalled
-from henon_ref.filippov.callables import ARITHMETIC
+from henon_ref.modes.callables import ARITHMETIC
 
 # SUNDIALS' own logger writes its warnings ("t + h = t") to the standard output of the process, past Python.
 os.environ.setdefault("SUNLOGGER_WARNING_FILENAME", os.devnull)

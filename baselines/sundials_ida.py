@@ -32,8 +32,8 @@ from henon_ref.baselines.numba_callbacks import Callbacks, compiled, jacobian, n
 from henon_ref.baselines.restart import Restart, Watcher
 from henon_ref.baselines.sundials import STEPS_BETWEEN_OUTPUTS, SundialsAdapter, SundialsFlow, event_function_of_dae
 from henon_ref.baselines.work import Work
-from henon_ref.filippov.callables import ARITHMETIC, scalar
-from henon_ref.filippov.equations import Guard
+from henon_ref.modes.callables import ARITHMETIC, scalar
+from henon_ref.modes.equations import Guard
 
 
 @dataclass(frozen=True)

@@ -32,10 +32,10 @@ if TYPE_CHECKING:  # modules, too, under the names by which they go here
         UnavailableError,
         UnsupportedError,
     )
-    from henon_ref.filippov.problem import Problem
-    from henon_ref.filippov.system import FilippovSystem
     from henon_ref.harness.campaign.comparison import Comparison, compare
     from henon_ref.harness.report.sweep import sweep
+    from henon_ref.modes.problem import Problem
+    from henon_ref.modes.system import FilippovSystem
     from henon_ref.simulation.loading import load_run
     from henon_ref.simulation.scene import Scene
     from henon_ref.simulation.simulate import simulate, stream
@@ -62,7 +62,7 @@ _HOME = {
     "Reading": "casefile.case",
     "load_case": "casefile.case",
     "parse_case": "casefile.case",
-    "FilippovSystem": "filippov.system",
+    "FilippovSystem": "modes.system",
     "load_run": "simulation.loading",
     "Scene": "simulation.scene",
     "Solution": "simulation.solution",
@@ -75,7 +75,7 @@ _HOME = {
     "tangent_points": "analysis.tangent",
     "Solver": "solver",
     "Counts": "trajectory",
-    "Problem": "filippov.problem",
+    "Problem": "modes.problem",
     "Trajectory": "trajectory",
     "Transition": "trajectory",
 }

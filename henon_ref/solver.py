@@ -12,7 +12,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.filippov.problem import Problem
+from henon_ref.modes.problem import Problem
 from henon_ref.trajectory import Trajectory
 
 MEMBERS = ("name", "fixed_step", "landing", "prepare")
@@ -50,8 +50,8 @@ class Solver(Protocol):
     * Where ``problem.system.resets`` holds a surface, the state jumps as it falls through zero: a transition ``reset``
       with the state after, also where the mode stays. A map that carries another such surface from above zero to zero
       or below triggers that one's reset at the same instant: a transition each, with the state that its map has left
-      (:mod:`henon_ref.filippov.cascade`). Impacts that accumulate are reported until all later ones last
-      less than 2^-26 of the run; their limit is a ``stick`` on that surface (:mod:`henon_ref.filippov.resting`).
+      (:mod:`henon_ref.modes.cascade`). Impacts that accumulate are reported until all later ones last
+      less than 2^-26 of the run; their limit is a ``stick`` on that surface (:mod:`henon_ref.modes.resting`).
     * What the run returns is checked (:mod:`henon_ref.harness.campaign.contract_check`): a :class:`Trajectory`, an
       entry a state and a surface, times in order and from the start to the horizon; with status ``ok`` the end at the
       horizon and finite states; no more transitions than ten times the truth's and 100000. NumPy's numbers will do,

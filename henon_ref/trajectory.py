@@ -9,9 +9,9 @@ from typing import Any, Literal, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.filippov.kinks import hidden_kinks, visible
-from henon_ref.filippov.modes import Mode
-from henon_ref.filippov.system import FilippovSystem
+from henon_ref.modes.kinks import hidden_kinks, visible
+from henon_ref.modes.mode import Mode
+from henon_ref.modes.system import FilippovSystem
 
 Kind = Literal["stick", "release", "crossing", "graze", "reset"]
 Status = Literal["ok", "wrong", "diverged", "nonunique", "invalid", "timeout", "failed", "unsupported", "unavailable"]
@@ -178,7 +178,7 @@ def sticks(transitions: Sequence[Event], *, start: float, after: float) -> tuple
 
 
 def without_hidden_kinks(found: Trajectory, system: FilippovSystem) -> Trajectory:
-    """A run without transitions on kinks that another branch hides (see :mod:`henon_ref.filippov.kinks`)."""
+    """A run without transitions on kinks that another branch hides (see :mod:`henon_ref.modes.kinks`)."""
     if not system.kinks:
         return found
     end_mode = hidden_kinks(system).shown(found.end_mode)

@@ -18,12 +18,12 @@ from shipped import CASES, paths, read, readings, shipped
 from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.casefile.case import Case, Reading, load_case
 from henon_ref.casefile.catalogue import catalogue
-from henon_ref.filippov.modes import transition_kind
-from henon_ref.filippov.problem import Problem
 from henon_ref.harness.campaign.truth_job import stored_statement
 from henon_ref.harness.score.errors import score
 from henon_ref.harness.truth.compute import stored_truth
 from henon_ref.harness.truth.store import folder_of
+from henon_ref.modes.mode import transition_kind
+from henon_ref.modes.problem import Problem
 from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Trajectory, Transition
 

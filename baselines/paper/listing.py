@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from henon_ref.baselines.paper.compiled import COMPILER
 from henon_ref.baselines.paper.listing_program import EDGES, effective_changes, run_listing
 from henon_ref.errors import UnsupportedError
-from henon_ref.filippov.algebra import simplified
-from henon_ref.filippov.modes import Mode, transition_kind
-from henon_ref.filippov.problem import Problem
-from henon_ref.filippov.system import FilippovSystem
+from henon_ref.modes.algebra import simplified
+from henon_ref.modes.mode import Mode, transition_kind
+from henon_ref.modes.problem import Problem
+from henon_ref.modes.system import FilippovSystem
 from henon_ref.solver import Run
 from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Counts, Status, Trajectory, Transition

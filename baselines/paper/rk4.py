@@ -20,14 +20,14 @@ from numpy.typing import NDArray
 from henon_ref.baselines.paper.compiled import COMPILER
 from henon_ref.baselines.paper.rk4_kernel import EVENT, NO_GUARD, NOT_FINITE, Floats, Kernel, crossed_guards, land
 from henon_ref.errors import UnsupportedError
-from henon_ref.filippov.decision import Decision
-from henon_ref.filippov.equations import Guard
-from henon_ref.filippov.in_doubles import in_doubles
-from henon_ref.filippov.modes import Mode, replaced, transition_kind
-from henon_ref.filippov.problem import Problem
-from henon_ref.filippov.selection import after_event, initial_mode, sign_after
-from henon_ref.filippov.system import FilippovSystem
 from henon_ref.jit.processor_time import Deadline, compiling
+from henon_ref.modes.decision import Decision
+from henon_ref.modes.equations import Guard
+from henon_ref.modes.in_doubles import in_doubles
+from henon_ref.modes.mode import Mode, replaced, transition_kind
+from henon_ref.modes.problem import Problem
+from henon_ref.modes.selection import after_event, initial_mode, sign_after
+from henon_ref.modes.system import FilippovSystem
 from henon_ref.solver import Run
 from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Counts, Status, Trajectory, Transition, without_hidden_kinks
@@ -127,7 +127,7 @@ class _Plan:
         return self._kernels[mode]
 
     def after_event(self, t: float, x: Sequence[float], mode: Mode, hits: Sequence[Guard]) -> Decision:
-        """As :func:`henon_ref.filippov.selection.after_event`, short where one surface is clearly left or reached."""
+        """As :func:`henon_ref.modes.selection.after_event`, short where one surface is clearly left or reached."""
         if len(hits) == 1 and self._by_signs(hits[0]) and 0 not in mode:
             i = hits[0].index
             try:

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from henon_ref.baselines.paper.compiled import ffi, flags, lib, rows
-from henon_ref.filippov.equations import Guard
-from henon_ref.filippov.exact_numbers import double_double
-from henon_ref.filippov.modes import Mode
-from henon_ref.filippov.system import FilippovSystem
 from henon_ref.jit.ir_writer import declarations
 from henon_ref.jit.native_module import NativeModule
+from henon_ref.modes.equations import Guard
+from henon_ref.modes.exact_numbers import double_double
+from henon_ref.modes.mode import Mode
+from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.llvm.expansion import expansion_ir
 from henon_ref.taylor.tape import TIME, Tape, build_tape
 

@@ -8,10 +8,10 @@ from henon_ref.baselines.mode_functions import is_linear
 from henon_ref.baselines.protocol import messages
 from henon_ref.baselines.protocol.text import infix
 from henon_ref.errors import ModelError, UnsupportedError
-from henon_ref.filippov import equations
-from henon_ref.filippov.modes import Mode
-from henon_ref.filippov.problem import Problem
-from henon_ref.filippov.system import FilippovSystem
+from henon_ref.modes import equations
+from henon_ref.modes.mode import Mode
+from henon_ref.modes.problem import Problem
+from henon_ref.modes.system import FilippovSystem
 from henon_ref.text import spelled
 
 RESERVED = ("t", "pow")

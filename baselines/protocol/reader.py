@@ -13,7 +13,7 @@ from pydantic_core import from_json
 
 from henon_ref.baselines.protocol.messages import Point, Request, Response
 from henon_ref.errors import ContractError, UnavailableError, UnsupportedError
-from henon_ref.filippov.modes import transition_kind
+from henon_ref.modes.mode import transition_kind
 from henon_ref.text import short_line
 from henon_ref.trajectory import Counts, Trajectory, Transition
 

@@ -13,7 +13,7 @@ import sympy as sp
 from sympy.printing.str import StrPrinter
 
 from henon_ref.errors import UnsupportedError
-from henon_ref.filippov.callables import rounded
+from henon_ref.modes.callables import rounded
 from henon_ref.taylor.fold import FUNCTIONS
 from henon_ref.text import spelled
 

@@ -13,9 +13,9 @@ from henon_ref.analysis.periodic import measured_period
 from henon_ref.enclosure.periodic_orbit import PeriodicOrbit, find_periodic_orbit
 from henon_ref.enclosure.return_map import Guess, OrbitError
 from henon_ref.errors import ArgumentError
-from henon_ref.filippov.problem import Problem
-from henon_ref.filippov.system import FilippovSystem
-from henon_ref.henon.prepared_run import prepared_run
+from henon_ref.integrator.prepared_run import prepared_run
+from henon_ref.modes.problem import Problem
+from henon_ref.modes.system import FilippovSystem
 from henon_ref.simulation.arguments import problem_of, tolerance_of
 from henon_ref.simulation.system import System
 from henon_ref.taylor.tape import TIME

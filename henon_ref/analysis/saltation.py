@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from henon_ref.analysis.tangent_space import TangentSpace
 from henon_ref.errors import UnsupportedError
-from henon_ref.filippov.equations import Guard
-from henon_ref.filippov.modes import Mode
-from henon_ref.filippov.resets import jump_of
-from henon_ref.filippov.system import FilippovSystem
-from henon_ref.henon.mode_changes import Jumped
+from henon_ref.integrator.mode_changes import Jumped
+from henon_ref.modes.equations import Guard
+from henon_ref.modes.mode import Mode
+from henon_ref.modes.resets import jump_of
+from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Transition
 

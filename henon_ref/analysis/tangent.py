@@ -18,7 +18,7 @@ from typing import Any, Literal
 import sympy as sp
 
 from henon_ref.errors import ArgumentError, ModelError
-from henon_ref.filippov.system import FilippovSystem
+from henon_ref.modes.system import FilippovSystem
 from henon_ref.simulation.system import System
 from henon_ref.taylor.size import size
 from henon_ref.taylor.tape import TIME

@@ -9,9 +9,9 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.filippov.modes import Mode
-from henon_ref.filippov.resting import impact_of
-from henon_ref.filippov.system import FilippovSystem
+from henon_ref.modes.mode import Mode
+from henon_ref.modes.resting import impact_of
+from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 
 Vector = Sequence[float] | NDArray[np.float64]

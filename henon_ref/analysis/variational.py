@@ -33,16 +33,16 @@ from henon_ref.analysis.limit_of_impacts import LimitOfImpacts
 from henon_ref.analysis.saltation import Matrix, Saltation
 from henon_ref.analysis.tangent_space import TangentSpace, rank_lost
 from henon_ref.errors import UnsupportedError
-from henon_ref.filippov.equations import ModeEquations
-from henon_ref.filippov.exact_numbers import double_double
-from henon_ref.filippov.modes import Mode
-from henon_ref.filippov.problem import Problem
-from henon_ref.filippov.switched_field import SwitchedField, kept
-from henon_ref.filippov.system import FilippovSystem
-from henon_ref.henon.integrator import Integrator
-from henon_ref.henon.prepared_run import order_for
-from henon_ref.henon.records import HENON
-from henon_ref.henon.run import Run
+from henon_ref.integrator.integrator import Integrator
+from henon_ref.integrator.prepared_run import order_for
+from henon_ref.integrator.records import HENON
+from henon_ref.integrator.run import Run
+from henon_ref.modes.equations import ModeEquations
+from henon_ref.modes.exact_numbers import double_double
+from henon_ref.modes.mode import Mode
+from henon_ref.modes.problem import Problem
+from henon_ref.modes.switched_field import SwitchedField, kept
+from henon_ref.modes.system import FilippovSystem
 from henon_ref.trajectory import Trajectory, Transition
 
 

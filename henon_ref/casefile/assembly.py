@@ -10,9 +10,9 @@ import sympy as sp
 
 from henon_ref.casefile.bodies import Body
 from henon_ref.casefile.connection import Hold, Impact, Surface
-from henon_ref.filippov.overrides import Release, Reset, SlidingOverride
-from henon_ref.filippov.resting import with_resting
-from henon_ref.filippov.system import FilippovSystem
+from henon_ref.modes.overrides import Release, Reset, SlidingOverride
+from henon_ref.modes.resting import with_resting
+from henon_ref.modes.system import FilippovSystem
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ import sympy as sp
 from henon_ref.casefile.syntax_walk import SyntaxWalk, read_text
 from henon_ref.casefile.work import CACHED, Work, key_of, names_in, overlaid
 from henon_ref.errors import ExpressionError
-from henon_ref.filippov.bounds import MAX_TERMS, check_constant, check_smooth, terms, with_known_functions
+from henon_ref.modes.bounds import MAX_TERMS, check_constant, check_smooth, terms, with_known_functions
 
 
 def parse_expression(text: str, names: Mapping[str, sp.Expr], work: Work | None = None) -> sp.Expr:

@@ -13,10 +13,10 @@ from itertools import product
 import sympy as sp
 
 from henon_ref.errors import ExpressionError
-from henon_ref.filippov.algebra import signed_form
-from henon_ref.filippov.bounds import shown, terms
-from henon_ref.filippov.exact_numbers import exact_sign
-from henon_ref.filippov.switched_field import up_to_a_number
+from henon_ref.modes.algebra import signed_form
+from henon_ref.modes.bounds import shown, terms
+from henon_ref.modes.exact_numbers import exact_sign
+from henon_ref.modes.switched_field import up_to_a_number
 
 MAX_INNER = 4
 """Kinks that the argument of another one may have: its branches are twice as many with each."""
@@ -230,7 +230,7 @@ class Kinks:
         self._signs: dict[sp.Expr, sp.Expr] = {}
         """Form -> its sign: a symbol, minus one, or a number."""
         self._known: dict[object, sp.Expr] = {}
-        """Form of :func:`henon_ref.filippov.algebra.signed_form` -> its sign, a symbol or minus one."""
+        """Form of :func:`henon_ref.modes.algebra.signed_form` -> its sign, a symbol or minus one."""
 
     def declare(self, sign: sp.Symbol, surface: sp.Expr) -> None:
         """Take in a surface of the model: what is one up to a factor has its sign."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from html import escape
 
-from henon_ref.filippov.latex import general_form
-from henon_ref.filippov.problem import Problem
+from henon_ref.modes.latex import general_form
+from henon_ref.modes.problem import Problem
 from henon_ref.text import html, listed
 
 MOST_READINGS, MOST_SYSTEMS = 12, 3

@@ -11,14 +11,14 @@ from henon_ref.casefile.grammar import NOT_STATES
 from henon_ref.casefile.source import Names, Source
 from henon_ref.casefile.written_system import build_overrides, build_resets, build_system
 from henon_ref.errors import ModelError
-from henon_ref.filippov.algebra import MAX_SIZE
-from henon_ref.filippov.bounds import put
-from henon_ref.filippov.exact_numbers import exact_sign
-from henon_ref.filippov.exponents import with_rational_exponents
-from henon_ref.filippov.overrides import SlidingOverride
-from henon_ref.filippov.problem import Problem
-from henon_ref.filippov.resting import impact_of, into_surface, with_resting
-from henon_ref.filippov.system import FilippovSystem
+from henon_ref.modes.algebra import MAX_SIZE
+from henon_ref.modes.bounds import put
+from henon_ref.modes.exact_numbers import exact_sign
+from henon_ref.modes.exponents import with_rational_exponents
+from henon_ref.modes.overrides import SlidingOverride
+from henon_ref.modes.problem import Problem
+from henon_ref.modes.resting import impact_of, into_surface, with_resting
+from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.size import size
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed
@@ -73,7 +73,7 @@ def written_model(source: Source) -> tuple[FilippovSystem, Names]:
     if resets:
         system = with_resting(replace(system, resets={**system.resets, **resets}))
     if len(system.surfaces) > 1:
-        from henon_ref.filippov.held_loops import with_held_loops
+        from henon_ref.modes.held_loops import with_held_loops
 
         system = with_held_loops(system)
     return system, names

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import sympy as sp
 
 from henon_ref.casefile.source import Path, Source
-from henon_ref.filippov.exact_numbers import exact_sign
+from henon_ref.modes.exact_numbers import exact_sign
 
 
 @dataclass

@@ -25,7 +25,7 @@ from henon_ref.casefile.grammar import (
 )
 from henon_ref.casefile.work import OPERATION, SCAN, Work, key_of, names_in
 from henon_ref.errors import ExpressionError
-from henon_ref.filippov.bounds import check_domain, check_exponential, checked, power
+from henon_ref.modes.bounds import check_domain, check_exponential, checked, power
 
 _SYMPY: dict[str, Callable[..., sp.Expr]] = {
     **{name: getattr(sp, name) for name in FUNCTIONS},

@@ -9,8 +9,8 @@ import sympy as sp
 from henon_ref.casefile.grammar import TAKEN, may_have_kinks, name_problem
 from henon_ref.casefile.kinks import Kinks
 from henon_ref.casefile.source import Names, Path, Source, resolved
-from henon_ref.filippov.overrides import Release, Reset, SlidingOverride
-from henon_ref.filippov.system import FilippovSystem
+from henon_ref.modes.overrides import Release, Reset, SlidingOverride
+from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed
 

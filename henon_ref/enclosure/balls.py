@@ -9,8 +9,8 @@ import sympy as sp
 from flint import arb, fmpq, fmpz
 
 from henon_ref.errors import ModelError
-from henon_ref.filippov.algebra import simplified
-from henon_ref.filippov.bounds import terms
+from henon_ref.modes.algebra import simplified
+from henon_ref.modes.bounds import terms
 from henon_ref.taylor.fold import FUNCTIONS, Rules, Walk, fold
 from henon_ref.taylor.size import size
 

@@ -1,7 +1,7 @@
 """Proof that a solution of a contact problem is the one: the conditions of the minimum, in balls.
 
 The sum of Gauss's principle is strictly convex in the accelerations, so that whatever satisfies the conditions is the
-one minimum, wherever it was found (:mod:`henon_ref.filippov.contact_problem`): the force of each contact that holds is
+one minimum, wherever it was found (:mod:`henon_ref.modes.contact_problem`): the force of each contact that holds is
 within its bounds, and each other contact slips against its force at a bound. Held contacts that others settle, in
 loops, carry what leaves the most room.
 """
@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from henon_ref.filippov.contact_problem import Accelerations, ContactProblem, Row, Settled, independent_of
+from henon_ref.modes.contact_problem import Accelerations, ContactProblem, Row, Settled, independent_of
 
 
 def is_proven(problem: ContactProblem, found: Accelerations, settled: Settled) -> bool:

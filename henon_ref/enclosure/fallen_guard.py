@@ -10,8 +10,8 @@ from flint import arb
 from henon_ref.enclosure.enclosure import Curve, UndecidedError
 from henon_ref.enclosure.event import first_root
 from henon_ref.enclosure.impacts import Rest
-from henon_ref.filippov.equations import Guard
-from henon_ref.filippov.modes import Mode
+from henon_ref.modes.equations import Guard
+from henon_ref.modes.mode import Mode
 
 HORIZON_MARGIN = 1.125
 """How far beyond the horizon is looked, in the time left, so that an event just there shows as a tie with it."""

@@ -1,4 +1,4 @@
-"""The maps of one instant, their order proven (:mod:`henon_ref.filippov.cascade`)."""
+"""The maps of one instant, their order proven (:mod:`henon_ref.modes.cascade`)."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from henon_ref.enclosure.consistency import EndedError, sign_of
 from henon_ref.enclosure.enclosure import UndecidedError
 from henon_ref.enclosure.impacts import speed_after
 from henon_ref.enclosure.model import SystemModel
-from henon_ref.filippov.cascade import MOST, acting_groups
-from henon_ref.filippov.modes import Mode
-from henon_ref.filippov.resets import Jump, jump_of
-from henon_ref.filippov.resting import Impact, impact_of
+from henon_ref.modes.cascade import MOST, acting_groups
+from henon_ref.modes.mode import Mode
+from henon_ref.modes.resets import Jump, jump_of
+from henon_ref.modes.resting import Impact, impact_of
 from henon_ref.text import listed
 
 

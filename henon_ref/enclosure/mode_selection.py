@@ -1,6 +1,6 @@
 """The mode after an event or at the start, decided on balls: strict signs, exact zeros, or no decision.
 
-The rule, the one mode whose own field keeps it, is written here anew: nothing of :mod:`henon_ref.filippov.selection` is
+The rule, the one mode whose own field keeps it, is written here anew: nothing of :mod:`henon_ref.modes.selection` is
 used, so that a proof is a check on it. A sign counts only where a ball excludes zero; a zero counts only where it is
 proven by algebra (the start is given in exact numbers; after an event the surface is exactly zero) or by structure (the
 field is continuous across a Filippov release, so the surface's normal velocity is exactly zero there).
@@ -17,12 +17,12 @@ from henon_ref.enclosure.balls import enclose
 from henon_ref.enclosure.consistency import EndedError, Entry, Identities, Judge, sign_of
 from henon_ref.enclosure.enclosure import UndecidedError
 from henon_ref.enclosure.model import SystemModel
-from henon_ref.filippov.decision import ended
-from henon_ref.filippov.equations import Guard
-from henon_ref.filippov.held_groups import slipped_by
-from henon_ref.filippov.modes import Mode, mode_text, replaced
-from henon_ref.filippov.problem import Problem
-from henon_ref.filippov.resting import impact_of, into_surface
+from henon_ref.modes.decision import ended
+from henon_ref.modes.equations import Guard
+from henon_ref.modes.held_groups import slipped_by
+from henon_ref.modes.mode import Mode, mode_text, replaced
+from henon_ref.modes.problem import Problem
+from henon_ref.modes.resting import impact_of, into_surface
 
 
 def initial_entry(model: SystemModel, problem: Problem) -> tuple[Entry, tuple[int, ...]]:

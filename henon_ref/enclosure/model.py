@@ -12,9 +12,9 @@ from flint import arb
 from henon_ref.enclosure.balls import enclose, proves_zero
 from henon_ref.enclosure.enclosure import UndecidedError
 from henon_ref.enclosure.tape import Program
-from henon_ref.filippov.modes import Mode
-from henon_ref.filippov.resting import impact_of
-from henon_ref.filippov.system import FilippovSystem
+from henon_ref.modes.mode import Mode
+from henon_ref.modes.resting import impact_of
+from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME, Tape, build_tape
 
 MAX_VARIED = 15_000

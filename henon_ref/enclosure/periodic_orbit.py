@@ -19,9 +19,9 @@ from henon_ref.enclosure.consistency import EndedError
 from henon_ref.enclosure.enclosure import UNIT_BALL, UndecidedError
 from henon_ref.enclosure.return_map import Guess, OrbitError, OrbitEvent, ReturnMap
 from henon_ref.enclosure.run import certify
-from henon_ref.filippov.modes import Mode
-from henon_ref.filippov.problem import Problem
-from henon_ref.filippov.system import FilippovSystem
+from henon_ref.modes.mode import Mode
+from henon_ref.modes.problem import Problem
+from henon_ref.modes.system import FilippovSystem
 from henon_ref.precision import working_precision
 
 NEWTON_STEPS = 12

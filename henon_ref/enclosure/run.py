@@ -18,9 +18,9 @@ from henon_ref.enclosure.flow import Precision, ValidatedFlow
 from henon_ref.enclosure.lohner import PointSet
 from henon_ref.enclosure.mode_selection import initial_entry
 from henon_ref.enclosure.model import SystemModel
-from henon_ref.filippov.modes import Mode, transition_kind
-from henon_ref.filippov.problem import Problem
-from henon_ref.filippov.resets import rows_at
+from henon_ref.modes.mode import Mode, transition_kind
+from henon_ref.modes.problem import Problem
+from henon_ref.modes.resets import rows_at
 from henon_ref.precision import working_precision
 from henon_ref.trajectory import Kind
 

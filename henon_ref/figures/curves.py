@@ -11,7 +11,7 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.figures.motion import Motion, axes_of_portrait, limits_around, plane_of, states_in
-from henon_ref.filippov.system import FilippovSystem
+from henon_ref.modes.system import FilippovSystem
 
 GRID = 121
 """Points a side of the grid on which a surface's curve is looked for."""

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from henon_ref.casefile.case import Reading
 from henon_ref.figures import style
 from henon_ref.figures.description import describe
-from henon_ref.filippov.latex import latex
-from henon_ref.filippov.modes import Mode
-from henon_ref.filippov.system import FilippovSystem
+from henon_ref.modes.latex import latex
+from henon_ref.modes.mode import Mode
+from henon_ref.modes.system import FilippovSystem
 from henon_ref.trajectory import Event, Samples
 
 if TYPE_CHECKING:

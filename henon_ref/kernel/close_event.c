@@ -6,7 +6,7 @@
  * up to a neighbourhood of the place, by its Bernstein coefficients, and there it falls, rises or has one minimum, by
  * the signs of their differences. Whether it reaches zero is then a matter of one number, its minimum, which is known
  * with a bound of its error. Nothing is decided that this bound leaves open, nor where another guard may be at zero
- * before: that is multiprecision's (henon_ref/henon/multiprecision_event.py), and so is what no two velocities tell.
+ * before: that is multiprecision's (henon_ref/integrator/multiprecision_event.py), and so is what no two velocities tell.
  */
 
 /* Steps of the motion from the start on that one event may take. */

@@ -1,6 +1,6 @@
 /* Contacts that act on each other, decided at an event where double precision tells.
  *
- * The rule is that of henon_ref/filippov/held_groups.py and contact_problem.py: Gauss's principle with Coulomb's
+ * The rule is that of henon_ref/modes/held_groups.py and contact_problem.py: Gauss's principle with Coulomb's
  * friction. The relative accelerations of a group's contacts are affine in their forces, N = a - M f; each force is
  * between its bounds, at the upper one where N > 0, at the lower one where N < 0 (Moreau 1985, Sec. 2; Glocker 2001,
  * Ch. 6). Which contacts hold is found by block principal pivoting (Judice and Pires, Comput. Oper. Res. 21 (1994)
@@ -196,7 +196,7 @@ struct group {
 };
 
 /* What is evaluated of a surface: its velocity in the fields, dh/dt, stands apart. */
-enum { RISING_END, FALLING_END, INERTIA, KINETIC, OF_CONTACT }; /* henon_ref/henon/mode_code.py has the same order */
+enum { RISING_END, FALLING_END, INERTIA, KINETIC, OF_CONTACT }; /* henon_ref/integrator/mode_code.py has the same order */
 
 /* What is known of the contact at a place: bits of enum contact. */
 static int64_t kind_of(const struct work *w, const struct group *g, int64_t k)

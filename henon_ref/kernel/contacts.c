@@ -1,7 +1,7 @@
 /* Modes of many contacts, as numbers.
  *
  * With m contacts there are 3^m modes; each contact's guards and constants depend on its own entry alone, -1 or +1 in
- * slip, 0 where it slides (henon_ref/filippov/decoupled_contacts.py and coupled_contacts.py have the equations, one set
+ * slip, 0 where it slides (henon_ref/modes/decoupled_contacts.py and coupled_contacts.py have the equations, one set
  * for all modes; so it is with surfaces beside them that are crossed, and have no entry 0). So a run
  * keeps the entries, two bits each, and one record and one row of constants, those of its mode: an event changes what
  * belongs to the contact that it is on, and a mode that was not seen before costs nothing.

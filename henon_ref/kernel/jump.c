@@ -1,6 +1,6 @@
 /* The jump of the state at one surface that resets it, and the mode after it, where double precision decides them.
  *
- * What henon_ref/filippov/after_jump.py says of a jump, for the common case: one surface alone is at zero, no other
+ * What henon_ref/modes/after_jump.py says of a jump, for the common case: one surface alone is at zero, no other
  * one is slid on after the jump, and the map carries none through zero whose reset would be due. The map is evaluated
  * at the state with what rounding has lost of it, to the rounding of its own terms, as a step is. Then the mode after
  * it is expanded there: every guard must be clearly above zero, and a surface that the map keeps must be left with a
@@ -41,7 +41,7 @@ struct jump {
  * if an operation has left the range of doubles.
  *
  * Of a surface whose function the map keeps the value is put as 0. The map of a surface
- * (henon_ref/henon/jump_code.py) leaves what it does not move.
+ * (henon_ref/integrator/jump_code.py) leaves what it does not move.
  */
 static bool map_state(const struct work *w, const struct jump *jump)
 {
@@ -111,7 +111,7 @@ static enum impact after_impact(const struct run *run, struct jump *jump, const 
     double speed = jump->speed, margin = CLEARLY_ABOVE * size_of_terms(row, 2, run->order, jump->length);
     if (ratio == 0.0)
         return row[2] < -margin ? RESTS : row[2] > margin ? LIFTS_OFF : NOT_CLEAR;
-    /* All later flights last 2 v / (a (1 - r)): see henon_ref/filippov/resting.py. Where friction has turned round the
+    /* All later flights last 2 v / (a (1 - r)): see henon_ref/modes/resting.py. Where friction has turned round the
      * way up alone lasts v / a. */
     double rise = row[1], reached = speed * run->unit;
     if (rise < -TANGENT * reached)
@@ -199,7 +199,7 @@ static int64_t follow_impact(struct work *w, struct jump *jump, int64_t changes)
 
 /* Go on to where impacts that have come to their limit leave a body at rest: along the motion at rest from the state
  * without the speed of the last impact, which is in the room. (Wrong by about the square of the time; see
- * henon_ref/filippov/resting.py.) */
+ * henon_ref/modes/resting.py.) */
 static void come_to_rest(struct work *w, const struct jump *jump)
 {
     struct run *run = w->run;

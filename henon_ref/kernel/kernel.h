@@ -150,7 +150,7 @@ struct mode {
     const struct tape *tape;   /* where what double precision does not decide is gone through in double-double; else
                                   null */
     int64_t guards_branch;     /* whether some guard has branch points */
-    int64_t number;            /* of the mode (henon_ref.filippov.modes.mode_number) */
+    int64_t number;            /* of the mode (henon_ref.modes.mode.mode_number) */
     int64_t surfaces;          /* of the system; 0, and no number, where there are more than numbers are for */
     struct guard guard[];
 };
@@ -183,7 +183,7 @@ struct tables {
     const int64_t *owned;      /* places in a row of "numbers", contact by contact */
 };
 
-/* Constants in parameters as a program (henon_ref.henon.constant_program), and where they go. */
+/* Constants in parameters as a program (henon_ref.integrator.constant_program), and where they go. */
 struct program {
     const int64_t *operations; /* (count, 4): see run_operations */
     const double *registers;   /* (width, 3): all of them before a run, the inputs first */

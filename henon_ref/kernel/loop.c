@@ -1,7 +1,7 @@
 /* The mode loop: Taylor steps, events, landings and ordinary mode changes without leaving machine code.
  *
  * Whatever needs more thought than a sign (several events at once, a tangency, a rest, a mode not compiled yet) is
- * handed back to Python (henon_ref/henon/run.py) with a code; after the answer the loop goes on.
+ * handed back to Python (henon_ref/integrator/run.py) with a code; after the answer the loop goes on.
  */
 
 /* Steps between two looks at the clock, in Python. */

@@ -1,7 +1,7 @@
 /* One call that does the runs of many points: no Python between them, nor the interpreter lock.
  *
  * A point that double precision cannot decide, that needs a mode which is not compiled, or whose run ends before its
- * horizon is set aside by its number: Python finishes it (henon_ref/henon/points.py).
+ * horizon is set aside by its number: Python finishes it (henon_ref/integrator/points.py).
  */
 
 /* Where a row of the buffer has the transition, in doubles: behind the number of the point. */

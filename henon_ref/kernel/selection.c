@@ -1,6 +1,6 @@
 /* What follows an event where several surfaces meet or slide, decided in machine code where it is clear.
  *
- * The rule is that of henon_ref/filippov/selection.py: of all candidate modes the one whose own field keeps it. At one
+ * The rule is that of henon_ref/modes/selection.py: of all candidate modes the one whose own field keeps it. At one
  * point the normal velocities are affine in the signs of the surfaces in play, N = a + B s; so a few numbers settle it:
  * for each candidate the equivalent signs of its sliding surfaces solve B s = -a, and what is left must point the right
  * way. Where no surface's velocity has another one's sign in it, each surface is decided alone, by its velocities below

@@ -122,7 +122,7 @@ static inline int64_t three_to(int64_t exponent)
     return power;
 }
 
-/* Entry of a surface in the mode of a number (henon_ref.filippov.modes.mode_number). */
+/* Entry of a surface in the mode of a number (henon_ref.modes.mode.mode_number). */
 static inline int64_t entry_of(int64_t number, int64_t surface)
 {
     return number / three_to(surface) % 3 - 1;

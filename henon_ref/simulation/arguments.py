@@ -13,8 +13,8 @@ from henon_ref.casefile.problem import build_problem, unused_at_start
 from henon_ref.casefile.source import Source
 from henon_ref.casefile.tree import MappingNode, Node
 from henon_ref.errors import ArgumentError, HenonRefError
-from henon_ref.filippov.bounds import put
-from henon_ref.filippov.problem import Problem
+from henon_ref.modes.bounds import put
+from henon_ref.modes.problem import Problem
 from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.system import System
 from henon_ref.simulation.written import argument_error, check_form, mapping, tree_of, written, written_name

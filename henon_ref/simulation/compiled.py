@@ -6,8 +6,8 @@ from collections import OrderedDict
 from dataclasses import replace
 from threading import Lock
 
-from henon_ref.henon.integrator import Integrator
-from henon_ref.henon.prepared_run import order_for
+from henon_ref.integrator.integrator import Integrator
+from henon_ref.integrator.prepared_run import order_for
 from henon_ref.simulation.system import System
 
 KEPT = 64
@@ -20,7 +20,7 @@ _lock = Lock()
 def integrator_of(system: System, tolerance: float, open_kinks: frozenset[int] = frozenset()) -> Integrator:
     """What runs a system, with any values of its parameters, at the order of a local error.
 
-    ``open_kinks``: see :class:`henon_ref.filippov.system.FilippovSystem`.
+    ``open_kinks``: see :class:`henon_ref.modes.system.FilippovSystem`.
 
     It is compiled the first time that a system of this structure is asked for. One thread compiles at a time; the
     others wait for it.

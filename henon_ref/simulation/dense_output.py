@@ -47,7 +47,7 @@ class DenseOutput:
 
         Parameters
         ----------
-        steps : ndarray, shape (k,) of :func:`henon_ref.henon.records.step_dtype`
+        steps : ndarray, shape (k,) of :func:`henon_ref.integrator.records.step_dtype`
         start : float
             Initial time [s].
         end : Trajectory

@@ -9,8 +9,8 @@ from graphlib import TopologicalSorter
 
 import sympy as sp
 
-from henon_ref.henon.constant_program import ConstantProgram, constant_program
-from henon_ref.henon.pairs import Pair, exact_expression
+from henon_ref.integrator.constant_program import ConstantProgram, constant_program
+from henon_ref.integrator.pairs import Pair, exact_expression
 from henon_ref.simulation.system import System
 
 

@@ -7,12 +7,12 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 from henon_ref.errors import ArgumentError
-from henon_ref.filippov.kinks import hidden_kinks
-from henon_ref.henon.integrator import Integrator
-from henon_ref.henon.prepared_run import local_error
-from henon_ref.henon.records import HENON
-from henon_ref.henon.start import MOST_STEPS, NO_LIMIT, Start
-from henon_ref.henon.transition_array import TransitionArray
+from henon_ref.integrator.integrator import Integrator
+from henon_ref.integrator.prepared_run import local_error
+from henon_ref.integrator.records import HENON
+from henon_ref.integrator.start import MOST_STEPS, NO_LIMIT, Start
+from henon_ref.integrator.transition_array import TransitionArray
+from henon_ref.modes.kinks import hidden_kinks
 from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.arguments import (
     check_absolute_tolerance,

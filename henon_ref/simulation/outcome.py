@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from functools import cached_property
 from typing import Any
 
-from henon_ref.filippov.modes import mode_text
+from henon_ref.modes.mode import mode_text
 from henon_ref.simulation.system import System
 from henon_ref.trajectory import Counts, Status, Trajectory
 

@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING, Any
 import sympy as sp
 
 from henon_ref.errors import ModelError
-from henon_ref.filippov.exact_numbers import double_double
-from henon_ref.henon.constants import ModeConstants
-from henon_ref.henon.integrator import Integrator
-from henon_ref.henon.pairs import Three, exact_expression, exact_number, pair_of, three_of
-from henon_ref.henon.records import HENON
-from henon_ref.henon.start import Start, begin
+from henon_ref.integrator.constants import ModeConstants
+from henon_ref.integrator.integrator import Integrator
+from henon_ref.integrator.pairs import Three, exact_expression, exact_number, pair_of, three_of
+from henon_ref.integrator.records import HENON
+from henon_ref.integrator.start import Start, begin
 from henon_ref.kernel.shared import kernel
+from henon_ref.modes.exact_numbers import double_double
 from henon_ref.simulation.system import System
 
 if TYPE_CHECKING:

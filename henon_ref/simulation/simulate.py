@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Never
 
-from henon_ref.henon.run import Run
-from henon_ref.henon.start import MOST_STEPS
+from henon_ref.integrator.run import Run
+from henon_ref.integrator.start import MOST_STEPS
 from henon_ref.simulation.arguments import refuse
 from henon_ref.simulation.dense_output import STEPS
 from henon_ref.simulation.launch import launch

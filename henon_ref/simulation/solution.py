@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from henon_ref.errors import ArgumentError
-from henon_ref.filippov.modes import Mode
-from henon_ref.henon.records import RESET, transition_dtype
-from henon_ref.henon.transition_array import TransitionArray
+from henon_ref.integrator.records import RESET, transition_dtype
+from henon_ref.integrator.transition_array import TransitionArray
+from henon_ref.modes.mode import Mode
 from henon_ref.simulation.dense_output import DenseOutput, checked_times
 from henon_ref.simulation.outcome import Outcome
 from henon_ref.simulation.system import System

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from henon_ref.filippov.kinks import hidden_kinks
-from henon_ref.henon.run import Run
+from henon_ref.integrator.run import Run
+from henon_ref.modes.kinks import hidden_kinks
 from henon_ref.simulation.launch import Launch
 from henon_ref.simulation.outcome import Outcome
 from henon_ref.simulation.tables import rows_of

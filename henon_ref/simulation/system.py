@@ -17,7 +17,7 @@ from henon_ref.casefile.source import Source
 from henon_ref.casefile.tree import MappingNode, ScalarNode, child, merged
 from henon_ref.casefile.work import Work
 from henon_ref.errors import ArgumentError, ExpressionError, HenonRefError
-from henon_ref.filippov.exponents import parameters_in_exponents, with_rational_exponents
+from henon_ref.modes.exponents import parameters_in_exponents, with_rational_exponents
 from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.written import (
     Number,
@@ -337,7 +337,7 @@ class System:
         return f"System({'; '.join(part for part in (listed(self.state, 8), surfaces + more, values) if part)})"
 
     def _repr_html_(self) -> str:
-        from henon_ref.filippov.latex import latex
+        from henon_ref.modes.latex import latex
 
         model = self.model
         rows = [(rf"\dot{{{latex(x)}}}", _formula(f)) for x, f in zip(model.states, model.field, strict=True)]
@@ -373,7 +373,7 @@ def _short(expression: sp.Expr) -> str:
 
 def _formula(expression: sp.Expr) -> str:
     if size(expression, LONGEST_SHOWN) <= LONGEST_SHOWN:
-        from henon_ref.filippov.latex import latex
+        from henon_ref.modes.latex import latex
 
         return f"${html.escape(latex(expression))}$"
     return "<code>...</code>"

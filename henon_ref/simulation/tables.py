@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.filippov.modes import mode_text
-from henon_ref.filippov.system import FilippovSystem
-from henon_ref.henon.transition_array import KINDS, TransitionArray
+from henon_ref.integrator.transition_array import KINDS, TransitionArray
+from henon_ref.modes.mode import mode_text
+from henon_ref.modes.system import FilippovSystem
 from henon_ref.trajectory import Transition, sticks
 
 if TYPE_CHECKING:

@@ -15,10 +15,10 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.errors import HenonRefError
-from henon_ref.henon.integrator import Integrator
-from henon_ref.henon.pairs import decimal_pairs
-from henon_ref.henon.points import Keep
-from henon_ref.henon.prepared_run import local_error
+from henon_ref.integrator.integrator import Integrator
+from henon_ref.integrator.pairs import decimal_pairs
+from henon_ref.integrator.points import Keep
+from henon_ref.integrator.prepared_run import local_error
 from henon_ref.simulation.compiled import integrator_of
 from henon_ref.sweeps.kernel import Ended, joined, refused_runs, run_points, together
 from henon_ref.sweeps.observations import Observation
@@ -96,7 +96,7 @@ class Work:
         *exponents : tuple of str and float
             Parameters that stand in exponents, and their values: with others it is another system.
         open_kinks : frozenset of int
-            See :class:`henon_ref.filippov.system.FilippovSystem`.
+            See :class:`henon_ref.modes.system.FilippovSystem`.
         """
         system = self.settings.system
         wanted = [e for o in self.observations for e in o.sections(system)]

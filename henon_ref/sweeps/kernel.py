@@ -11,15 +11,15 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.filippov.modes import Mode
-from henon_ref.henon.integrator import Integrator
-from henon_ref.henon.pairs import pair_of
-from henon_ref.henon.points import NOTHING, ExactPoint, Keep, PointRuns
-from henon_ref.henon.prepared_run import local_error
-from henon_ref.henon.records import HENON, transition_dtype
-from henon_ref.henon.run import Run
-from henon_ref.henon.transition_array import TransitionArray
+from henon_ref.integrator.integrator import Integrator
+from henon_ref.integrator.pairs import pair_of
+from henon_ref.integrator.points import NOTHING, ExactPoint, Keep, PointRuns
+from henon_ref.integrator.prepared_run import local_error
+from henon_ref.integrator.records import HENON, transition_dtype
+from henon_ref.integrator.run import Run
+from henon_ref.integrator.transition_array import TransitionArray
 from henon_ref.kernel.shared import kernel
+from henon_ref.modes.mode import Mode
 from henon_ref.sweeps.runs import Settings, Vector
 from henon_ref.trajectory import Transition
 

@@ -11,7 +11,7 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.errors import ArgumentError
-from henon_ref.henon.points import NOTHING, Keep
+from henon_ref.integrator.points import NOTHING, Keep
 from henon_ref.simulation.system import System
 from henon_ref.sweeps.runs import Columns, Runs
 from henon_ref.taylor.tape import TIME

@@ -8,9 +8,9 @@ import numpy as np
 import sympy as sp
 
 from henon_ref.casefile.expressions import parse_expression
-from henon_ref.filippov.exact_numbers import double_double
-from henon_ref.henon.constant_program import constant_program
-from henon_ref.henon.pairs import decimal_pairs
+from henon_ref.integrator.constant_program import constant_program
+from henon_ref.integrator.pairs import decimal_pairs
+from henon_ref.modes.exact_numbers import double_double
 from henon_ref.simulation.dependent_parameters import following, pairs_at, without_others
 from henon_ref.simulation.system import System
 from henon_ref.simulation.written import written
@@ -44,7 +44,7 @@ class PointNumbers:
         }
 
     def parameters(self, swept: Mapping[str, Vector], count: int) -> dict[str, Vector]:
-        """Every parameter -> its values as pairs of doubles (:mod:`henon_ref.henon.pairs`), shape (count, 2).
+        """Every parameter -> its values as pairs of doubles (:mod:`henon_ref.integrator.pairs`), shape (count, 2).
 
         Parameters
         ----------

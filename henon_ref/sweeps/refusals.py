@@ -11,7 +11,7 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.errors import HenonRefError
-from henon_ref.filippov.system import FilippovSystem
+from henon_ref.modes.system import FilippovSystem
 from henon_ref.simulation.arguments import problem_of
 from henon_ref.simulation.quick_start import CLEARLY
 from henon_ref.simulation.system import System
@@ -45,7 +45,7 @@ def refusals(
     -------
     reasons : ndarray of str or None, shape (K,)
     open_kinks : ndarray of frozenset, shape (K,)
-        See :class:`henon_ref.filippov.system.FilippovSystem`.
+        See :class:`henon_ref.modes.system.FilippovSystem`.
     """
     system = settings.system
     with np.errstate(all="ignore"):

@@ -11,10 +11,10 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.filippov.exact_numbers import double_double
-from henon_ref.filippov.kinks import HiddenKinks, hidden_kinks
-from henon_ref.filippov.modes import Mode, mode_text
-from henon_ref.henon.start import MOST_STEPS
+from henon_ref.integrator.start import MOST_STEPS
+from henon_ref.modes.exact_numbers import double_double
+from henon_ref.modes.kinks import HiddenKinks, hidden_kinks
+from henon_ref.modes.mode import Mode, mode_text
 from henon_ref.simulation.system import System
 from henon_ref.simulation.written import python_number
 from henon_ref.sweeps.sections import Section
@@ -78,7 +78,7 @@ class Runs:
     run : ndarray of int, shape (R,)
         Which run each transition belongs to; they stand in order of runs, and of time in each.
     records : ndarray, shape (R,)
-        See :func:`henon_ref.henon.records.transition_dtype`.
+        See :func:`henon_ref.integrator.records.transition_dtype`.
     modes : sequence of tuple
         Modes by the numbers that the records hold: an entry a surface, those of sections last.
     refused : ndarray of bool, shape (K,)

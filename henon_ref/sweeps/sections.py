@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import sympy as sp
 
-from henon_ref.filippov.algebra import signed_form
+from henon_ref.modes.algebra import signed_form
 from henon_ref.simulation.system import System
 
 

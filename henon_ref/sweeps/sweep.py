@@ -8,7 +8,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from henon_ref.henon.start import MOST_STEPS
+from henon_ref.integrator.start import MOST_STEPS
 from henon_ref.simulation.arguments import whole_number
 from henon_ref.simulation.notice import notice_if_slow
 from henon_ref.simulation.system import System

@@ -19,7 +19,7 @@ from henon_ref.casefile.schema import (
     Text,
     Tolerance,
 )
-from henon_ref.henon.start import MOST_STEPS
+from henon_ref.integrator.start import MOST_STEPS
 from henon_ref.sweeps.plan import RTOL
 
 

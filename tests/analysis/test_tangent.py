@@ -9,7 +9,7 @@ import sympy as sp
 
 from henon_ref.analysis.tangent import SurfaceCoordinate, TangentAnalysis
 from henon_ref.errors import ModelError
-from henon_ref.filippov.system import FilippovSystem
+from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 
 X1, X2, S, Z = sp.symbols("x1 x2 s z", real=True)

@@ -12,7 +12,7 @@ import henon_ref as hr
 from henon_ref.analysis.lyapunov import floquet_multipliers
 from henon_ref.analysis.variational import fundamental_matrix
 from henon_ref.casefile.case import load_case
-from henon_ref.filippov.problem import Problem
+from henon_ref.modes.problem import Problem
 
 
 def table(restitution: float = 0.8) -> hr.System:

@@ -18,8 +18,8 @@ from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
 from henon_ref.baselines.restart import STOPPED
 from henon_ref.baselines.work import Work
 from henon_ref.errors import ContractError, UnavailableError, UnsupportedError
-from henon_ref.filippov.problem import Problem
-from henon_ref.filippov.system import FilippovSystem
+from henon_ref.modes.problem import Problem
+from henon_ref.modes.system import FilippovSystem
 from henon_ref.solver import Solver
 
 X, S, U = sp.symbols("x s u", real=True)

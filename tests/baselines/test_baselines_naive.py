@@ -14,8 +14,8 @@ import systems
 from henon_ref.baselines.bands import Band, joined
 from henon_ref.baselines.scipy_naive import SIGN, SMOOTHED
 from henon_ref.errors import UnsupportedError
-from henon_ref.filippov.problem import Problem
-from henon_ref.filippov.system import FilippovSystem
+from henon_ref.modes.problem import Problem
+from henon_ref.modes.system import FilippovSystem
 
 
 def run(solver: Any, problem: Problem, rtol: float, **options: Any) -> Any:

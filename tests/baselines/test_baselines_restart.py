@@ -23,8 +23,8 @@ from henon_ref.baselines.sundials_cvode import ADAMS
 from henon_ref.baselines.sundials_cvode import BDF as CVODE_BDF
 from henon_ref.baselines.sundials_ida import IDA
 from henon_ref.casefile.case import load_case
-from henon_ref.filippov.problem import Problem
-from henon_ref.filippov.system import FilippovSystem
+from henon_ref.modes.problem import Problem
+from henon_ref.modes.system import FilippovSystem
 
 X, V, S = sp.symbols("x v s", real=True)
 ALL = (RK45, DOP853, RADAU, BDF, LSODA, ADAMS, CVODE_BDF, IDA, HEYOKA)

@@ -18,9 +18,9 @@ from henon_ref.baselines.scipy_ivp import BDF, DOP853, LSODA, RADAU, RK45
 from henon_ref.baselines.sundials_cvode import ADAMS
 from henon_ref.baselines.sundials_cvode import BDF as CVODE_BDF
 from henon_ref.baselines.sundials_ida import IDA
-from henon_ref.filippov.problem import Problem
-from henon_ref.filippov.system import FilippovSystem
 from henon_ref.harness import registry
+from henon_ref.modes.problem import Problem
+from henon_ref.modes.system import FilippovSystem
 from henon_ref.solver import Solver
 from henon_ref.taylor.tape import TIME
 

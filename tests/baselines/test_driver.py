@@ -18,8 +18,8 @@ from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
 from henon_ref.baselines.restart import Fresh
 from henon_ref.baselines.work import Work
 from henon_ref.errors import UnsupportedError
-from henon_ref.filippov.problem import Problem
-from henon_ref.filippov.system import FilippovSystem
+from henon_ref.modes.problem import Problem
+from henon_ref.modes.system import FilippovSystem
 
 X, S, U, W = sp.symbols("x s u w", real=True)
 

@@ -9,9 +9,9 @@ import pytest
 
 from henon_ref.casefile.case import parse_case
 from henon_ref.errors import UnsupportedError
-from henon_ref.filippov.problem import Problem
 from henon_ref.harness.registry import solver
 from henon_ref.harness.truth.multiprecision.route import multiprecision
+from henon_ref.modes.problem import Problem
 
 LIBRARIES = (
     "heyoka", "cvode-adams", "cvode-bdf", "ida", "scipy-rk45", "scipy-dop853", "scipy-radau", "scipy-bdf",

@@ -12,7 +12,7 @@ import pytest
 import sympy as sp
 
 from henon_ref.baselines.numba_callbacks import compiled, jacobian
-from henon_ref.filippov.callables import scalar
+from henon_ref.modes.callables import scalar
 from henon_ref.taylor.tape import TIME
 
 CASES = Path(__file__).parents[2] / "cases"

@@ -23,9 +23,9 @@ from henon_ref.baselines.mode_functions import ModeFunctions
 from henon_ref.baselines.nosnoc_fesd import FEWEST, GRID, NOSNOC, Nosnoc, _control_steps
 from henon_ref.baselines.scipy_ivp import RK45
 from henon_ref.errors import UnavailableError, UnsupportedError
-from henon_ref.filippov.problem import Problem
-from henon_ref.filippov.system import FilippovSystem
 from henon_ref.harness import registry
+from henon_ref.modes.problem import Problem
+from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 
 MODULES = {"diffrax": "diffrax", "diffsol": "pydiffsol", "nosnoc": "nosnoc"}

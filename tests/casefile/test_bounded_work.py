@@ -19,12 +19,12 @@ from henon_ref.casefile import case as case_module
 from henon_ref.casefile.case import parse_case
 from henon_ref.casefile.syntax_walk import SyntaxWalk
 from henon_ref.errors import CaseError, ModelError
-from henon_ref.filippov import work as work_module
-from henon_ref.filippov.affine import coefficients
-from henon_ref.filippov.algebra import expanded, known_positive, measured, simplified
-from henon_ref.filippov.bounds import put
 from henon_ref.harness.report.text.model import as_written, general_form, mode_equations
 from henon_ref.harness.truth.proofs import prove
+from henon_ref.modes import work as work_module
+from henon_ref.modes.affine import coefficients
+from henon_ref.modes.algebra import expanded, known_positive, measured, simplified
+from henon_ref.modes.bounds import put
 from henon_ref.taylor.size import size
 from henon_ref.taylor.tape import build_tape
 
@@ -324,7 +324,7 @@ def test_a_large_system_is_read_with_little_of_the_work_that_is_allowed(monkeypa
 
 def test_exact_times_are_compared_by_their_digits(monkeypatch) -> None:
     asked: list[sp.Expr] = []
-    monkeypatch.setattr("henon_ref.filippov.exact_numbers.exact_sign", lambda number: asked.append(number) or 1)
+    monkeypatch.setattr("henon_ref.modes.exact_numbers.exact_sign", lambda number: asked.append(number) or 1)
     times = ", ".join(f"{i}*sqrt(2)/9" for i in range(1, 101))
     parse_case(belt("s") + f"exact: {{transition_times: [{times}]}}\n")
     assert asked == []

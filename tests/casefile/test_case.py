@@ -14,8 +14,8 @@ from random_scenes import deadline
 from henon_ref.casefile.case import Case, load_case, parse_case
 from henon_ref.casefile.grammar import TAKEN
 from henon_ref.errors import CaseError
-from henon_ref.filippov.overrides import Release
 from henon_ref.harness.rows import TransitionRow
+from henon_ref.modes.overrides import Release
 
 SLIDE = """\
 schema: 1

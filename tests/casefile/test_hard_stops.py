@@ -8,10 +8,10 @@ from multiprecision import multiprecision
 
 from henon_ref.casefile.case import parse_case
 from henon_ref.errors import CaseError
-from henon_ref.filippov.overrides import Release, Reset
-from henon_ref.filippov.problem import Problem
-from henon_ref.filippov.system import FilippovSystem
 from henon_ref.harness.registry import solver
+from henon_ref.modes.overrides import Release, Reset
+from henon_ref.modes.problem import Problem
+from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Trajectory
 

@@ -15,11 +15,11 @@ from henon_ref.casefile.expressions import parse_field
 from henon_ref.casefile.kinks import Kinks
 from henon_ref.casefile.work import Work
 from henon_ref.errors import CaseError, ExpressionError
-from henon_ref.filippov.kinks import continuous
-from henon_ref.filippov.problem import Problem
 from henon_ref.harness.registry import solver
 from henon_ref.harness.report.text.model import kink_notes
 from henon_ref.harness.truth.compute import compute, stored_truth, truth_for
+from henon_ref.modes.kinks import continuous
+from henon_ref.modes.problem import Problem
 
 X, V, T, K = sp.symbols("x v t k", real=True)
 K1, K2, K3 = sp.symbols("kink1 kink2 kink3", real=True)

@@ -12,7 +12,7 @@ from flint import arb, ctx
 
 from henon_ref.enclosure.balls import enclose
 from henon_ref.enclosure.run import CertifiedRun, certify
-from henon_ref.filippov.problem import Problem
+from henon_ref.modes.problem import Problem
 
 RADIUS = 1e-30
 

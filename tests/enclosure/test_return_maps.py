@@ -13,7 +13,7 @@ from henon_ref.enclosure import periodic_orbit as orbit
 from henon_ref.enclosure.balls import enclose
 from henon_ref.enclosure.periodic_orbit import find_periodic_orbit, settled_guess
 from henon_ref.enclosure.return_map import Guess, OrbitError
-from henon_ref.filippov.problem import Problem
+from henon_ref.modes.problem import Problem
 
 PERIOD = 2 * sp.pi / (3 * sp.pi / 2 / sp.Rational(12364, 10000))
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from henon_ref.filippov.contact_problem import ContactProblem, solved
 from henon_ref.kernel.shared import doubles, ffi, kernel
+from henon_ref.modes.contact_problem import ContactProblem, solved
 
 
 def compiled(problem: ContactProblem) -> tuple[bool, tuple[int, ...]]:

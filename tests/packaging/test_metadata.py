@@ -33,7 +33,7 @@ REQUIREMENTS = [Requirement(text) for text in PROJECT["dependencies"]]
 EXTRAS = [*extra("sweep"), *extra("numba"), *extra("peers")]
 TESTS = extra("test")
 LIBRARY = [Requirement(text) for text in WRITTEN["dependency-groups"]["library"]]
-ROOMS = ("analysis", "casefile", "enclosure", "figures", "filippov", "henon", "jit", "kernel", "roots", "simulation",
+ROOMS = ("analysis", "casefile", "enclosure", "figures", "integrator", "jit", "kernel", "modes", "roots", "simulation",
          "sweeps", "taylor", "workers")  # fmt: skip
 """Of the library."""
 COMMANDS = {"typer", "jinja2"}

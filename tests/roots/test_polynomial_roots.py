@@ -11,7 +11,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.polynomial import Polynomial
 
-from henon_ref.henon import records as k
+from henon_ref.integrator import records as k
 from henon_ref.jit.ir_writer import row_length
 from henon_ref.kernel.shared import EPS, LEVELS, doubles, ffi
 from henon_ref.kernel.shared import kernel as p

@@ -44,8 +44,8 @@ def test_runs_load_nothing_that_they_do_not_need() -> None:
 
 
 SELDOM = (
-    "henon_ref.taylor.llvm", "henon_ref.henon.multiprecision_event", "henon_ref.henon.precise_modes",
-    "henon_ref.henon.jump", "henon_ref.filippov.coupled_contacts", "henon_ref.filippov.held_contacts",
+    "henon_ref.taylor.llvm", "henon_ref.integrator.multiprecision_event", "henon_ref.integrator.precise_modes",
+    "henon_ref.integrator.jump", "henon_ref.modes.coupled_contacts", "henon_ref.modes.held_contacts",
     "henon_ref.simulation.stream",
 )  # fmt: skip
 

@@ -13,10 +13,10 @@ from jobs import Act, burn, grandchild, send_all
 
 from henon_ref.casefile.case import Case, parse_case
 from henon_ref.errors import UnsupportedError
-from henon_ref.filippov.problem import Problem
 from henon_ref.harness.campaign.truth_job import Statement
 from henon_ref.harness.score.reference import Expected
 from henon_ref.jit.processor_time import compiling
+from henon_ref.modes.problem import Problem
 from henon_ref.trajectory import Counts, Trajectory, Transition
 
 TIMES = (0.5, 1.25, 2.0, 3.5, 4.0)

@@ -23,9 +23,9 @@ import sympy as sp
 from henon_ref.casefile.case import load_case
 from henon_ref.casefile.catalogue import case_files
 from henon_ref.errors import ModelError
-from henon_ref.filippov.decoupled_contacts import switched_equations
-from henon_ref.filippov.system import FilippovSystem
 from henon_ref.jit.ir_writer import row_length
+from henon_ref.modes.decoupled_contacts import switched_equations
+from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.llvm.expansion import expansion_ir
 from henon_ref.taylor.llvm.step_end import step_end_ir
 from henon_ref.taylor.tape import TIME, Tape, build_tape

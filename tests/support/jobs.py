@@ -117,7 +117,7 @@ class Act(Job):
         return state.kept.get("word", "nothing")
 
     def do_imported(self, state):
-        return "henon_ref.henon.integrator" in sys.modules
+        return "henon_ref.integrator.integrator" in sys.modules
 
     def do_hang(self, state):
         while True:

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from henon_ref.filippov.problem import Problem
+from henon_ref.modes.problem import Problem
 
 
 def simulate(problem: Problem, bits: int) -> Any:

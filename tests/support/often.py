@@ -10,10 +10,10 @@ import pytest
 EVERY_PYTHON = (
     "analysis/test_tangent.py", "baselines/protocol/test_reader.py", "baselines/test_base.py", "casefile/test_case.py",
     "casefile/test_expressions.py", "casefile/test_yaml_file.py", "enclosure/test_enclosed_events.py",
-    "figures/test_figures.py", "filippov/test_system.py", "harness/campaign/test_from_python.py",
+    "figures/test_figures.py", "modes/test_system.py", "harness/campaign/test_from_python.py",
     "harness/campaign/test_timing.py", "harness/cli/test_main.py", "harness/figures/", "harness/report/test_report.py",
     "harness/score/test_sticks.py", "harness/studies/test_page.py", "harness/test_registry.py",
-    "harness/truth/test_truth_store.py", "henon/test_henon.py", "jit/", "kernel/", "packaging/test_metadata.py",
+    "harness/truth/test_truth_store.py", "integrator/test_henon.py", "jit/", "kernel/", "packaging/test_metadata.py",
     "roots/", "simulation/test_simulate.py", "simulation/test_system_from_python.py",
     "sweeps/test_storage.py", "taylor/test_rules.py", "test_package.py",
     "workers/test_executors.py",

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import sympy as sp
 
-from henon_ref.filippov.problem import Problem
-from henon_ref.filippov.system import FilippovSystem
+from henon_ref.modes.problem import Problem
+from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 
 

@@ -10,8 +10,8 @@ import sympy as sp
 from henon_ref.baselines.protocol.messages import VERSION, Request
 from henon_ref.baselines.protocol.problem_text import problem_text
 from henon_ref.baselines.protocol.program import ProgramSolver
-from henon_ref.filippov.problem import Problem
-from henon_ref.filippov.system import FilippovSystem
+from henon_ref.modes.problem import Problem
+from henon_ref.modes.system import FilippovSystem
 
 PRELUDE = "import json, os, sys, time; request = json.load(sys.stdin); "
 FINE = {

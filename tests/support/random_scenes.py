@@ -35,13 +35,13 @@ from scene_draws import scene
 
 from henon_ref.casefile.case import parse_case
 from henon_ref.errors import ModelError, UnsupportedError
-from henon_ref.filippov.equations import along
-from henon_ref.filippov.kinks import visible
-from henon_ref.filippov.problem import Problem
 from henon_ref.harness.registry import solver
 from henon_ref.harness.score.errors import score
 from henon_ref.harness.score.reference import Expected
 from henon_ref.harness.truth.conditioning import conditioning
+from henon_ref.modes.equations import along
+from henon_ref.modes.kinks import visible
+from henon_ref.modes.problem import Problem
 from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Trajectory
 

@@ -15,11 +15,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from henon_ref.casefile.case import parse_case
-from henon_ref.filippov.system import FilippovSystem
-from henon_ref.henon.integrator import Integrator
-from henon_ref.henon.prepared_run import order_for
-from henon_ref.henon.records import HENON
-from henon_ref.henon.run import Run
+from henon_ref.integrator.integrator import Integrator
+from henon_ref.integrator.prepared_run import order_for
+from henon_ref.integrator.records import HENON
+from henon_ref.integrator.run import Run
+from henon_ref.modes.system import FilippovSystem
 from henon_ref.trajectory import Trajectory
 
 STACK = """\

@@ -23,9 +23,9 @@ from multiprecision import multiprecision
 
 from henon_ref.casefile.case import parse_case
 from henon_ref.errors import UnsupportedError
-from henon_ref.filippov.problem import Problem
 from henon_ref.harness.registry import solver
 from henon_ref.harness.truth.conditioning import conditioning
+from henon_ref.modes.problem import Problem
 from henon_ref.trajectory import Trajectory, Transition
 
 TOLERANCE = 1e-15

@@ -6,10 +6,10 @@ from math import asin, atan2, pi, sqrt
 
 import sympy as sp
 
-from henon_ref.filippov.overrides import Reset
-from henon_ref.filippov.problem import Problem
-from henon_ref.filippov.resting import with_resting
-from henon_ref.filippov.system import FilippovSystem
+from henon_ref.modes.overrides import Reset
+from henon_ref.modes.problem import Problem
+from henon_ref.modes.resting import with_resting
+from henon_ref.modes.system import FilippovSystem
 
 X, V, S = sp.symbols("x v s", real=True)
 FALL = sqrt(2 / 10)

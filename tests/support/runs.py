@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from henon_ref.baselines.henon import HENON_SOLVER
-from henon_ref.filippov.problem import Problem
+from henon_ref.modes.problem import Problem
 from henon_ref.trajectory import Trajectory
 
 

@@ -10,9 +10,9 @@ from functools import cache
 
 import sympy as sp
 
-from henon_ref.filippov.overrides import Release, SlidingOverride
-from henon_ref.filippov.problem import Problem
-from henon_ref.filippov.system import FilippovSystem
+from henon_ref.modes.overrides import Release, SlidingOverride
+from henon_ref.modes.problem import Problem
+from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 
 X, V, S = sp.symbols("x v s", real=True)

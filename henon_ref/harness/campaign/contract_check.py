@@ -10,8 +10,8 @@ import math
 import sys
 
 from henon_ref.errors import ContractError
-from henon_ref.filippov.problem import Problem
 from henon_ref.harness.campaign.contract_values import Converter, shown, wrong
+from henon_ref.modes.problem import Problem
 from henon_ref.text import short_line
 from henon_ref.trajectory import Status, Trajectory
 

@@ -13,8 +13,8 @@ from numbers import Integral, Real
 from typing import TypeVar, get_args
 
 from henon_ref.errors import ContractError
-from henon_ref.filippov.modes import Mode
-from henon_ref.filippov.system import FilippovSystem
+from henon_ref.modes.mode import Mode
+from henon_ref.modes.system import FilippovSystem
 from henon_ref.text import short_line
 from henon_ref.trajectory import Counts, Kind, Transition
 

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from henon_ref.casefile.case import Reading
-from henon_ref.filippov.modes import Mode, mode_text
 from henon_ref.harness.campaign.causes import cause_of
 from henon_ref.harness.campaign.settings import Setting
 from henon_ref.harness.campaign.timing import summarise
@@ -17,6 +16,7 @@ from henon_ref.harness.score.matching import Matching
 from henon_ref.harness.score.reference import Expected
 from henon_ref.harness.score.sticks import published_partners
 from henon_ref.harness.score.verdict import granted_error, graze_distance, missed_verdict, spurious_verdict
+from henon_ref.modes.mode import Mode, mode_text
 from henon_ref.text import short_line
 from henon_ref.trajectory import Counts, Stick, Trajectory, sticks
 

@@ -14,13 +14,13 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.filippov.problem import Problem
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.contract_check import check_prepared, check_trajectory
 from henon_ref.harness.campaign.settings import Setting
 from henon_ref.harness.campaign.timing import repeat
 from henon_ref.harness.campaign.worker import Job, WorkerState
 from henon_ref.jit.processor_time import run_time
+from henon_ref.modes.problem import Problem
 from henon_ref.solver import Run, SelfTimedRun, Solver
 from henon_ref.trajectory import Samples, Trajectory
 

@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from henon_ref.filippov.problem import Problem
 from henon_ref.harness.score.reference import Expected
+from henon_ref.modes.problem import Problem
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,9 @@ import sympy as sp
 from flint import arb
 
 from henon_ref.enclosure.balls import enclose
-from henon_ref.filippov.modes import Mode
 from henon_ref.harness.truth.multiprecision.numbers import ball_text
 from henon_ref.harness.truth.reference import ReferenceTransition, TruthError
+from henon_ref.modes.mode import Mode
 from henon_ref.precision import working_precision
 
 BITS = 320

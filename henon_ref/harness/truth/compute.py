@@ -22,9 +22,9 @@ from typing import TYPE_CHECKING
 from flint import arb
 
 from henon_ref.enclosure.balls import enclose
-from henon_ref.filippov.kinks import visible
 from henon_ref.harness.truth import store
 from henon_ref.harness.truth.reference import OUT_OF_TIME, ReferenceTransition, Route, Truth, TruthError
+from henon_ref.modes.kinks import visible
 from henon_ref.precision import working_precision
 
 if TYPE_CHECKING:

@@ -10,9 +10,9 @@ import flint
 from flint import arb
 
 from henon_ref.enclosure.run import CertifiedRun, CertifiedTransition, Ended, certify
-from henon_ref.filippov.problem import Problem
 from henon_ref.harness.truth.multiprecision.numbers import GUARD_BITS, ball_text
 from henon_ref.harness.truth.reference import ReferenceTransition, Route
+from henon_ref.modes.problem import Problem
 from henon_ref.precision import working_precision
 from henon_ref.trajectory import Status
 

@@ -9,7 +9,7 @@ from itertools import accumulate, groupby
 from math import inf
 
 from henon_ref.errors import HenonRefError
-from henon_ref.filippov.modes import Mode
+from henon_ref.modes.mode import Mode
 from henon_ref.trajectory import Kind, Status
 
 OUT_OF_TIME = "the truth's time limit passed"

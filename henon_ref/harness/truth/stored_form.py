@@ -12,8 +12,8 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from henon_ref.filippov.modes import Mode
 from henon_ref.harness.truth.reference import NearGraze, ReferenceTransition, Truth, instants
+from henon_ref.modes.mode import Mode
 from henon_ref.trajectory import Kind
 
 SCHEMA: Literal[1] = 1

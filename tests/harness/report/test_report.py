@@ -16,7 +16,6 @@ from made_reports import ORIGIN, cells, changed, compared, made, tables, usual
 
 from henon_ref.casefile.case import load_case
 from henon_ref.figures.motion import motion_of
-from henon_ref.filippov.latex import latex, symbol
 from henon_ref.harness.campaign.comparison import Comparison
 from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.campaign.results import ReadingResult
@@ -34,6 +33,7 @@ from henon_ref.harness.report.text.ranking import prices
 from henon_ref.harness.report.text.tables import price_table, run_table, stick_table
 from henon_ref.harness.rows import RunRow, csv_text, read_rows, rows_text
 from henon_ref.harness.score.gate import Gate
+from henon_ref.modes.latex import latex, symbol
 from henon_ref.trajectory import Samples
 
 

@@ -14,7 +14,6 @@ import pytest
 from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.casefile.case import load_case
 from henon_ref.errors import CaseError
-from henon_ref.filippov.problem import Problem
 from henon_ref.harness.campaign import timing
 from henon_ref.harness.campaign.interleaved import MOST, Turns, interleaved
 from henon_ref.harness.campaign.options import Options, Silent
@@ -39,6 +38,7 @@ from henon_ref.harness.studies.price.tables import (
     why_not,
 )
 from henon_ref.jit.cache_folder import VARIABLE
+from henon_ref.modes.problem import Problem
 
 CASES = Path(__file__).parents[3] / "cases"
 ADDITIONS = [

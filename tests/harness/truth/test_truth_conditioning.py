@@ -12,9 +12,9 @@ import sympy as sp
 import systems
 from multiprecision import simulate, transitions
 
-from henon_ref.filippov.problem import Problem
 from henon_ref.harness.truth.conditioning import conditioning
 from henon_ref.harness.truth.reference import ReferenceTransition
+from henon_ref.modes.problem import Problem
 
 
 def _from(problem: Problem, *state: str) -> Problem:

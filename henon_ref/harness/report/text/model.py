@@ -10,15 +10,15 @@ import sympy as sp
 
 from henon_ref.casefile.assembly import Scene
 from henon_ref.errors import ModelError
-from henon_ref.filippov.kinks import continuous
-from henon_ref.filippov.latex import MOST_OPERATIONS, aligned, derivative, few, latex, printable, symbol
-from henon_ref.filippov.latex import general_form as general_form
-from henon_ref.filippov.modes import Mode, mode_text
-from henon_ref.filippov.resting import REMAINING, impact_of
-from henon_ref.filippov.system import FilippovSystem
 from henon_ref.harness.campaign.results import ReadingResult
 from henon_ref.harness.table import Table
-from henon_ref.henon.prepared_run import order_for
+from henon_ref.integrator.prepared_run import order_for
+from henon_ref.modes.kinks import continuous
+from henon_ref.modes.latex import MOST_OPERATIONS, aligned, derivative, few, latex, printable, symbol
+from henon_ref.modes.latex import general_form as general_form
+from henon_ref.modes.mode import Mode, mode_text
+from henon_ref.modes.resting import REMAINING, impact_of
+from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.llvm.count import count
 from henon_ref.taylor.llvm.expansion import expansion_ir
 from henon_ref.taylor.size import size

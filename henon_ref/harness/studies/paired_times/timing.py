@@ -6,7 +6,6 @@ import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from henon_ref.filippov.problem import Problem
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.interleaved import Turns, interleaved
 from henon_ref.harness.campaign.options import Observer, Options
@@ -16,6 +15,7 @@ from henon_ref.harness.campaign.worker import Failure, Job, WorkerState
 from henon_ref.harness.report.text.paired_times import PairRow
 from henon_ref.harness.studies.paired_times.own_calls import ClockedHeyoka, clocked, own_part
 from henon_ref.harness.studies.paired_times.pairs import Candidate, Pair
+from henon_ref.modes.problem import Problem
 from henon_ref.solver import Run
 
 FEWEST, MOST = 9, 200

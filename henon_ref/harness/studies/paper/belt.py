@@ -9,8 +9,8 @@ import numpy as np
 
 from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.casefile.case import parse_case
-from henon_ref.filippov.problem import Problem
 from henon_ref.harness.registry import solver
+from henon_ref.modes.problem import Problem
 from henon_ref.trajectory import Status
 
 SPEED = (0.2, 0.4, 0.4)

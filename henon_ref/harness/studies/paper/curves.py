@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.filippov.problem import Problem
 from henon_ref.harness.registry import solver
+from henon_ref.modes.problem import Problem
 from henon_ref.trajectory import Trajectory, Transition
 
 Floats = NDArray[np.float64]

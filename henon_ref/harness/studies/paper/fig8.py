@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from henon_ref.baselines.paper.listing import LISTING
 from henon_ref.baselines.paper.listing_variants import DEFECTS, run_variant
 from henon_ref.figures import style
-from henon_ref.filippov.problem import Problem
 from henon_ref.harness.report.files.svg import svg
 from henon_ref.harness.studies.paper.audit import PRINTED_STEP, numbers
 from henon_ref.harness.studies.paper.claims import Claim, Section, checked, picture
@@ -29,6 +28,7 @@ from henon_ref.harness.studies.paper.systems import (
     fig8_equations,
     fig8_listing_limit,
 )
+from henon_ref.modes.problem import Problem
 from henon_ref.trajectory import Transition
 
 if TYPE_CHECKING:

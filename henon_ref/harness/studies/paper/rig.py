@@ -14,8 +14,8 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.casefile.case import parse_case
-from henon_ref.filippov.problem import Problem
-from henon_ref.filippov.system import FilippovSystem
+from henon_ref.modes.problem import Problem
+from henon_ref.modes.system import FilippovSystem
 
 SPEEDS: Mapping[str, str] = {"periodic": "0.40", "quasi-periodic": "1.00", "two-frequency": "0.75", "chaotic": "0.03"}
 """Kind of motion -> speed of the belt. (``two-frequency`` is quasi-periodic as well, with a faster decay.)"""

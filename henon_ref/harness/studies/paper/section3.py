@@ -12,7 +12,6 @@ import sympy as sp
 from henon_ref.analysis.tangent import TangentAnalysis, TangentPoint
 from henon_ref.baselines.paper.rk4 import RK4
 from henon_ref.figures import style
-from henon_ref.filippov.problem import Problem
 from henon_ref.harness.report.files.svg import svg
 from henon_ref.harness.studies.paper.audit import ORDER_STEPS, ROUNDING, order_of
 from henon_ref.harness.studies.paper.claims import Claim, Section, checked, picture
@@ -28,6 +27,7 @@ from henon_ref.harness.studies.paper.systems import (
     printed_points,
     section_2,
 )
+from henon_ref.modes.problem import Problem
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -11,9 +11,9 @@ from dataclasses import replace
 import sympy as sp
 
 from henon_ref.analysis.tangent import SurfaceCoordinate
-from henon_ref.filippov.overrides import Release, SlidingOverride
-from henon_ref.filippov.problem import Problem
-from henon_ref.filippov.system import FilippovSystem
+from henon_ref.modes.overrides import Release, SlidingOverride
+from henon_ref.modes.problem import Problem
+from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 
 X1, X2, S, Z = sp.symbols("x1 x2 s z", real=True)

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from henon_ref.casefile.case import Case
-from henon_ref.filippov.problem import Problem
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.settings import Setting
 from henon_ref.harness.report.text.paired_times import FIRST, PairRow
 from henon_ref.harness.rows import number
 from henon_ref.harness.studies.price.fresh import caches_in, in_fresh_process
 from henon_ref.harness.studies.price.ladder import TIMEOUT
+from henon_ref.modes.problem import Problem
 
 DIGITS = 9
 """Digits of the worst transition for which runs are counted."""

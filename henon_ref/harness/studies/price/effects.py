@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.casefile.case import parse_case
-from henon_ref.filippov.problem import Problem
-from henon_ref.filippov.system import FilippovSystem
 from henon_ref.harness.campaign.interleaved import interleaved
+from henon_ref.modes.problem import Problem
+from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import build_tape
 
 RTOL = 1e-12

@@ -11,14 +11,14 @@ from statistics import median
 import numpy as np
 import sympy as sp
 
-from henon_ref.filippov.problem import Problem
 from henon_ref.harness import registry
 from henon_ref.harness.studies.price.fit import Fit, power
 from henon_ref.harness.studies.price.fresh import in_fresh_process
-from henon_ref.henon.integrator import Integrator
-from henon_ref.henon.prepared_run import order_for
-from henon_ref.henon.records import HENON
-from henon_ref.henon.run import Run
+from henon_ref.integrator.integrator import Integrator
+from henon_ref.integrator.prepared_run import order_for
+from henon_ref.integrator.records import HENON
+from henon_ref.integrator.run import Run
+from henon_ref.modes.problem import Problem
 
 HORIZONS: Mapping[str, tuple[float, ...]] = {
     "henon": (1e2, 1e3, 1e4, 1e5, 1e6),

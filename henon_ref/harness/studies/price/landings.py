@@ -10,10 +10,10 @@ import sympy as sp
 
 from henon_ref.baselines.henon import HENON_BRENT, HENON_NEWTON, HENON_SOLVER
 from henon_ref.casefile.case import Case, parse_case
-from henon_ref.filippov.modes import Mode
-from henon_ref.filippov.problem import Problem
 from henon_ref.harness.campaign.interleaved import interleaved
 from henon_ref.harness.truth.reference import Truth, split_double
+from henon_ref.modes.mode import Mode
+from henon_ref.modes.problem import Problem
 from henon_ref.trajectory import Trajectory
 
 GRAZES = ("1", "1e-1", "1e-3", "1e-5", "1e-7", "1e-9")

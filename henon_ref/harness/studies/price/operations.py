@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from henon_ref.baselines.henon import HENON_SOLVER
-from henon_ref.filippov.problem import Problem
 from henon_ref.harness.campaign.interleaved import interleaved
-from henon_ref.henon.integrator import Integrator
-from henon_ref.henon.prepared_run import order_for
-from henon_ref.henon.records import HENON
-from henon_ref.henon.run import Run
+from henon_ref.integrator.integrator import Integrator
+from henon_ref.integrator.prepared_run import order_for
+from henon_ref.integrator.records import HENON
+from henon_ref.integrator.run import Run
+from henon_ref.modes.problem import Problem
 from henon_ref.taylor.llvm.count import count as count
 from henon_ref.taylor.llvm.expansion import expansion_ir
 from henon_ref.taylor.llvm.step_end import step_end_ir

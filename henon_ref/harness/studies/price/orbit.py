@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from henon_ref.casefile.case import parse_case
-from henon_ref.filippov.problem import Problem
+from henon_ref.modes.problem import Problem
 
 FIG8 = """\
 schema: 1

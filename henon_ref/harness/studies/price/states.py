@@ -8,12 +8,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from henon_ref.casefile.case import parse_case
-from henon_ref.filippov.problem import Problem
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.interleaved import Turns, interleaved
 from henon_ref.harness.studies.paired_times.own_calls import clocked, own_part
 from henon_ref.harness.studies.price.fit import Fit, power
 from henon_ref.harness.studies.price.orbit import orbit_problem
+from henon_ref.modes.problem import Problem
 from henon_ref.solver import Run
 from henon_ref.trajectory import Trajectory
 

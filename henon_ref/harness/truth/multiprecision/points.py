@@ -2,7 +2,7 @@
 
 A point carries radii (what the precision leaves open), and a derivative is positive, negative or *zero to the
 precision*, where its ball holds zero: a tie within that radius counts as exact. The mode that follows is decided by the
-one rule of :mod:`henon_ref.filippov.selection`; nothing that it is decided from shares code with the reference's.
+one rule of :mod:`henon_ref.modes.selection`; nothing that it is decided from shares code with the reference's.
 """
 
 from __future__ import annotations
@@ -13,21 +13,21 @@ import sympy as sp
 from flint import arb
 
 from henon_ref.errors import ModelError
-from henon_ref.filippov.arithmetic import Leading
-from henon_ref.filippov.decision import Decision
-from henon_ref.filippov.equations import Guard
-from henon_ref.filippov.in_balls import BALLS
-from henon_ref.filippov.modes import Mode, replaced
-from henon_ref.filippov.selection import mode_by_signs
-from henon_ref.filippov.system import FilippovSystem
 from henon_ref.harness.truth.multiprecision import series
+from henon_ref.modes.arithmetic import Leading
+from henon_ref.modes.decision import Decision
+from henon_ref.modes.equations import Guard
+from henon_ref.modes.in_balls import BALLS
+from henon_ref.modes.mode import Mode, replaced
+from henon_ref.modes.selection import mode_by_signs
+from henon_ref.modes.system import FilippovSystem
 
 ORDERS = (1, 3, series.ORDER)
 """Orders of the guards' series, tried in turn: in nearly all events the first one tells."""
 
 
 class SeriesEvaluation:
-    """The modes of one system at one precision; what :func:`henon_ref.filippov.after_jump.after_jump` asks of numbers.
+    """The modes of one system at one precision; what :func:`henon_ref.modes.after_jump.after_jump` asks of numbers.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ class SeriesEvaluation:
 
 
 class Point:
-    """See :class:`henon_ref.filippov.arithmetic.Point`."""
+    """See :class:`henon_ref.modes.arithmetic.Point`."""
 
     arithmetic = BALLS
     levels = BALLS.levels
@@ -96,7 +96,7 @@ class Point:
 
     @property
     def when(self) -> str:
-        """See :class:`henon_ref.filippov.arithmetic.Point`, and so on."""
+        """See :class:`henon_ref.modes.arithmetic.Point`, and so on."""
         return self._modes.text(self.time)
 
     def series(self, mode: Mode, order: int) -> list[list[arb]]:

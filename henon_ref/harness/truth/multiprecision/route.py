@@ -16,11 +16,11 @@ from time import perf_counter, process_time
 import heyoka as hy
 from flint import arb
 
-from henon_ref.filippov.modes import transition_kind
-from henon_ref.filippov.problem import Problem
 from henon_ref.harness.truth.multiprecision.numbers import GUARD_BITS, ball_text, exact_ball
 from henon_ref.harness.truth.multiprecision.run import Event, Progress, Run, simulate
 from henon_ref.harness.truth.reference import ReferenceTransition, Route
+from henon_ref.modes.mode import transition_kind
+from henon_ref.modes.problem import Problem
 from henon_ref.precision import working_precision
 
 log = logging.getLogger(__name__)

@@ -10,14 +10,6 @@ from time import process_time
 import numpy as np
 from flint import arb
 
-from henon_ref.filippov.after_jump import AfterJump, Rest, after_jump
-from henon_ref.filippov.decision import Decision
-from henon_ref.filippov.equations import Guard
-from henon_ref.filippov.modes import Mode
-from henon_ref.filippov.problem import Problem
-from henon_ref.filippov.resets import resetting, rows_at
-from henon_ref.filippov.resting import REMAINING, turning_in_flight
-from henon_ref.filippov.selection import after_event, initial_mode, signs_at
 from henon_ref.harness.truth.multiprecision.heyoka import to_real
 from henon_ref.harness.truth.multiprecision.numbers import GUARD_BITS, exact_ball, to_ball
 from henon_ref.harness.truth.multiprecision.points import Point, SeriesEvaluation
@@ -25,6 +17,14 @@ from henon_ref.harness.truth.multiprecision.stepper import Step, Stepper
 from henon_ref.harness.truth.multiprecision.termination import CROWD, EndedError, Termination, written
 from henon_ref.harness.truth.reference import OUT_OF_TIME, NearGraze
 from henon_ref.harness.truth.roots import isolate
+from henon_ref.modes.after_jump import AfterJump, Rest, after_jump
+from henon_ref.modes.decision import Decision
+from henon_ref.modes.equations import Guard
+from henon_ref.modes.mode import Mode
+from henon_ref.modes.problem import Problem
+from henon_ref.modes.resets import resetting, rows_at
+from henon_ref.modes.resting import REMAINING, turning_in_flight
+from henon_ref.modes.selection import after_event, initial_mode, signs_at
 from henon_ref.precision import working_precision
 from henon_ref.trajectory import Status
 

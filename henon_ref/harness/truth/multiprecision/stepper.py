@@ -19,14 +19,14 @@ import sympy as sp
 from flint import arb
 from numpy.typing import NDArray
 
-from henon_ref.filippov.equations import Guard, along
-from henon_ref.filippov.modes import Mode
-from henon_ref.filippov.resting import impact_of, settled_state
-from henon_ref.filippov.system import FilippovSystem
 from henon_ref.harness.truth.multiprecision import series
 from henon_ref.harness.truth.multiprecision.heyoka import RealParameters, to_heyoka, to_real
 from henon_ref.harness.truth.multiprecision.numbers import to_ball
 from henon_ref.harness.truth.roots import END
+from henon_ref.modes.equations import Guard, along
+from henon_ref.modes.mode import Mode
+from henon_ref.modes.resting import impact_of, settled_state
+from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 
 PIECES = 16

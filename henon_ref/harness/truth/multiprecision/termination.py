@@ -8,9 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 from flint import arb
 
-from henon_ref.filippov.equations import Guard
 from henon_ref.harness.truth.multiprecision.numbers import to_ball
 from henon_ref.harness.truth.multiprecision.stepper import Step
+from henon_ref.modes.equations import Guard
 from henon_ref.trajectory import Status
 
 HUGE = 1e100

@@ -8,11 +8,11 @@ import pytest
 import sympy as sp
 from flint import arb, ctx
 
-from henon_ref.filippov.equations import Guard
-from henon_ref.filippov.overrides import SlidingOverride
-from henon_ref.filippov.selection import after_event, initial_mode
-from henon_ref.filippov.system import FilippovSystem
 from henon_ref.harness.truth.multiprecision.points import SeriesEvaluation
+from henon_ref.modes.equations import Guard
+from henon_ref.modes.overrides import SlidingOverride
+from henon_ref.modes.selection import after_event, initial_mode
+from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 
 X, V, S, U = sp.symbols("x v s u", real=True)

@@ -11,9 +11,9 @@ import systems
 from flint import arb, ctx
 from multiprecision import simulate
 
-from henon_ref.filippov.problem import Problem
-from henon_ref.filippov.system import FilippovSystem
 from henon_ref.harness.truth.multiprecision.numbers import exact_ball
+from henon_ref.modes.problem import Problem
+from henon_ref.modes.system import FilippovSystem
 
 BITS = 256
 DIGITS = 1e-70

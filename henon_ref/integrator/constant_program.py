@@ -1,0 +1,309 @@
+"""Constants of equations as programs of their parameters: evaluated at thousands of points without SymPy.
+
+One machine runs every program (``henon_ref/kernel/double_double.c``); functions other than roots are evaluated by
+python-flint, once for each distinct argument. The same program can be run over any ring: rational numbers, balls.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property, reduce
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+import sympy as sp
+from flint import arb, fmpq
+from numpy.typing import NDArray
+
+from henon_ref.errors import ModelError
+from henon_ref.kernel.shared import LEVELS, doubles, ffi, integers, kernel
+from henon_ref.modes.exact_numbers import double_double
+from henon_ref.precision import working_precision
+from henon_ref.taylor.fold import FUNCTIONS, Rule, Rules, Walk, fold
+
+ADD, MULTIPLY, POWER, SQRT = kernel.ADD, kernel.MULTIPLY, kernel.POWER, kernel.SQRT
+"""Operations of the machine; POWER has a whole number in place of its second register."""
+ROUNDING, ACCURATE = LEVELS.operation_error, LEVELS.accurate
+"""Bounds of the relative error of one operation, and of that which a constant may have."""
+FUNCTION = 4
+"""An operation that python-flint evaluates: its second operand is the function's number, or a register for powers."""
+POWER_OF = 5
+"""A power whose exponent is no whole number."""
+NAMES = (*FUNCTIONS, "Abs")
+"""Functions of one argument, by their numbers."""
+BITS = 256
+"""Of python-flint's balls where a function is evaluated, and where a sign is asked for."""
+DIGITS = 90
+"""Of numbers that are no rational ones, where a program is run in balls."""
+
+
+@dataclass(frozen=True, eq=False)
+class ConstantProgram:
+    """Expressions in some symbols as one list of operations.
+
+    Registers: the inputs, then exact numbers, then results.
+    """
+
+    inputs: int
+    numbers: tuple[sp.Expr, ...]
+    """Exact numbers that stand in the expressions."""
+    operations: tuple[tuple[int, int, int, int], ...]
+    """Operation, register of the result, registers of the operands."""
+    outputs: tuple[int, ...]
+    """Register of each expression."""
+
+    @cached_property
+    def places(self) -> NDArray[np.int64]:
+        """Registers of the expressions, as an array."""
+        return np.array(self.outputs, dtype=np.int64)
+
+    @cached_property
+    def _registers(self) -> NDArray[np.float64]:
+        """All of them before a run, shape (registers, 3)."""
+        found = np.zeros((self.inputs + len(self.numbers) + len(self.operations), 3))
+        for place, number in enumerate(self.numbers, start=self.inputs):
+            high, low = double_double(number)
+            found[place] = high, low, ROUNDING * abs(high) if low else 0.0
+        return found
+
+    @cached_property
+    def _stages(self) -> list[tuple[bool, NDArray[np.int64]]]:
+        """Operations in runs of those that the machine has, and those that it has not."""
+        grouped = groupby(self.operations, key=lambda operation: operation[0] >= FUNCTION)
+        return [(other, np.array(list(group), dtype=np.int64)) for other, group in grouped]
+
+    def compiled(self, sources: NDArray[np.int64]) -> tuple[Any, tuple[Any, ...]] | None:
+        """The program as a ``struct program`` of ``kernel.h``, and what it points to; None where it holds functions.
+
+        ``sources``: what is put at each place.
+        """
+        if any(other for other, _ in self._stages):
+            return None
+        operations = self._stages[0][1] if self._stages else np.zeros((0, 4), dtype=np.int64)
+        kept = integers(operations), doubles(self._registers), integers(self.places), integers(sources)
+        made = ffi.new("struct program *")
+        made.operations, made.registers, made.outputs, made.sources = kept
+        made.count, made.width, made.inputs = len(operations), len(self._registers), self.inputs
+        made.results, made.places = len(self.outputs), sources.size
+        return made, kept
+
+    def registers(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Run at some points.
+
+        Parameters
+        ----------
+        values : ndarray, shape (points, inputs) or (points, inputs, 3)
+            Doubles, taken as exact; or each number as two doubles, and a bound of their error.
+
+        Returns
+        -------
+        ndarray, shape (points, registers, 3)
+            Each number as two doubles, and a bound of their error; what is not finite is so, or NaN.
+        """
+        found = np.empty((len(values), *self._registers.shape))
+        found[:] = self._registers
+        if values.ndim == 2:
+            found[:, : self.inputs, 0] = values
+        else:
+            found[:, : self.inputs] = values
+        for other, operations in self._stages:
+            if other:
+                for operation in operations.tolist():
+                    _evaluate(operation, found)
+            else:
+                kernel.run_operations(integers(operations), len(operations), doubles(found), found.shape[1], len(found))
+        return found
+
+    @property
+    def places_a_point(self) -> int:
+        """Doubles that :meth:`pairs` takes for each point."""
+        return self._registers.size + 2 * len(self.outputs)
+
+    def pairs(self, values: NDArray[np.float64], exact: Callable[[int], Sequence[sp.Expr]]) -> NDArray[np.float64]:
+        """The expressions at some points, each as its double and what that leaves, shape (points, 2 k).
+
+        ``exact``: the inputs of a point, by its number, with which expressions are evaluated in balls that have lost
+        digits, terms having cancelled.
+        """
+        registers = self.registers(values)
+        found = np.empty((len(values), 2 * len(self.outputs)))
+        if not self._scatter(registers, found):
+            error, size = registers[:, self.places, 2], np.abs(registers[:, self.places, 0])
+            lost = np.isfinite(size) & (error > ACCURATE * size)
+            for point in np.flatnonzero(lost.any(axis=1)).tolist():
+                with working_precision(BITS):
+                    balls = [_three(ball) for ball in self.balls(exact(point))]
+                registers[point, self.places[lost[point]]] = np.array(balls)[lost[point]]
+            self._scatter(registers, found)
+        return found
+
+    def _scatter(self, registers: NDArray[np.float64], out: NDArray[np.float64]) -> bool:
+        """Put the expressions, and what their rounding lost, into rows; False where some have lost their digits."""
+        points, width = registers.shape[:2]
+        highs, lows = map(integers, np.arange(2 * len(self.outputs)).reshape(-1, 2).T.copy())
+        own = integers(self.places)
+        accurate = kernel.scatter(
+            doubles(registers), width, points, own, highs, lows, len(own), doubles(out), out.shape[1]
+        )
+        return bool(accurate)
+
+    def over_ring(
+        self, values: Sequence[Any], number: Callable[[sp.Expr], Any], root: Callable[[Any], Any]
+    ) -> list[Any]:
+        """Expressions at one point of a ring; ``number`` of an exact number, ``root`` a square root there."""
+        registers = [*values, *(number(each) for each in self.numbers)]
+        for what, _, i, j in self.operations:
+            a = registers[i]
+            if what == ADD:
+                registers.append(a + registers[j])
+            elif what == MULTIPLY:
+                registers.append(a * registers[j])
+            elif what == POWER:
+                registers.append(a**j)
+            elif what == SQRT:
+                registers.append(root(a))
+            elif what == POWER_OF:
+                registers.append(a ** registers[j])
+            else:
+                registers.append(abs(a) if NAMES[j] == "Abs" else getattr(a, NAMES[j])())
+        return [registers[output] for output in self.outputs]
+
+    def balls(self, values: Sequence[sp.Expr]) -> list[arb]:
+        """Expressions at one point of exact numbers, with the precision that python-flint has."""
+        return self.over_ring([_ball(v) for v in values], _ball, arb.sqrt)
+
+    def signs(self, values: Sequence[Any]) -> list[int | None]:
+        """Signs of the expressions at one point of exact numbers: 0 for zero, and where BITS bits show nothing.
+
+        None where an expression has no finite real value. Numbers are whole, Fraction, or SymPy's.
+        """
+        return [int(v > 0) - int(v < 0) if v.is_finite() else None for v in self.exact_values(values)]
+
+    def exact_values(self, values: Sequence[Any]) -> list[Any]:
+        """Expressions at one point of exact numbers: balls, without radius where all is rational; NaN at a pole."""
+        with working_precision(BITS):
+            if self.is_rational and all(getattr(v, "is_Rational", True) for v in values):
+                exact = [fmpq(int(v.numerator), int(v.denominator)) for v in values]
+                try:
+                    return list(map(arb, self.over_ring(exact, lambda n: fmpq(int(n.p), int(n.q)), arb.sqrt)))
+                except ZeroDivisionError:  # at a pole of one expression others have values
+                    pass
+            return self.balls(list(map(sp.sympify, values)))
+
+    @cached_property
+    def is_rational(self) -> bool:
+        """Whether rational inputs give rational outputs."""
+        simple = all(what in (ADD, MULTIPLY, POWER) for what, *_ in self.operations)
+        return simple and all(number.is_Rational for number in self.numbers)
+
+
+def _ball(number: sp.Expr) -> arb:
+    """An exact number in balls; what is no rational number to DIGITS digits."""
+    if number.is_Rational:
+        return arb(fmpq(int(number.p), int(number.q)))
+    return arb(str(sp.N(number, DIGITS))) + arb(0, 10.0**-DIGITS * abs(float(number)))
+
+
+def _evaluate(operation: Sequence[int], registers: NDArray[np.float64]) -> None:
+    """Evaluate a function at all points, once for each distinct argument."""
+    what, to, i, j = operation
+    operands = [registers[:, i]] if what == FUNCTION else [registers[:, i], registers[:, j]]
+    arguments, places = np.unique(np.concatenate(operands, axis=1), axis=0, return_inverse=True)
+    with working_precision(BITS):
+        found = [_function_value(what, j, argument) for argument in arguments.tolist()]
+    registers[:, to] = np.array(found)[places.ravel()]
+
+
+def _function_value(what: int, function: int, argument: Sequence[float]) -> tuple[float, float, float]:
+    """A number as two doubles and a bound of their error."""
+    balls = [
+        arb(high, error) + arb(low) for high, low, error in (argument[k : k + 3] for k in range(0, len(argument), 3))
+    ]
+    if what == POWER_OF:
+        value = balls[0] ** balls[1]
+    else:
+        value = abs(balls[0]) if NAMES[function] == "Abs" else getattr(balls[0], NAMES[function])()
+    return _three(value)
+
+
+def _three(value: arb) -> tuple[float, float, float]:
+    """A ball as two doubles and a bound of their error."""
+    if not value.is_finite():
+        return math.nan, math.nan, math.inf
+    high = float(value.mid())
+    low = float(value.mid() - high)
+    return high, low, 1.0001 * float(value.rad()) + ROUNDING * abs(high)
+
+
+def constant_program(symbols: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> ConstantProgram:
+    """Write expressions in some symbols as a program.
+
+    Raises
+    ------
+    ModelError
+        For a function that is not among :data:`NAMES`, a symbol that is not given, or a number that is not finite.
+    """
+    builder = _Builder(symbols, expressions)
+    return ConstantProgram(len(symbols), tuple(builder.numbers), tuple(builder.operations), tuple(builder.outputs))
+
+
+def _is_operation(exponent: sp.Expr) -> bool:
+    """Whether a power is an operation of the machine."""
+    return bool(exponent.is_Integer) or exponent == sp.Rational(1, 2)
+
+
+class _Builder:
+    """Turns expressions into operations; equal ones become one."""
+
+    def __init__(self, symbols: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> None:
+        self.numbers: list[sp.Expr] = []
+        self.operations: list[tuple[int, int, int, int]] = []
+        self._known: dict[sp.Expr, int] = {symbol: i for i, symbol in enumerate(symbols)}
+        self._made: dict[tuple[int, int, int], int] = {}
+        for expression in expressions:
+            self._find_numbers(expression)
+        self._first = len(symbols) + len(self.numbers)
+        rules = Rules(self._number, self._chain(ADD), self._chain(MULTIPLY), self._power, self._function)
+        self.outputs = [fold(e, rules, self._known) for e in expressions]
+
+    def _find_numbers(self, e: sp.Expr) -> None:
+        """Give the exact numbers in an expression their registers, which stand before those of results."""
+        if e in self._known:
+            return
+        if e.is_number:
+            self._known[e] = len(self._known)
+            self.numbers.append(e)
+            return
+        for part in [e.base] if e.is_Pow and _is_operation(e.exp) else e.args:
+            self._find_numbers(part)
+
+    def _number(self, e: sp.Expr) -> int:
+        raise ModelError(f"no program for {e}")  # all that may stand in expressions have their registers
+
+    def _chain(self, what: int) -> Rule[int]:
+        return lambda e, walk: reduce(lambda a, b: self._operation(what, a, b), list(map(walk, e.args)))
+
+    def _power(self, e: sp.Expr, walk: Walk[int]) -> int:
+        base = walk(e.base)
+        if e.exp.is_Integer:
+            return self._operation(POWER, base, int(e.exp))
+        if e.exp == sp.Rational(1, 2):
+            return self._operation(SQRT, base, base)
+        return self._operation(POWER_OF, base, walk(e.exp))
+
+    def _function(self, e: sp.Expr, walk: Walk[int]) -> int:
+        name = type(e).__name__
+        if name not in NAMES or len(e.args) != 1:
+            raise ModelError(f"no program for {e}")
+        return self._operation(FUNCTION, walk(e.args[0]), NAMES.index(name))
+
+    def _operation(self, what: int, i: int, j: int) -> int:
+        key = what, i, j
+        if key not in self._made:
+            place = self._first + len(self.operations)
+            self.operations.append((what, place, i, j))
+            self._made[key] = place
+        return self._made[key]

@@ -1,0 +1,81 @@
+"""Why a run ends where the compiled loop cannot go on."""
+
+from __future__ import annotations
+
+import math
+from itertools import takewhile
+
+from henon_ref.integrator.state_view import State
+from henon_ref.kernel.shared import kernel
+from henon_ref.modes.decision import ended, explained, several
+from henon_ref.modes.equations import Guard
+from henon_ref.modes.mode import replaced
+from henon_ref.trajectory import Status
+
+
+def ending_of(run: State, code: int) -> tuple[Status, str]:
+    """Status and reason where the loop returned DIVERGED, STALLED, EVENTS_ACCUMULATE, NOT_UNIQUE or LEFT_DOMAIN."""
+    if code == kernel.NOT_UNIQUE:
+        return _two_ways(run)
+    if code == kernel.LEFT_DOMAIN:
+        return _domain_ending(run, run.guards[run.scalars.guard])
+    at = f"t = {run.time:.17g}"
+    largest = max(map(abs, run.x.tolist()))
+    grown = largest > 1e8 * max(1.0, *(abs(v[0]) for v in run.start.x))
+    if code == kernel.DIVERGED or (code == kernel.STALLED and grown):
+        return "diverged", f"the state leaves every bound at {at}"
+    singular = vanishing_guard(run) if code == kernel.STALLED else None
+    if singular is not None:
+        return _domain_ending(run, singular)
+    if code == kernel.STALLED:
+        return "failed", f"the step size fell to zero at {at}: {_singular(run)} there"
+    return "failed", f"transitions accumulate at {at}: no mode lasts longer than the resolution of time"
+
+
+def _two_ways(run: State) -> tuple[Status, str]:
+    """How the run ends here where a surface that it slides on has turned repelling."""
+    system, mode, index = run.integrator.system, run.mode, run.guards[run.scalars.guard].index
+    refused = several(system, [replaced(mode, index, side) for side in (-1, 1)], f"{run.time:.17g}")
+    refused = explained(refused, system, mode, (index,))
+    return refused.ending, refused.reason
+
+
+def _domain_ending(run: State, guard: Guard) -> tuple[Status, str]:
+    """How the run ends here for a guard that ends it."""
+    refused = ended(run.integrator.system, run.mode, [guard], f"{run.time:.17g}")
+    assert refused is not None
+    return refused.ending, refused.reason
+
+
+def vanishing_guard(run: State) -> Guard | None:
+    """A guard that ends the run and has shrunk to nothing where it stalled (the field may be singular there)."""
+    next_to_nothing = 1e-14 * max(1.0, abs(run.start.time[0]), abs(run.time))
+    for g, guard in enumerate(run.guards):
+        if guard.ends and abs(run.workspace.band.item(run.x.size + g, 0)) <= next_to_nothing:
+            return guard
+    return None
+
+
+def _singular(run: State) -> str:
+    """What has no finite series where the run stalled, or the steepest one, by the last that was tried."""
+    order, states = run.integrator.order, run.x.size
+    series = run.workspace.band[: states + len(run.guards), : order + 1].tolist()
+    finite = [len(row) if math.isfinite(sum(row)) else len(list(takewhile(math.isfinite, row))) for row in series]
+    # What is not finite spreads: to a state one order after the field that it is integrated from.
+    at = finite.index(min(finite))
+    singular = finite[at] > (1 if at < states else 0)
+    if finite[at] > order:
+        steep = [abs(row[order]) / (abs(row[0]) + abs(row[1]) + abs(row[2]) + 1e-300) for row in series]
+        at = steep.index(max(steep))
+    return f"{row_name(run, at)} is {'singular' if singular else 'not finite'}"
+
+
+def row_name(run: State, row: int) -> str:
+    """What a row of an expansion is the series of."""
+    system, states = run.integrator.system, run.x.size
+    if row < states:
+        return f"the field of {system.state_names[row]}"
+    guard = run.guards[row - states]
+    of = str(system.valid[guard.index]) if guard.kind == "valid" else system.sign_names[guard.index]
+    words = {"valid": "", "surface": "the surface of ", "attracts": "whether sliding attracts on "}
+    return f"{words.get(guard.kind, 'the release of ')}{of}"

@@ -1,0 +1,237 @@
+"""Machine code that modes share, and the tapes whose constants tell them apart."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import sympy as sp
+from numpy.typing import NDArray
+
+from henon_ref.integrator.tape_program import tape_program
+from henon_ref.jit.native_module import NativeModule
+from henon_ref.kernel.shared import kernel
+from henon_ref.modes.decoupled_contacts import SwitchedEquations
+from henon_ref.modes.equations import Guard, along
+from henon_ref.modes.mode import Mode
+from henon_ref.modes.mode_evaluation import ModeTape
+from henon_ref.modes.system import FilippovSystem
+from henon_ref.taylor.machine_code import Part, machine_code
+from henon_ref.taylor.tape import Tape, build_tape
+
+BRANCHING = frozenset({"sqrt", "power", "asin", "acos"})
+"""Operations with branch points."""
+Entries = tuple[tuple[Mapping[sp.Symbol, sp.Expr], ...], ...]
+"""See :class:`henon_ref.modes.mode_evaluation.ModeTape`."""
+MOST_WATCHED = 200
+"""Operations up to which guards that hold more than the field does (a long expression whose extremes a sweep looks for)
+are compiled to the fastest code: beyond, that takes longer than most runs."""
+LARGE = 200
+"""Operations of field and guards beyond which the code is loops over like ones (:mod:`henon_ref.taylor.llvm.looped`):
+compiling straight-line code takes a time that grows with the square. For 40 masses with one contact, at 243, loops are
+ready in 2.2 in place of 6.9 s and a run takes 1.07 times as long; for 4 blocks with friction, at 88, twice as long; for
+16, at 388, the same."""
+
+
+@dataclass(frozen=True, eq=False)
+class ModeCode:
+    """Machine code of the modes that have their equations in common."""
+
+    expansion: ModeTape
+    """Field and guards."""
+    probe: ModeTape
+    """Normal velocities on both sides."""
+    code: NativeModule
+    degree: int
+    """Degree of states and guards where by their form they are polynomials in time, up to the order; else 0."""
+    field_branches: bool
+    """Whether the field may have branch points."""
+    guards_branch: tuple[bool, ...]
+    """Whether each guard may have some."""
+    program: NDArray[np.int64] | None
+    """Field and guards as compiled code goes through them in double-double, if it does."""
+    jumps: ModeTape | None = None
+    """The system's maps of resets, if compiled code makes jumps."""
+
+    @property
+    def guards_branch_alone(self) -> bool:
+        """Whether some guard may have branch points, and the field has none."""
+        return any(self.guards_branch) and not self.field_branches
+
+    @property
+    def tapes(self) -> tuple[ModeTape, ...]:
+        """Those whose constants the compiled loop reads, in its order; of all modes of a system as many."""
+        return (self.expansion, self.probe, *([] if self.jumps is None else [self.jumps]))
+
+    @property
+    def fields(self) -> dict[str, int]:
+        """Those of :data:`henon_ref.integrator.records.MODE` that it decides."""
+        return {
+            "expansion": self.code.address("expansion"),
+            "step_end": self.code.address("closing"),
+            "normal_velocities": self.code.address("probe"),
+            "rounding": self.code.address("rounding"),
+            "polynomial_degree": self.degree,
+            "slopes": self.code.address("slopes") if self.field_branches or any(self.guards_branch) else 0,
+            "tape": 0 if self.program is None else self.program.ctypes.data,
+            "guards_branch": int(any(self.guards_branch)),
+        }
+
+
+def common_mode_code(system: FilippovSystem, mode: Mode, order: int, passed: frozenset[int] = frozenset()) -> ModeCode:
+    """Code of the modes that have their equations in common with one.
+
+    ``passed``: surfaces whose normal velocity is that of the mode, other surfaces sliding.
+
+    Raises
+    ------
+    ModelError
+        Where they have none.
+    """
+    key, equations = system.common_equations(mode)
+    outputs = [g.expression for g in equations.guards]
+    normals = {i: along(system.surfaces[i], system.states, equations.field) for i in passed}
+    sides = _speeds(system, equations.guards, normals)
+    if key == mode:  # these are its own
+        own = dict(zip(system.signs, map(sp.Integer, mode), strict=True))
+        sides = [speed.xreplace(own) for speed in sides]
+        entries: Entries = (({}, {}, {}),) * len(mode)
+    else:
+        entries = tuple(tuple({sign: sp.Integer(s)} for s in (-1, 0, 1)) for sign in system.signs)
+    expansion, probe = build_tape(system.states, equations.field, outputs), build_tape(system.states, (), sides)
+    return _mode_code(system, order, expansion, probe, entries)
+
+
+def switched_mode_code(system: FilippovSystem, equations: SwitchedEquations, order: int) -> ModeCode:
+    """One code for the modes of all combinations of sliding surfaces."""
+    sides = _speeds(system, equations.guards((1,) * len(system.surfaces)))
+    # Names keep apart the constants of surfaces: each is that of one entry, however many signs act together.
+    names = {s: sp.Symbol(f"side_{i}", real=True) for i, s in enumerate(system.signs)}
+    beside = {s: names[s] for i, s in enumerate(system.signs) if i in equations.crossed}
+    expansion = _named_tape(system, equations.field, equations.outputs, equations.definitions, beside)
+    probe = _named_tape(system, (), sides, (), names if equations.coupled else beside)
+    return _mode_code(system, order, expansion, probe, equations.entries)
+
+
+def _named_tape(
+    system: FilippovSystem,
+    field: Sequence[sp.Expr],
+    outputs: Sequence[sp.Expr],
+    definitions: Sequence[tuple[sp.Symbol, sp.Expr]],
+    names: Mapping[sp.Symbol, sp.Symbol],
+) -> Tape:
+    """A tape of expressions in which some symbols have names of their own."""
+    if not names:
+        return build_tape(system.states, field, outputs, definitions)
+    field, outputs = ([e.xreplace(names) for e in part] for part in (field, outputs))
+    defined = [(name, s) for s, name in names.items()] + [(s, e.xreplace(names)) for s, e in definitions]
+    return build_tape(system.states, field, outputs, defined)
+
+
+def _mode_code(system: FilippovSystem, order: int, expansion: Tape, probe: Tape, entries: Entries) -> ModeCode:
+    n, nodes = len(system.states), expansion.nodes
+    degrees = [*(nodes[row].degree + 1 for row in expansion.field), *(nodes[row].degree for row in expansion.outputs)]
+    degree = max(degrees) if max(degrees) <= order else 0
+    field_branches = _has_branch_points(expansion, expansion.field)
+    guards_branch = tuple(_has_branch_points(expansion, [row]) for row in expansion.outputs)
+    has_branch_points = field_branches or any(guards_branch)
+    large, not_watched = len(nodes) > LARGE, len(nodes) <= len(expansion.needed(expansion.field)) + MOST_WATCHED
+    loops = "looped " if large else ""
+    parts = [
+        Part(f"{loops}expansion", (expansion, n, order, "expansion")),
+        Part(f"{loops}step end", (n, len(expansion.outputs), order, "closing")),
+        Part(f"{loops}expansion", (probe, n, 0, "probe")),
+        Part("rounding", (expansion, n, "rounding")),
+    ]
+    if has_branch_points:
+        parts.append(Part(f"{loops}expansion", (expansion, n, 1, "slopes", int(kernel.row_length(order)))))
+    code = machine_code(parts, optimised=large or not_watched, simplified=not_watched and not large)
+    tapes = ModeTape(expansion, entries), ModeTape(probe, entries)
+    return ModeCode(*tapes, code, degree, field_branches, guards_branch, tape_program(expansion, max(degrees)))
+
+
+def _has_branch_points(tape: Tape, rows: Iterable[int]) -> bool:
+    """Whether an operation with branch points is among those that some nodes are made of."""
+    return any(tape.nodes[at].op in BRANCHING for at in tape.needed(rows))
+
+
+def _speeds(
+    system: FilippovSystem, guards: Sequence[Guard], normals: Mapping[int, sp.Expr] | None = None
+) -> list[sp.Expr]:
+    """For every guard on a surface: speed towards it on this side, speed away from it on the other.
+
+    ``normals``: normal velocities of some surfaces where others slide.
+    """
+    found: list[sp.Expr] = []
+    for guard in guards:
+        if guard.kind == "surface":
+            sign = system.signs[guard.index]
+            normal = (normals or {}).get(guard.index, system.normal_velocity(guard.index))
+            found += [-sign * normal, -sign * normal.xreplace({sign: -sign})]
+        else:
+            found += [sp.Integer(0), sp.Integer(0)]
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class NormalVelocities:
+    """Normal velocities of all surfaces, in states and signs; with static friction see :func:`_of_contacts`."""
+
+    tape: Tape
+    address: int
+    code: NativeModule
+    contacts: NDArray[np.int64] | None
+    """What is known of each contact (bits of ``enum contact``), shape (surfaces,); None without static friction."""
+    beside: NDArray[np.int64]
+    """Whether two surfaces act on each other, shape (surfaces, surfaces)."""
+
+
+def normal_velocities(system: FilippovSystem) -> NormalVelocities:
+    """Their tape and machine code."""
+    surfaces = range(len(system.surfaces))
+    inputs, outputs = (*system.states, *system.signs), [system.normal_velocity(i) for i in surfaces]
+    contacts = None
+    if system.overrides or system.switched is not None:
+        loads, outputs = _of_contacts(system)
+        inputs = (*inputs, *loads)
+        contacts = np.array([_known_of(system, i) for i in surfaces], dtype=np.int64)
+    tape = build_tape(inputs, (), outputs)
+    code = machine_code([Part("expansion", (tape, len(inputs), 0, "normals"))])
+    beside = np.array([[j in system.together(i, (i, j)) for j in surfaces] for i in surfaces], dtype=np.int64)
+    return NormalVelocities(tape, code.address("normals"), code, contacts, beside)
+
+
+def _of_contacts(system: FilippovSystem) -> tuple[list[sp.Symbol], list[sp.Expr]]:
+    """Symbols for the loads of all contacts; and the normal velocities in states, signs and loads, then four numbers a
+    surface: the ends of its hold zone at +1 and -1, its inertia, and by how much its friction slows it down.
+
+    It is what :mod:`henon_ref.modes.held_groups` reads of a group, for ``henon_ref/kernel/contact_problem.c``.
+    """
+    loads = [sp.Symbol(f"load_{i}", real=True) for i in range(len(system.signs))]
+    pushes = {i: own.push for i, own in system.overrides.items() if own.push}
+    field = tuple(
+        sp.Add(rate, *(push[k] * loads[i] for i, push in pushes.items())) for k, rate in enumerate(system.field)
+    )
+    numbers: list[sp.Expr] = []
+    for i, sign in enumerate(system.signs):
+        own, speed = system.overrides.get(i), system.normal_velocity(i)
+        ends = (
+            {guard.to_sign: guard.expression for guard in system.hold_guards(i)}
+            if own
+            else {1: sp.S.Zero, -1: sp.S.Zero}
+        )
+        inertia = sp.S.One if own is None or own.inertia is None else own.inertia
+        friction = speed.xreplace({sign: sp.S.Zero}) - speed.xreplace({sign: sp.S.One}) if own else sp.S.One
+        numbers += [ends[1], ends[-1], inertia, friction]
+    return loads, [*(along(h, system.states, field) for h in system.surfaces), *numbers]
+
+
+def _known_of(system: FilippovSystem, index: int) -> int:
+    own = system.overrides.get(index)
+    if own is None:
+        if system.switched is not None and index in system.switched.crossed:
+            return int(kernel.SECTION)
+        moved = not system.normal_velocity(index).free_symbols.isdisjoint(system.signs)
+        return 0 if moved else int(kernel.SECTION)
+    return kernel.FIXED | (own.inertia is not None) * kernel.KNOWN_INERTIA | bool(own.push) * kernel.BY_LOAD

@@ -1,0 +1,122 @@
+"""Numbers from Python as the compiled loop takes them: a double and what it leaves of the exact number."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import sympy as sp
+from numpy.typing import ArrayLike, NDArray
+
+from henon_ref.kernel.shared import LEVELS
+from henon_ref.modes.exact_numbers import double_double
+
+Pair = tuple[float, float]
+"""A number as its double and what that leaves."""
+Three = tuple[float, float, float]
+"""A number as its double, what that leaves, and a bound of their error."""
+WHOLE = 2**53
+"""Whole numbers up to here are doubles."""
+KEPT = 256
+"""Decimal numbers that are remembered: of many runs most have the same initial values and horizon."""
+SHORT = 1e6
+"""A multiple of 1/256 below this has no more than 15 decimals: it is printed as it is."""
+
+
+def pair_of(value: Any) -> Pair | None:
+    """An int, a Fraction, or a float, which stands for the decimal number that it is printed as; else None.
+
+    Examples
+    --------
+    >>> pair_of(3), pair_of(0.5), pair_of(0.1), pair_of("1/3"), pair_of(float("nan"))
+    ((3.0, 0.0), (0.5, 0.0), (0.1, -5.551115123125783e-18), None, None)
+    >>> from fractions import Fraction
+    >>> pair_of(Fraction(1, 10)) == pair_of(0.1)
+    True
+    """
+    kind = type(value)
+    if isinstance(value, float):  # NumPy's doubles are
+        value = float(value)
+        return (value, 0.0) if -SHORT < value < SHORT and (value * 256.0).is_integer() else _printed(value)
+    if kind is int and -WHOLE <= value <= WHOLE:
+        return float(value), 0.0
+    if kind is Fraction:
+        return _rational(value.numerator, value.denominator)
+    return None
+
+
+def exact_number(value: Any) -> Fraction:
+    """What :func:`pair_of` is a pair of, exactly."""
+    return Fraction(repr(float(value))) if isinstance(value, float) else Fraction(value)
+
+
+def exact_expression(value: Any) -> sp.Expr:
+    """The same as an exact number of SymPy, which one that is given stays."""
+    if isinstance(value, sp.Expr):
+        return value
+    number = exact_number(value)
+    return sp.Rational(number.numerator, number.denominator)
+
+
+def pair_of_exact(value: Any) -> Pair:
+    """:func:`pair_of`, of SymPy's exact numbers as well.
+
+    Raises
+    ------
+    ModelError
+        For what is no finite real number.
+    """
+    found = None if isinstance(value, sp.Expr) else pair_of(value)
+    return double_double(exact_expression(value)) if found is None else found
+
+
+def three_of(pair: Pair) -> Three:
+    """A pair with the bound of what it leaves of its number."""
+    return (*pair, LEVELS.operation_error * abs(pair[0]) if pair[1] else 0.0)
+
+
+def decimal_pairs(values: ArrayLike) -> NDArray[np.float64]:
+    """:func:`pair_of` of each double of an array, shape (..., 2); of one that is not finite nothing is left."""
+    high = np.asarray(values, dtype=np.float64)
+    found = np.stack([high, np.zeros_like(high)], axis=-1)
+    with np.errstate(over="ignore", invalid="ignore"):
+        scaled = high * 256.0
+        decimals = np.isfinite(high) & ~((np.abs(high) < SHORT) & (np.floor(scaled) == scaled))
+    different, places = np.unique(high[decimals], return_inverse=True)
+    lows = [(_printed(value) or (value, 0.0))[1] for value in different.tolist()]
+    found[decimals, 1] = np.array(lows, dtype=np.float64)[places.ravel()]
+    return found
+
+
+def threes(pairs: NDArray[np.float64]) -> NDArray[np.float64]:
+    """:func:`three_of` of each pair of an array, shape (..., 3)."""
+    bounds = np.where(pairs[..., 1] != 0.0, LEVELS.operation_error * np.abs(pairs[..., 0]), 0.0)
+    return np.concatenate([pairs, bounds[..., None]], axis=-1)
+
+
+def _rational(numerator: int, denominator: int) -> Pair | None:
+    """A quotient of whole numbers; None where it is no double."""
+    try:
+        high = numerator / denominator
+        p, q = high.as_integer_ratio()
+        return high, (numerator * q - p * denominator) / (denominator * q)
+    except OverflowError:
+        return None
+
+
+@lru_cache(maxsize=KEPT)
+def _printed(value: float) -> Pair | None:
+    """A double and what it leaves of the decimal number that it is printed as; None where it is not finite."""
+    try:
+        numerator, denominator = value.as_integer_ratio()
+    except (OverflowError, ValueError):  # infinity, NaN
+        return None
+    mantissa, _, exponent = repr(value).partition("e")
+    whole, _, decimals = mantissa.partition(".")
+    digits, shift = int(whole + decimals), len(decimals) - int(exponent or 0)
+    if shift < 0:
+        return value, (digits * 10**-shift * denominator - numerator) / denominator
+    scale = 10**shift
+    return value, (digits * denominator - numerator * scale) / (denominator * scale)

@@ -1,0 +1,370 @@
+"""Runs of many points of one system: in compiled code, and those that it sets aside in Python, with the same bits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from henon_ref.errors import ModelError
+from henon_ref.integrator.entries import numbered, words_of, written
+from henon_ref.integrator.integrator import Integrator
+from henon_ref.integrator.pairs import decimal_pairs, exact_expression, threes
+from henon_ref.integrator.parameter_programs import LoopData, loop_data
+from henon_ref.integrator.records import CHUNK, HENON, TRANSITION_PLACES, Workspace, transition_dtype
+from henon_ref.integrator.run import Run
+from henon_ref.integrator.start import MOST_STEPS, Start, out_of_steps, row_at_start
+from henon_ref.integrator.transition_array import numbered_rows
+from henon_ref.kernel.shared import doubles, ffi, integers, kernel, record_dtype
+from henon_ref.modes.mode import Mode
+from henon_ref.trajectory import Status, Trajectory
+
+PROGRESS, END = record_dtype("progress"), record_dtype("end")
+"""Where a call that runs many points stands, and what it is to keep; and how the run of a point ended."""
+AT_ONCE = 4096
+"""Points whose constants are in memory at one time, at most."""
+MEMORY = 1 << 26
+"""Bytes that these constants take, about: fewer points at one time where a system has many modes."""
+BUFFER = 16 * CHUNK
+"""Transitions that are kept before they are handed out, at first."""
+PAUSE_STEPS = 1_000_000
+"""Steps from one look at interrupts to the next: some tenths of a second."""
+TRIES = 16
+"""Points set aside in a row for which no mode was compiled, before the call stops for such points no more."""
+EVERYTHING = -1
+"""All kinds, or surfaces, in a set of bits."""
+
+
+class Keep(NamedTuple):
+    """Which transitions are kept."""
+
+    after: float = -np.inf
+    """None before this time [s]."""
+    kinds: int = EVERYTHING
+    """A bit each (1 << STICK and so on, of :mod:`henon_ref.integrator.records`)."""
+    surfaces: int = EVERYTHING
+    """A bit each (1 << index)."""
+    open_sticks: bool = False
+    """Whether of a stick that is open at ``after`` both ends are kept: its begin right before its release."""
+
+
+NOTHING = Keep(kinds=0)
+
+
+class ExactPoint(NamedTuple):
+    """Numbers of a point as :meth:`Integrator.begin` takes them."""
+
+    values: tuple[Any, ...]
+    initial: Sequence[Any]
+    start: Any
+    until: Any
+
+
+def _pairs(numbers: ArrayLike, axes: int) -> NDArray[np.float64]:
+    """Pairs of doubles as they are; else of the decimal numbers that doubles are printed as (``axes``: at least)."""
+    found = np.asarray(numbers, dtype=np.float64)
+    if found.ndim == max(axes, 1) + 1 and found.shape[-1] == 2:
+        return found
+    return decimal_pairs(np.atleast_2d(found) if axes else found)
+
+
+class PointRuns:
+    """Runs of many points: iterate once to do them, then read how they ended.
+
+    Iterating gives arrays of the transitions that are kept, of the type :attr:`transition_dtype`; those of one point
+    are in one array, in the order of time. Points come in order, but for those that are set aside. What is computed
+    depends neither on which points are done together nor on what was compiled before.
+
+    Parameters
+    ----------
+    integrator : Integrator
+        Of a system without values of its parameters.
+    values : array_like, shape (points or 1, parameters) or (points or 1, parameters, 2)
+        Of :attr:`Integrator.parameters`, in their order; one row: the same for all points.
+    initial : array_like, shape (points, n) or (points, n, 2)
+    start, until : float or array_like, shape (points,) or (points, 2)
+        Initial time and horizon [s].
+    tolerance : float
+        Local error of a step, relative to the size of each state and guard on the step.
+    landing : int
+        HENON, NEWTON or BRENT of :mod:`henon_ref.integrator.records`.
+    keep : Keep
+        By default nothing.
+    stop_falling, stop_rising, most_steps : int
+        See :class:`henon_ref.integrator.start.Start`.
+    exact : callable, optional
+        The exact numbers of a point, by its number: values, state, initial time, horizon. By default those that the
+        doubles are printed as.
+
+    Doubles stand for the decimal numbers that they are printed as; with a last axis of length 2 they are pairs (see
+    :mod:`henon_ref.integrator.pairs`).
+
+    Attributes
+    ----------
+    ends : ndarray, shape (points,) of :data:`END`
+        Time, number of the mode, and counts at the end of each run.
+    states : ndarray, shape (points, n)
+        States there.
+    others : dict of int to Trajectory
+        Of points that were set aside, how their runs ended; without transitions.
+    """
+
+    def __init__(
+        self,
+        integrator: Integrator,
+        values: ArrayLike,
+        initial: ArrayLike,
+        *,
+        start: ArrayLike = 0.0,
+        until: ArrayLike,
+        tolerance: float,
+        landing: int = HENON,
+        keep: Keep = NOTHING,
+        stop_falling: int = 0,
+        stop_rising: int = 0,
+        most_steps: int = MOST_STEPS,
+        exact: Callable[[int], ExactPoint] | None = None,
+    ) -> None:
+        if integrator.system.parameters:
+            raise ModelError("an integrator of a system with values of its parameters runs that system alone")
+        self.integrator, self.keep, self._exact = integrator, keep, exact
+        self.values = threes(_pairs(values, 2))
+        self.initial = _pairs(initial, 2)
+        points, n = self.initial.shape[:2]
+        self.times = np.empty((points, 2, 2))
+        self.times[:, 0], self.times[:, 1] = _pairs(start, 0), _pairs(until, 0)
+        self._tolerance, self._landing = tolerance, landing
+        self._limits: dict[str, Any] = {
+            "stop_falling": stop_falling,
+            "stop_rising": stop_rising,
+            "most_steps": most_steps,
+        }
+        self.ends = np.zeros(points, dtype=END)
+        self.states = np.zeros((points, n))
+        self.others: dict[int, Trajectory] = {}
+        self._numbers: dict[Mode, int] = {}
+
+    @property
+    def modes(self) -> Sequence[Mode]:
+        """Modes by the numbers that transitions and ends hold."""
+        return list(self._numbers) if self.integrator.mode_table.contacts else self.integrator.mode_table.modes
+
+    def numbers(self, modes: Iterable[Mode]) -> NDArray[np.int64]:
+        """Numbers of modes that are entries of contacts."""
+        found = [self._numbers.setdefault(mode, len(self._numbers)) for mode in modes]
+        return np.array(found, dtype=np.int64)
+
+    @property
+    def transition_dtype(self) -> np.dtype[Any]:
+        """``point``, then the fields of :func:`henon_ref.integrator.records.transition_dtype`."""
+        kind = transition_dtype(self.states.shape[1])
+        assert kind.names is not None
+        return np.dtype([("point", "i8"), *((name, kind[name]) for name in kind.names)], align=True)
+
+    def status(self, point: int) -> tuple[Status, str]:
+        """How the run of a point ended, and why it is not ``ok``."""
+        if point in self.others:
+            return self.others[point].status, self.others[point].reason
+        if self.ends["code"][point] == kernel.BUDGET_SPENT:
+            return "failed", out_of_steps(self.ends["steps"][point], self.ends["time"][point])
+        return "ok", ""
+
+    def mode(self, point: int) -> Mode:
+        """The mode in which the run of a point ended."""
+        if point in self.others:
+            return self.others[point].end_mode
+        return self.modes[self.ends["mode"][point]]
+
+    def exact(self, point: int) -> ExactPoint:
+        """The exact numbers of a point."""
+        if self._exact is not None:
+            return self._exact(point)
+        values, (begin, until) = self.values[point if len(self.values) > 1 else 0], self.times[point, :, 0].tolist()
+        return ExactPoint(tuple(values[:, 0].tolist()), self.initial[point, :, 0].tolist(), begin, until)
+
+    def start(self, point: int) -> Start:
+        """Where the run of a point starts, as :class:`Run` takes it."""
+        values, initial, begin, until = self.exact(point)
+        return self.integrator.begin(
+            values,
+            initial,
+            start=begin,
+            until=until,
+            tolerance=self._tolerance,
+            landing=self._landing,
+            **self._limits,
+        )
+
+    def __iter__(self) -> Iterator[NDArray[Any]]:
+        first, points = 0, len(self.initial)
+        while first < points:
+            own = self.integrator.programs.loop().bytes_a_point if len(self.values) > 1 else 0
+            last = min(first + max(1, AT_ONCE if not own else min(AT_ONCE, MEMORY // own)), points)
+            yield from _Part(self, first, last).run()
+            first = last
+
+
+class _Part:
+    """Some points of all, whose constants are in memory together.
+
+    Parameters
+    ----------
+    runs : PointRuns
+    first, last : int
+        The points from ``first`` up to before ``last``.
+    """
+
+    def __init__(self, runs: PointRuns, first: int, last: int) -> None:
+        self.runs, self.first, self.part = runs, first, slice(first, last)
+        n, surfaces = runs.states.shape[1], len(runs.integrator.system.surfaces)
+        self.values = runs.values[self.part] if len(runs.values) > 1 else runs.values
+        self.words = words_of(runs.integrator.mode_table.contacts)
+        width = 1 + TRANSITION_PLACES + n + 2 * self.words
+        self.kept, self.pending = np.empty((BUFFER, width)), np.zeros((surfaces, width))
+        self.memory = np.zeros(1, dtype=PROGRESS)
+        self.progress, keep = self.memory[0], runs.keep
+        self.progress["after"], self.progress["kinds"], self.progress["surfaces"] = keep[:3]
+        self.progress["open_sticks"], self.progress["steps"] = keep.open_sticks, PAUSE_STEPS
+        self.progress["stop_aside"] = True
+
+    def run(self) -> Iterator[NDArray[Any]]:
+        """Do the runs, handing out transitions."""
+        workspaces = self.runs.integrator.workspaces
+        try:
+            workspace = workspaces.free.pop()
+        except IndexError:
+            workspace = workspaces.new()
+        try:
+            yield from self._compiled(workspace)
+        finally:
+            workspaces.free.append(workspace)
+        for point in np.flatnonzero(self.runs.ends["code"][self.part] == kernel.SET_ASIDE).tolist():
+            if self.first + point not in self.runs.others:
+                yield from self._in_python(point)
+
+    def _compiled(self, workspace: Workspace) -> Iterator[NDArray[Any]]:
+        runs, progress, table = self.runs, self.progress, self.runs.integrator.mode_table
+        rows, surfaces = self._rows()
+        times = runs.times[self.part].reshape(-1, 4)
+        initial = np.ascontiguousarray(runs.initial[self.part].transpose(0, 2, 1)).reshape(len(times), -1)
+        template = replace(runs.start(self.first), zeros=runs.integrator.programs.no_zeros).written()
+        points = ffi.new("struct points *")
+        points.count, points.block, points.start = len(times), doubles(workspace.block), doubles(template)
+        points.times, points.initial = doubles(times), doubles(initial)
+        points.rows, points.surfaces = integers(rows), integers(surfaces)
+        points.ends = ffi.cast("struct end *", ffi.from_buffer(runs.ends[self.part]))
+        points.states = doubles(runs.states[self.part])
+        tries, code, data = TRIES, kernel.PAUSE, None
+        while code != kernel.DONE:
+            with table.readers:
+                if data is None or data.compiled is not table.compiled:
+                    tries, data = TRIES, self._constants(points)
+                code = kernel.run_points(self._progress, points, data.tables, self._buffer(self.kept))
+            if code == kernel.ASIDE:
+                yield from self._in_python(int(progress["point"]) - 1)
+                tries -= 1
+                progress["stop_aside"] = tries > 0 or data.compiled is not table.compiled
+            elif code == kernel.BUFFER_FULL:
+                yield from self._handed_out()
+        yield from self._handed_out()
+        if self.words:
+            done = np.flatnonzero(runs.ends["code"][self.part] != kernel.SET_ASIDE)
+            modes, places = numbered(rows[done], table.contacts)
+            runs.ends["mode"][self.first + done] = runs.numbers(modes)[places]
+
+    def _array(self, kept: NDArray[np.float64]) -> NDArray[Any]:
+        """Transitions that are kept, as they are handed out."""
+        contacts, rows = self.runs.integrator.mode_table.contacts, kept
+        if contacts:
+            own, modes = numbered_rows(kept[:, 1:], contacts)
+            rows = np.column_stack([kept[:, 0], own])  # copies the points' numbers bit by bit
+        found = rows.view(self.runs.transition_dtype)[:, 0]
+        if contacts:
+            numbers = self.runs.numbers(modes)
+            for end in ("from_mode", "to_mode"):
+                found[end] = numbers[found[end]]
+        return found
+
+    @property
+    def _progress(self) -> Any:
+        return ffi.cast("struct progress *", ffi.from_buffer(self.memory))
+
+    def _buffer(self, kept: NDArray[np.float64]) -> Any:
+        """Where transitions go; what it points to lasts as long as ``kept`` and :attr:`pending` do."""
+        buffer = ffi.new("struct buffer *")
+        buffer.kept, (buffer.capacity, buffer.width) = doubles(kept), kept.shape
+        buffer.pending, buffer.surfaces = doubles(self.pending), len(self.pending)
+        return buffer
+
+    def _rows(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Row, or words, of each point's mode at the start, and the surface that it starts on, -1 for none.
+
+        Where it is on one, the row is that of the mode below it; -1 where the start is not clear.
+        """
+        runs, integrator = self.runs, self.runs.integrator
+        points = threes(np.concatenate([runs.times[self.part, :1], runs.initial[self.part]], axis=1))
+        values = np.broadcast_to(self.values, (len(points), *self.values.shape[1:]))
+        signs = integrator.programs.start_signs(np.concatenate([points, values], axis=1))
+        contacts = integrator.mode_table.contacts
+        rows, surfaces = np.full((len(points), max(self.words, 1)), -1), np.full(len(points), -1)
+        modes, places = np.unique(signs, axis=0, return_inverse=True)
+        for k, mode in enumerate(modes.tolist()):
+            found = row_at_start(integrator.mode_table, mode)
+            if found is not None:
+                own = places.ravel() == k
+                row, surfaces[own] = found
+                rows[own] = written(row, contacts) if contacts else row
+        return rows, surfaces
+
+    def _constants(self, points: Any) -> LoopData:
+        """The modes that are compiled now with the constants of all points, or of the first where all have the same."""
+        program = self.runs.integrator.programs.loop()
+        numbers, normals = program.numbers(
+            self.values, lambda point: [exact_expression(v) for v in self.runs.exact(self.first + point).values]
+        )
+        each = len(numbers) > 1
+        points.numbers_step, points.normals_step = numbers[0].size if each else 0, normals[0].size if each else 0
+        return loop_data(self.runs.integrator.mode_table, program.compiled, numbers, normals)
+
+    def _handed_out(self) -> Iterator[NDArray[Any]]:
+        """Transitions of the points that are done; those of one that is at work move to the begin of the buffer."""
+        progress = self.progress
+        done = progress["kept_before"] if progress["running"] else progress["kept"]
+        rest = self.kept[done : progress["kept"]].copy()
+        if done:
+            found = self.kept[:done].copy()
+            found.view(np.int64)[:, 0] += self.first
+            yield self._array(found)
+        elif progress["running"]:  # one point has filled it
+            self.kept = np.empty((2 * len(self.kept), self.kept.shape[1]))
+        self.kept[: len(rest)] = rest
+        progress["kept"], progress["kept_before"] = len(rest), 0
+
+    def _in_python(self, point: int) -> Iterator[NDArray[Any]]:
+        """Do the run of a point that is set aside."""
+        runs, number = self.runs, self.first + point
+        run, memory, ends = Run(runs.integrator, runs.start(number)), self.memory.copy(), runs.ends[number]
+        memory["point"], self.pending[:, 0], ends["transitions"] = number, 0.0, 0
+        kept = [np.empty((0, self.kept.shape[1]))]
+        for block in run.stream():
+            memory["kept"] = 0
+            room = np.empty((len(block) + len(self.pending), self.kept.shape[1]))
+            records = np.ascontiguousarray(block.recorded)
+            progress = ffi.cast("struct progress *", ffi.from_buffer(memory))
+            kernel.keep_transitions(progress, doubles(records), len(records), self._buffer(room))
+            kept.append(room[: memory["kept"][0]])
+            ends["transitions"] += len(block)
+        end = run.ended
+        assert end is not None
+        runs.others[number], runs.states[number] = end._replace(transitions=()), end.end_state
+        ends["time"], ends["time_low"], ends["code"] = end.end_time, 0.0, kernel.SET_ASIDE
+        if run.start.refused is None:
+            ends["time_low"] = run.scalars.time_low
+        table = runs.integrator.mode_table
+        ends["mode"] = runs.numbers([end.end_mode])[0] if table.contacts else table.index.get(end.end_mode, -1)
+        ends["steps"], ends["expansions"], ends["guard_evaluations"] = end.counts
+        if len(found := np.concatenate(kept)):
+            yield self._array(found)

@@ -1,0 +1,166 @@
+"""The motion of a mode, and what follows an event, in multiprecision: Taylor series in balls of python-flint."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import sympy as sp
+from flint import arb, arb_poly
+
+from henon_ref.integrator.parameter_programs import ParameterPrograms
+from henon_ref.jit.processor_time import compiling
+from henon_ref.modes.equations import Guard
+from henon_ref.modes.in_balls import BALLS, RING, ball_function, in_balls
+from henon_ref.modes.mode import Mode
+from henon_ref.modes.mode_evaluation import ModeEvaluation
+from henon_ref.modes.system import FilippovSystem
+from henon_ref.taylor.series import expand
+from henon_ref.taylor.tape import INFINITE, Tape
+
+MOST_ORDER = 320
+"""Highest order of an expansion; it ends before where its terms count for nothing, or the motion is a polynomial."""
+NEGLIGIBLE = 1e-50
+"""What counts for nothing, relative to the sum of all terms on the step."""
+LEAST_ORDER = 48
+"""Order before which it does not end: terms may be missing at first."""
+ENDING_ORDERS = 4
+"""So many orders in a row that count for nothing end an expansion."""
+
+
+@dataclass(frozen=True)
+class _ModeTape:
+    """A mode's tape with its constants."""
+
+    tape: Tape
+    guards: tuple[Guard, ...]
+    numbers: list[arb]
+    degree: int
+    """Of the motion and its guards, where all of it is a polynomial in time; else 0."""
+
+
+class PreciseModes:
+    """Modes of one system in multiprecision, made when they are first needed.
+
+    Parameters
+    ----------
+    system : FilippovSystem
+    in_doubles : ModeEvaluation
+    make_in_balls : callable, optional
+        Makes them in balls, when they are first needed; by default from the system.
+    """
+
+    def __init__(
+        self,
+        system: FilippovSystem,
+        in_doubles: ModeEvaluation,
+        make_in_balls: Callable[[], ModeEvaluation] | None = None,
+    ) -> None:
+        self.system, self.in_doubles = system, in_doubles
+        self._make_in_balls = make_in_balls or (lambda: in_balls(system))
+        self._tapes: dict[Mode, _ModeTape] = {}
+
+    @cached_property
+    def in_balls(self) -> ModeEvaluation:
+        """The modes in balls."""
+        with compiling():
+            return self._make_in_balls()
+
+    @cached_property
+    def _surfaces(self) -> Callable[..., list[Any]]:
+        """(t, *states) -> the surfaces, and the slopes of each in every state."""
+        states, surfaces = self.system.states, self.system.surfaces
+        slopes = [sp.diff(h, x) for h in surfaces for x in states]
+        return self.in_balls.function(states, [*surfaces, *slopes])
+
+    def guards(self, mode: Mode) -> tuple[Guard, ...]:
+        """Guards of a mode, in the order of :meth:`FilippovSystem.equations`."""
+        return self._made(mode).guards
+
+    def expand(
+        self, mode: Mode, time: arb, state: Sequence[arb], unit: arb
+    ) -> tuple[list[arb_poly], list[list[arb]], bool]:
+        """Taylor coefficients of the states and of the mode's guards, in units of ``unit`` of time; if these are all.
+
+        Parameters
+        ----------
+        mode : Mode
+        time, state
+            The start.
+        unit : arb
+            How far on the series have to hold.
+        """
+        made = self._made(mode)
+
+        def enough(x: Sequence[Sequence[arb]], y: Sequence[Sequence[arb]]) -> bool:
+            """Looked at now and then."""
+            return len(x[0]) > LEAST_ORDER and len(x[0]) % ENDING_ORDERS == 1 and _negligible_tail([*x, *y])
+
+        order, end = (made.degree, None) if made.degree else (MOST_ORDER, enough)
+        states, outputs = expand(made.tape, made.numbers, time, state, order, RING, unit, end)
+        return [arb_poly(series) for series in states], outputs, made.degree > 0
+
+    def motion(
+        self, mode: Mode, time: arb, state: Sequence[arb], unit: arb, order: int
+    ) -> tuple[list[list[arb]], list[list[arb]]]:
+        """Taylor coefficients of the states and guards, in units of ``unit`` of time, up to an order."""
+        made = self._made(mode)
+        return expand(made.tape, made.numbers, time, state, order, RING, unit)
+
+    def guard_values(self, mode: Mode, time: arb, state: Sequence[arb]) -> list[arb]:
+        """Guards of a mode at a point; no numbers where they are not known there."""
+        made = self._made(mode)
+        return [series[0] for series in expand(made.tape, made.numbers, time, state, 0, RING)[1]]
+
+    def off_surfaces(self, surfaces: Sequence[int], time: arb, state: Sequence[arb]) -> float:
+        """How far a state is from surfaces that it slides on: what rounding has left of zero there."""
+        if not surfaces:
+            return 0.0
+        n, values = len(state), [abs(float(v)) for v in self._surfaces(time.mid(), *(v.mid() for v in state))]
+        slopes = values[len(self.system.surfaces) :]
+        steepest = [max(slopes[i * n : i * n + n]) for i in surfaces]
+        return max(values[i] / slope if slope > 0 else 0.0 for i, slope in zip(surfaces, steepest, strict=True))
+
+    def _made(self, mode: Mode) -> _ModeTape:
+        if mode not in self._tapes:
+            with compiling():
+                made = self.in_balls.equations(mode)
+                assert made is not None
+                equations, tape, numbers = made
+                self._tapes[mode] = _ModeTape(tape, equations.guards, numbers, _degree(tape))
+        return self._tapes[mode]
+
+
+def _degree(tape: Tape) -> int:
+    """Of a motion and its guards, where all of it is a polynomial in time; else 0."""
+    nodes = tape.nodes
+    degrees = [nodes[row].degree + 1 for row in tape.field] + [nodes[row].degree for row in tape.outputs]
+    return max(degrees) if max(degrees) <= MOST_ORDER < INFINITE else 0
+
+
+def _negligible_tail(rows: Sequence[Sequence[arb]]) -> bool:
+    """True if the last terms of some series count for nothing where their variable is 1."""
+    sizes = (list(map(abs, map(float, row))) for row in rows)
+    return all(max(terms[-ENDING_ORDERS:]) <= NEGLIGIBLE * sum(terms) < math.inf for terms in sizes)
+
+
+def balls_of(programs: ParameterPrograms, values: tuple[sp.Expr, ...]) -> ModeEvaluation:
+    """The modes in balls, with constants from programs at exact values."""
+    return ModeEvaluation(programs.system, BALLS, _Tapes(programs, values))
+
+
+class _Tapes:
+    """Tapes that are shared with other parameter values, their constants from programs."""
+
+    def __init__(self, programs: ParameterPrograms, values: tuple[sp.Expr, ...]) -> None:
+        self.mode, self._programs, self._values = programs.mode, programs, values
+
+    def constants(self, tape: Tape) -> list[Any]:
+        return [ball.mid() for ball in self._programs.constants(tape).balls(self._values)]
+
+    def function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
+        tape = self._programs.tape(tuple(names), tuple(expressions))
+        return ball_function(tape, self.constants(tape))

@@ -1,0 +1,307 @@
+"""One run from Python: calls the compiled mode loop, answers its return codes, and ends the run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from struct import Struct
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from henon_ref.integrator.endings import ending_of
+from henon_ref.integrator.entries import numbered, words_of
+from henon_ref.integrator.integrator import Integrator
+from henon_ref.integrator.mode_changes import Jumped, ModeChanges
+from henon_ref.integrator.records import CHUNK, GRAZE, STATE_PLACE, STEP_PLACES, step_dtype
+from henon_ref.integrator.start import Start, doubles_of, out_of_steps
+from henon_ref.integrator.transition_array import TransitionArray
+from henon_ref.jit.processor_time import Deadline
+from henon_ref.kernel.shared import doubles, ffi, kernel
+from henon_ref.modes.mode import Mode
+from henon_ref.trajectory import Counts, Decisions, Status, Trajectory, Transition
+
+_tuple = tuple.__new__
+_counts: Callable[..., tuple[int, ...]] = Struct("6q").unpack_from
+_FIRST_COUNT: int = ffi.offsetof("struct run", "mode")
+"""Where in the block, in bytes, mode, steps, expansions, guard evaluations, transitions and guards below rounding
+are."""
+_STATE = 8 * STATE_PLACE
+_NO_SAMPLES = np.zeros((0, 2))
+_NO_DECISIONS = Decisions()
+
+
+class Run(ModeChanges):
+    """One run: the compiled loop is called until the horizon, and its return codes are answered.
+
+    It has a workspace of its own, some 100 kB, as long as it lives.
+
+    :meth:`to_horizon` goes to the horizon; :meth:`next_event` stops after each transition, so that whoever asks may
+    read and change :attr:`x` there (saltation of variational equations, say) before going on.
+
+    Parameters
+    ----------
+    integrator, start
+        Of one system.
+    sample_times : ndarray, shape (k,), optional
+    deadline : float, optional
+        Processor time after which the run stops with status ``timeout`` [s], what is compiled in the run apart.
+    block : int
+        Transitions kept in one block of memory, CHUNK at most; 1 to stop at each.
+    dense : int
+        Steps kept in one block of memory, for dense output; 0: no step is kept.
+
+    Attributes
+    ----------
+    blocks : list of ndarray
+        Transitions that have left the loop's own memory.
+    step_blocks : list of ndarray
+        Full blocks of steps: rows of :func:`henon_ref.integrator.records.step_dtype`, as doubles.
+    decisions : Decisions
+        How often Python was needed so far, by cause.
+    ended : Trajectory or None
+        How the run ended, once :meth:`stream` is through.
+    """
+
+    __slots__ = ("_sampled", "deadline", "ended")
+
+    def __init__(
+        self,
+        integrator: Integrator,
+        start: Start,
+        sample_times: NDArray[np.float64] | None = None,
+        deadline: float | None = None,
+        block: int = CHUNK,
+        dense: int = 0,
+    ) -> None:
+        try:  # a call costs some percent of a short run
+            self.workspace = workspace = integrator.workspaces.free.pop()
+        except IndexError:
+            self.workspace = workspace = integrator.workspaces.new()
+        self.integrator, self.start, self.deadline = integrator, start, deadline
+        self.state = state = workspace.state
+        if start.kept is None:
+            start.write(state, workspace.memory)
+        else:
+            state[...] = start.kept
+        if block != CHUNK:
+            self.scalars.transition_capacity = block
+        self.samples, self._sampled = _NO_SAMPLES, ffi.NULL
+        if sample_times is not None:
+            words = max(1, words_of(integrator.mode_table.contacts))
+            self.samples = np.full((sample_times.size, 1 + len(start.x) + words), np.nan)
+            self.samples[:, 0], self._sampled = sample_times, doubles(self.samples)
+        self.blocks = []
+        self.step_blocks = []
+        self._passed_at, self._motion, self.decisions = -1, None, _NO_DECISIONS
+        self._steps = None
+        self.ended: Trajectory | None = None
+        if dense:
+            self._steps = np.empty((dense, STEP_PLACES + len(start.x) * (start.order + 1)))
+            self.scalars.dense, self.scalars.dense_capacity = doubles(self._steps), dense
+
+    def __del__(self) -> None:
+        self.integrator.workspaces.free.append(self.workspace)
+
+    @property
+    def steps(self) -> NDArray[Any]:
+        """Steps taken so far that are kept, shape (k,) of :func:`.records.step_dtype`, in order of time.
+
+        A step holds from its time up to its length, where the next one begins; one that ends in an event ends there.
+        """
+        kept = self.step_blocks if self._steps is None else [*self.step_blocks, self._steps[: self.scalars.dense_steps]]
+        kind = step_dtype(len(self.start.x), self.start.order)
+        return np.concatenate(kept).view(kind)[:, 0] if kept else np.zeros(0, dtype=kind)
+
+    def go_back(self, state: NDArray[np.float64]) -> None:
+        """Go back to where the run stood when :attr:`state` was this; what it handed out since is void."""
+        self.state[:] = state
+        self._passed_at = -1
+
+    def to_horizon(self) -> Trajectory:
+        """Go to the horizon (or to where the run ends before it)."""
+        end = self._advance()
+        if end is not None:  # short, as most are: no clock is needed
+            return end
+        deadline = Deadline(self.deadline)
+        while (end := self._advance()) is None:
+            if deadline.passed():
+                return self._end("timeout", f"stopped after {self.deadline:g} s at t = {self.time:.17g}")
+        return end
+
+    def stream(self) -> Iterator[TransitionArray]:
+        """Go to the horizon, handing transitions out as they come: memory does not grow with the run.
+
+        What ended the run is :attr:`ended` afterwards; its transitions are those not handed out before.
+        """
+        while (end := self._advance()) is None:
+            for records in self.blocks:
+                yield self._array(records)
+            self.blocks.clear()
+        self.ended = end
+        if end.transitions:
+            yield cast(TransitionArray, end.transitions)
+
+    def next_event(self) -> Transition | Trajectory:
+        """Go to the next transition; the trajectory instead where the run ends before one."""
+        self.blocks.clear()  # transitions handed out already
+        self.scalars.transitions = 0
+        if self.scalars.steps > 0:  # the state may have been changed
+            self.scalars.more_digits = 0
+        while (end := self._advance(stop=True)) is None:
+            if self.scalars.transitions:
+                last = slice(self.scalars.transitions - 1, self.scalars.transitions)
+                return self._array(self.workspace.transitions[last])[0]
+        return end
+
+    def last_jump(self) -> Jumped | None:
+        """The jump of the state at the event that :meth:`next_event` has come to; None where the state went on."""
+        records = np.concatenate([*self.blocks, self.workspace.transitions[: self.scalars.transitions]])
+        resets = [t for t in self._array(records) if t.kind == "reset"]
+        if not resets:
+            return None
+        surfaces, before = tuple(t.surface for t in resets), tuple(self.before_jump.tolist())
+        return Jumped(surfaces, resets[0].time, before, resets[-1].state, resets[0].from_mode)
+
+    def _advance(self, *, stop: bool = False) -> Trajectory | None:
+        """Let the compiled loop run until it needs something; None if the run goes on."""
+        refused = self.start.refused
+        if refused is not None:
+            unasked = self.samples is _NO_SAMPLES
+            return refused if unasked else refused._replace(samples=self._sampled_states(), sample_modes=())
+        with self.integrator.mode_table.readers:
+            data = self.start.constants.latest
+            if data.compiled is not self.integrator.mode_table.compiled:
+                data = self.start.constants.update()
+            code = kernel.advance(self.workspace.run, data.tables, self._sampled, len(self.samples))
+        if code == kernel.HORIZON or code == kernel.STOPPED:
+            return self._end("ok", "")
+        if code == kernel.BLOCK_FULL and not stop:
+            self._close_block()
+        elif code in (kernel.SELECT_MODE, kernel.UNDECIDED_EVENT, kernel.MODE_NOT_COMPILED):
+            why = None
+            if code == kernel.MODE_NOT_COMPILED:
+                why = self._enter_new_mode()
+            elif code == kernel.SELECT_MODE:
+                why = self._select_mode()
+            else:
+                why = self._locate()
+            if why is None and self.scalars.stopped:
+                why = "ok", ""
+            return None if why is None else self._end(*why)
+        elif code == kernel.STALLED and self._pass_branch_point():
+            return None
+        elif code == kernel.STALLED and self._close_to_horizon():
+            why = self._locate()
+            return None if why is None else self._end(*why)
+        elif code == kernel.OUT_OF_RANGE:
+            from henon_ref.integrator.exponent_range import range_ending
+
+            self._count("ranges")
+            why = range_ending(self)
+            self.scalars.within_range = self.scalars.steps + 1
+            self.scalars.expansions -= 1  # it is made again
+            return None if why is None else self._end(*why)
+        elif code == kernel.STEPS_FULL:
+            self._close_steps()
+        elif code == kernel.BUDGET_SPENT and self.scalars.steps >= self.start.most_steps:
+            return self._end("failed", out_of_steps(self.start.most_steps, self.time))
+        elif code not in (kernel.BLOCK_FULL, kernel.BUDGET_SPENT):
+            return self._end(*ending_of(self, code))
+        return None
+
+    def _locate(self) -> tuple[Status, str] | None:
+        """Take a step that double precision leaves undecided in multiprecision; None if the run goes on."""
+        from henon_ref.integrator.multiprecision_event import (  # most runs have no use for it
+            UndecidedStep,
+            locate_event,
+        )
+        from henon_ref.modes.resets import resetting
+
+        self._count("event_locations")
+        integrator, scalars, mode, row = self.integrator, self.scalars, self.mode, self.row
+        places = integrator.mode_table.places(mode)
+        zeros = dict(zip(places, self.known_zeros.tolist(), strict=False))
+        time, low = float(scalars.time), float(scalars.time_low)
+        state, rounding = self._digits()
+        found = locate_event(
+            self.start.constants.precise,
+            UndecidedStep(
+                mode=mode,
+                time=(time, low),
+                state=state,
+                rounding=rounding,
+                length=float(scalars.step_length),
+                suspect=float(scalars.suspect),
+                guard=None if self.scalars.guard == kernel.NOWHERE else places[int(self.scalars.guard)],
+                known_zeros=tuple(zeros.get(g, 0) for g in range(len(integrator.system.guards(mode)))),
+            ),
+        )
+        if found is None:
+            return ending_of(self, kernel.STALLED)
+        length = (found.time[0] - time) + (found.time[1] - low)
+        if self._steps is not None:
+            self._keep_step(length)
+        if scalars.guard == kernel.NOWHERE:
+            self._fill_samples_on_line(length, [high for high, _ in found.state])
+        self._put(found.time, found.state)
+        self.scalars.steps += 1
+        self.known_zeros[:] = 0
+        until, until_low = self.until
+        left, resolution = (until - found.time[0]) + (until_low - found.time[1]), 2e-17 * abs(until)  # a sum's rounding
+        if left < -resolution or (left < resolution and not (found.falling or found.touching)):
+            scalars.time, scalars.time_low = until, until_low
+            return None
+        guards = integrator.system.guards(mode)
+        for g in found.below_rounding:
+            self._passed_over(guards[g])
+        falling = [guards[g] for g in found.falling]
+        if surfaces := resetting(integrator.system, mode, falling):
+            return self._jump(surfaces, [*falling, *(guards[g] for g, _ in found.touching)])
+        touching = [guards[g] for g, _ in found.touching]
+        tangential = sorted(
+            {g.index for g in touching if g.kind == "surface" or integrator.system.held_inside(g.index)}
+        )
+        if found.decision is not None and not falling:
+            return found.decision.ending, found.decision.reason
+        if found.decision is not None:
+            tangential += [guards[g].index for g in found.falling if guards[g].kind == "surface"]
+            return self._change_mode(found.decision, found.known_zeros, sorted(set(tangential)))
+        self._set_known_zeros(mode, found.known_zeros)
+        for i in tangential:  # of a slide without static friction whose end is touched nothing is told
+            self._record(GRAZE, i, row, row, side=0)
+        return None
+
+    def _array(self, records: NDArray[np.float64]) -> TransitionArray:
+        table = self.integrator.mode_table
+        return TransitionArray(records, table.modes, table.contacts)
+
+    def _sampled_states(self) -> NDArray[np.float64]:
+        return self.samples[:, 1 : 1 + len(self.start.x)]
+
+    def _sampled_modes(self) -> tuple[Mode, ...]:
+        table, found = self.integrator.mode_table, self.samples[: self.scalars.next_sample, 1 + len(self.start.x) :]
+        if not table.contacts:
+            return tuple(table.modes[int(row)] for row in found[:, 0])
+        modes, places = numbered(np.ascontiguousarray(found).view(np.int64), table.contacts)
+        return tuple(modes[place] for place in places)
+
+    def _end(self, status: Status, reason: str) -> Trajectory:
+        state, start = self.state, self.start
+        mode, *counted, count, below = _counts(state, _FIRST_COUNT)
+        transitions: Sequence[Transition] = ()
+        if count or self.blocks:
+            records = self.workspace.transitions[:count].copy()
+            transitions = self._array(np.concatenate([*self.blocks, records]) if self.blocks else records)
+        samples = sample_modes = None
+        if self.samples is not _NO_SAMPLES:
+            samples, sample_modes = self._sampled_states(), self._sampled_modes()
+        # As the tuples they are, past Python's constructors: a tenth of a short run.
+        counts = _tuple(Counts, counted)
+        if self.decisions is not _NO_DECISIONS:
+            counts.decisions = self.decisions
+        end, x = state.item(0), doubles_of(len(start.x)).unpack_from(self.workspace.memory, _STATE)
+        since = self._since() if below else ()
+        own = self.mode if self.integrator.mode_table.contacts else self.integrator.mode_table.modes[mode]
+        fields = status, transitions, end, x, own, reason, counts, 0.0, samples, sample_modes, since
+        return _tuple(Trajectory, fields)

@@ -1,0 +1,258 @@
+"""Where a run starts, in which mode, and what it is to do: in exact terms, then as the compiled loop takes it.
+
+Signs of the surfaces at the start come from a bound in doubles, then in double-double, then from balls (exactly where
+all numbers are rational); the mode off all surfaces, or on one that is left or slid on clearly, from compiled normal
+velocities; every other mode from :mod:`henon_ref.modes.selection`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from struct import Struct
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from henon_ref.integrator.constants import ModeConstants
+from henon_ref.integrator.entries import words_of, written
+from henon_ref.integrator.mode_table import ModeTable
+from henon_ref.integrator.pairs import Pair
+from henon_ref.integrator.records import CHUNK, LAST_STEPS, RUN_VIEW, STATE_PLACE, places
+from henon_ref.kernel.shared import doubles, ffi, kernel
+from henon_ref.modes.decision import Decision
+from henon_ref.modes.mode import replaced
+from henon_ref.modes.resting import REMAINING
+from henon_ref.modes.selection import contact_orders, mode_by_signs
+from henon_ref.trajectory import Trajectory
+
+NO_LIMIT = 1 << 62
+"""More steps than any run takes."""
+NONE = Decision("none", None)
+"""No mode to begin with."""
+MOST_STEPS = 100_000_000
+"""Steps of a run that has no limit of its own."""
+_BEGIN, _HORIZON, _MODE = Struct("4d"), Struct("2d"), Struct("q")
+_BEGIN_PLACE, _HORIZON_PLACE, _MODE_PLACE = (ffi.offsetof("struct run", name) for name in ("time", "horizon", "mode"))
+"""In bytes; behind the time stand what rounding it lost, unit and begin, behind the horizon what rounding that lost."""
+
+
+def out_of_steps(steps: int, time: float) -> str:
+    """Why a run ends that has taken all steps that it may take."""
+    return f"stopped after {steps} steps, as many as max_steps allows, at t = {time:.17g}"
+
+
+@dataclass(eq=False)  # frozen, it would take a microsecond more
+class Start:
+    """A problem's start and horizon as the compiled loop takes them."""
+
+    time: tuple[float, float]
+    """Initial time and what rounding it lost."""
+    until: tuple[float, float]
+    """Horizon and what rounding it lost."""
+    x: tuple[tuple[float, float], ...]
+    """Initial state and what rounding it lost."""
+    refused: Trajectory | None
+    """What every run comes to where there is no mode to begin with; None where there is one."""
+    row: int
+    """Row of the mode at the start in the compiled tables, or its number (:meth:`ModeTable.row`)."""
+    zeros: tuple[int, ...]
+    """Known zeros of the guards, as many as the largest mode has: surfaces that the start lies on."""
+    order: int
+    """Order of the Taylor method."""
+    tolerance: float
+    """Local error of a step, relative to the size of each state and guard on the step."""
+    landing: int
+    """HENON, NEWTON or BRENT of :mod:`henon_ref.integrator.records`."""
+    constants: ModeConstants
+    """The compiled modes' constants at the problem's parameter values."""
+    stop_falling: int = 0
+    """Surfaces, a bit each (1 << index), on which the run ends when they are reached from above, where h > 0."""
+    stop_rising: int = 0
+    """And from below."""
+    most_steps: int = MOST_STEPS
+    """Steps after which the run ends with status ``failed``."""
+
+    kept: NDArray[np.float64] | None = field(default=None, init=False)
+    """What :meth:`write` writes, for a start of many runs."""
+
+    def write(self, state: NDArray[np.float64], memory: memoryview) -> None:
+        """Write what a run begins with (``struct run`` of ``kernel.h``, then vectors) into an array, and its memory."""
+        limits = self.stop_falling, self.stop_rising, self.most_steps
+        table = self.constants.table
+        contacts, guards = table.contacts, len(self.zeros)
+        own = contacts, table.row_length
+        state[...] = _template(len(self.x), guards, self.order, self.landing, self.tolerance, *limits, *own)
+        (time, low), until = self.time, self.until
+        length = (until[0] - time) + (until[1] - low)
+        _BEGIN.pack_into(memory, _BEGIN_PLACE, time, low, length if length > 1e-280 else 1e-280, time)
+        _HORIZON.pack_into(memory, _HORIZON_PLACE, *until)
+        if contacts:
+            last = len(state) - guards
+            state[last - words_of(contacts) : last].view(np.int64)[:] = written(self.row, contacts)
+        else:
+            _MODE.pack_into(memory, _MODE_PLACE, self.row)
+        high, rest = zip(*self.x, strict=True)
+        doubles_of(2 * len(high)).pack_into(memory, 8 * STATE_PLACE, *high, *rest)
+        if any(self.zeros):
+            first = STATE_PLACE + 3 * len(high)
+            state[first : first + len(self.zeros)].view(np.int64)[:] = self.zeros
+
+    def written(self) -> NDArray[np.float64]:
+        """The same as an array of its own."""
+        table = self.constants.table
+        own = table.contacts, table.row_length
+        state = np.empty(places(len(self.x), len(self.zeros), self.order, *own).end_of_state)
+        self.write(state, state.data)
+        return state
+
+
+@lru_cache(maxsize=64)
+def doubles_of(count: int) -> Struct:
+    """So many doubles, which it takes from an array in half the time of a slice and its list."""
+    return Struct(f"{count}d")
+
+
+@lru_cache(maxsize=64)
+def _template(
+    states: int,
+    guards: int,
+    order: int,
+    method: int,
+    tolerance: float,
+    stop_falling: int,
+    stop_rising: int,
+    most_steps: int,
+    contacts: int,
+    constants: int,
+) -> NDArray[np.float64]:
+    """What is the same for many starts. (To put each field in its place takes several microseconds.)"""
+    state = np.zeros(places(states, guards, order, contacts, constants).end_of_state)
+    state[len(state) - guards :] = np.inf
+    run = state[:LAST_STEPS].view(RUN_VIEW)[0]
+    run.event_time, run.tolerance, run.order, run.method = -np.inf, tolerance, order, method
+    run.rest_part, run.more_digits = REMAINING, 1
+    run.stepped_mode, run.transition_capacity, run.states, run.guards = -1, CHUNK, states, guards
+    run.stop_falling, run.stop_rising, run.most_steps = stop_falling, stop_rising, most_steps
+    run.contacts, run.constants = contacts, constants
+    return state
+
+
+def begin(
+    constants: ModeConstants,
+    time: Pair,
+    until: Pair,
+    x: Sequence[Pair],
+    exact: Callable[[], Sequence[Any]],
+    mode: Mapping[int, int],
+    **settings: Any,
+) -> Start:
+    """Where a run starts: in microseconds where that is clearly off every surface.
+
+    Parameters
+    ----------
+    constants : ModeConstants
+    time, until : Pair
+        Initial time and horizon [s].
+    x : sequence of Pair, shape (n,)
+    exact : callable
+        Time and state as exact numbers, of Python or SymPy, asked for where pairs do not tell a sign.
+    mode : mapping
+        Surface -> -1, 0 or +1, for a start on a surface that the fields leave open.
+    **settings
+        ``tolerance``, ``landing``, ``stop_falling``, ``stop_rising``, ``most_steps`` of :class:`Start`.
+    """
+    table, high, refused = constants.table, [v for v, _ in x], None
+    row, zeros = (-1, ()) if mode else _clearly(constants, constants.signs(time, x), time[0], high)
+    if row < 0:
+        signs = constants.exact_signs(exact())
+        if not mode and None not in signs:
+            row, zeros = _clearly(constants, cast(list[int], signs), time[0], high)
+        if row < 0:
+            refused, row, zeros = _entered(constants, signs, time[0], high, mode)
+    return Start(time, until, tuple(x), refused, row, zeros, table.order, constants=constants, **settings)
+
+
+def row_at_start(table: ModeTable, signs: Sequence[int]) -> tuple[int, int] | None:
+    """Row of a start's mode, and the surface that it is on (-1: none); None where Python has to decide the mode.
+
+    On a surface the row is that of the mode below it; those that may follow are compiled. Of contacts that do not act
+    on each other it is the mode's number.
+
+    Parameters
+    ----------
+    table : ModeTable
+    signs : sequence of int
+        Of the surfaces, then of the ``valid`` expressions.
+    """
+    count = len(table.system.surfaces)
+    mode = tuple(signs[:count])
+    clear = 0 not in signs and kernel.UNCLEAR_SIGN not in signs and -1 not in signs[count:]
+    if clear and (known := table.known(mode)) is not None:
+        return known, -1
+    on = [i for i, sign in enumerate(mode) if sign == 0]
+    if kernel.UNCLEAR_SIGN in mode or len(on) > 1 or any(sign != 1 for sign in signs[count:]):
+        return None
+    if on and table.system.overrides:
+        return None
+    rows = [table.row(replaced(mode, i, entry)) for i in on for entry in (-1, 0, 1)]
+    row = rows[0] if on else table.row(mode)
+    return None if row is None else (row, on[0] if on else -1)
+
+
+def _clearly(
+    constants: ModeConstants, signs: Sequence[int], t: float, x: Sequence[float]
+) -> tuple[int, tuple[int, ...]]:
+    """Row and known zeros of the mode at a start off all surfaces, or on one that is left or slid on clearly; else -1.
+
+    ``signs``: see :func:`row_at_start`.
+    """
+    table = constants.table
+    found = row_at_start(table, signs)
+    if found is None or (found[1] >= 0 and table.contacts):
+        return -1, constants.no_zeros
+    if found[1] < 0:
+        return found[0], constants.no_zeros
+    data = constants.latest if constants.latest.compiled is table.compiled else constants.update()
+    point, speeds = np.array(x, dtype=np.float64), np.empty(len(x) + 2 * len(constants.no_zeros))
+    zeros, guards = ffi.new("int64_t *"), len(constants.no_zeros)
+    row = kernel.mode_on_surface(data.tables, *found, t, doubles(point), len(x), guards, doubles(speeds), zeros)
+    order = zeros[0]
+    if row < 0 or order == 0:
+        return row, constants.no_zeros
+    own = tuple(order if g.kind == "surface" and g.index == found[1] else 0 for g in table.guards(table.mode(row)))
+    return row, own + constants.no_zeros[len(own) :]
+
+
+def _entered(
+    constants: ModeConstants, signs: Sequence[int | None], t: float, x: list[float], given: Mapping[int, int]
+) -> tuple[Trajectory | None, int, tuple[int, ...]]:
+    """What every run comes to that cannot begin, else None; row and known zeros of the mode that is decided."""
+    table = constants.table
+    count, system = len(table.system.surfaces), table.system
+
+    def ended(decision: Decision, reason: str) -> tuple[Trajectory, int, tuple[int, ...]]:
+        return Trajectory(decision.ending, (), t, tuple(x), (0,) * count, reason), 0, constants.no_zeros
+
+    known = [1 if sign is None else sign for sign in signs]
+    surfaces, valid = known[:count], known[count:]
+    at = constants.in_doubles.at(t, x)
+    decision = mode_by_signs(at, surfaces, valid, given)
+    unused = system.unused_kinks(decision.mode) if None in signs and decision.mode else frozenset[int]()
+    for i, sign in enumerate(signs):
+        if sign is None and i not in unused:  # a kink in a branch that the mode does not use needs no value
+            what = f"the surface of '{system.sign_names[i]}'" if i < count else "an expression of 'valid'"
+            return ended(NONE, f"{what} has no finite real value at the start")
+    if decision.mode is None:
+        return ended(decision, decision.reason)
+    row = table.row(decision.mode)
+    if row is None:
+        return ended(NONE, "the mode at the start has no equations")
+    active, edges = ([i for i, sign in enumerate(signs) if sign == 0] for signs in (surfaces, valid))
+    own: tuple[int, ...] = ()
+    if active or edges:
+        orders = contact_orders(at, decision.mode, active, edges)
+        own = tuple(orders[place] if place >= 0 else 0 for place in table.places(decision.mode))
+    return None, row, own + constants.no_zeros[len(own) :]

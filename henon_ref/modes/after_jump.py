@@ -1,0 +1,295 @@
+"""What follows a jump of the state: the mode, the limit of impacts that accumulate, and the rest they lead to.
+
+The rule is one; the numbers are whose it uses: doubles, or balls of some precision.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
+
+import sympy as sp
+
+from henon_ref.errors import ModelError
+from henon_ref.modes.arithmetic import NO_VALUE
+from henon_ref.modes.cascade import Cascade, Instant, Numbers
+from henon_ref.modes.decision import Decision
+from henon_ref.modes.equations import Guard, gradient
+from henon_ref.modes.mode import Mode, replaced
+from henon_ref.modes.resting import Impact, impact_of, time_to_rest, turning_in_flight
+from henon_ref.modes.system import FilippovSystem
+from henon_ref.text import listed
+
+
+class Jumping(Numbers, Protocol):
+    """How numbers are computed and told from zero; a state is a sequence of them."""
+
+    def guard_series(self, mode: Mode, t: Any, x: Sequence[Any]) -> Sequence[Sequence[Any]]:
+        """Taylor coefficients in time of a mode's guards."""
+
+    def decide(self, t: Any, x: Sequence[Any], surfaces: Sequence[int], valid: Sequence[int]) -> Decision:
+        """The mode at a point where surfaces and ``valid`` expressions have these signs."""
+
+
+@dataclass(frozen=True)
+class Rest:
+    """Where a body comes to rest."""
+
+    remaining: Any
+    """Time from the impact until then [s]; 0 where the impact takes all its speed."""
+    state: Sequence[Any]
+    mode: Mode
+
+
+@dataclass(frozen=True)
+class AfterJump:
+    """What follows a jump."""
+
+    decision: Decision
+    """The mode just after it."""
+    state: Sequence[Any]
+    applied: tuple[tuple[int, Sequence[Any]], ...] = ()
+    """Surfaces that reset the state, in order, each with the state that its map has left."""
+    on: tuple[int, ...] = ()
+    """Surfaces that the state is on."""
+    rest: Rest | None = None
+    """What follows where impacts have come to their limit."""
+    still: tuple[int, ...] = ()
+    """Surfaces that the impact has left no speed and that are left by the acceleration alone."""
+
+
+def after_jump(
+    system: FilippovSystem,
+    numbers: Jumping,
+    mode: Mode,
+    surfaces: tuple[int, ...],
+    hits: Sequence[Guard],
+    t: Any,
+    x: Sequence[Any],
+    most: Any,
+) -> AfterJump:
+    """What follows where surfaces reset the state.
+
+    Parameters
+    ----------
+    system : FilippovSystem
+    numbers : Jumping
+    mode : Mode
+        Before the jump.
+    surfaces : tuple of int
+        Those that reset the state.
+    hits : sequence of Guard
+        All guards of the mode that are at zero.
+    t, x
+        Time [s] and state before it.
+    most
+        How long all later impacts may last together where they have come to their limit [s].
+    """
+    hit = {g.index for g in hits if g.kind == "surface"}
+    try:
+        end = Cascade(system, numbers, mode, t).end(x, hit, surfaces)
+    except NO_VALUE:
+        reason = f"the state after the reset at t = {numbers.text(t)} is not finite"
+        return AfterJump(Decision("none", None, reason), x)
+    if isinstance(end, Decision):
+        return AfterJump(end, x)
+    return replace(_Rule(system, numbers, mode, end, t).after(most), applied=end.applied)
+
+
+def without_speed(impact: Impact, numbers: Jumping, t: Any, x: Sequence[Any]) -> list[Any]:
+    """A state whose h' a force of the surface has taken, on which a body can rest."""
+    speed, *push = numbers.values((impact.speed, *impact.push), t, x)
+    return [value - speed * p for value, p in zip(x, push, strict=True)]
+
+
+class _Rule:
+    """What follows the last map of an instant."""
+
+    def __init__(self, system: FilippovSystem, numbers: Jumping, mode: Mode, end: Instant, t: Any) -> None:
+        self.system, self.numbers, self.mode, self.t = system, numbers, mode, t
+        self.state, self.sides = end.state, list(end.sides)
+        fired = {i for i, _ in end.applied}
+        self.several = len(fired) > 1
+        # A body at rest to which nothing has given a speed is still at rest.
+        self.rates = {i: rate for i, rate in end.rates.items() if rate.sign or i in fired or mode[i] != 0}
+        self.impacts = {i: impact for i in self.rates if (impact := impact_of(system, i)) is not None}
+
+    def after(self, most: Any) -> AfterJump:
+        system, numbers, t, after, sides = self.system, self.numbers, self.t, self.state, self.sides
+        try:
+            valid = [numbers.sign(value) for value in numbers.values(system.valid, t, after)]
+        except NO_VALUE:
+            return AfterJump(self._refused(f"the state after the reset at t = {numbers.text(t)} is not finite"), after)
+        on = tuple(i for i, side in enumerate(sides) if side == 0)
+        for i, rate in self.rates.items():
+            sides[i] = -1 if rate.sign < 0 else 1
+        decision = numbers.decide(t, after, sides, valid)
+        if decision.mode is None or not self.rates:
+            return AfterJump(decision, after, on=on)
+        try:
+            found = self._followed(decision, on, most, valid)
+            rest = found.rest
+            ending = self.several and rest is not None and self._come_to_a_limit(rest.mode, most)
+            return AfterJump(self._refused(ending), after) if ending else found
+        except NO_VALUE:
+            return AfterJump(self._refused(f"a derivative after t = {numbers.text(t)} is not finite"), after)
+
+    def _followed(
+        self,
+        decision: Decision,
+        on: tuple[int, ...],
+        most: Any,
+        valid: Sequence[int],
+    ) -> AfterJump:
+        """The rest, where impacts have come to their limit."""
+        assert decision.mode is not None
+        numbers, system, mode, after, sides = self.numbers, self.system, decision.mode, self.state, self.sides
+        series = numbers.guard_series(mode, self.t, after)
+        guards = system.equations(mode).guards
+        times: dict[int, Any] = {}
+        for guard, own in zip(guards, series, strict=True):
+            i = guard.index
+            if guard.kind != "surface" or i not in self.rates or mode[i] < 0:
+                continue
+            rate = self.rates[i]
+            falling = self._falling(i, mode, after) if rate.sign else None
+            time = time_to_rest(rate.before, rate.now, 2 * own[2], most, falling)
+            if time is not None:
+                times[i] = time
+            elif rate.sign == 0:  # no speed, and nothing presses: what follows is told by h'' and on
+                sides[i] = 0
+        for i, rate in self.rates.items():
+            if rate.sign == 0 and len(system.together(i, on)) > 1:  # contacts may come to rest with the body
+                sides[i] = 0
+        if 0 in (sides[i] for i in self.rates):
+            decision = numbers.decide(self.t, after, sides, valid)
+            stays = () if decision.mode is None else tuple(i for i in self.rates if decision.mode[i] == 0)
+            rest = None
+            if stays and decision.mode is not None:
+                now = 0 * self.t
+                rest = Rest(now, self._at_rest(stays, after, decision.mode, now), decision.mode)
+            still = () if rest else tuple(i for i in self.rates if sides[i] == 0)
+            return AfterJump(Decision("unique", mode) if rest else decision, after, on=on, rest=rest, still=still)
+        if not times:
+            return AfterJump(decision, after, on=on)
+        at_rest = self._mode_at_rest(times, mode, after, sides, valid)
+        stuck = at_rest.mode or mode
+        refusal = self._refusal(times, mode, at_rest, guards, series)
+        if refusal:
+            return AfterJump(self._refused(refusal), after)
+        time = next(iter(times.values()))  # of several all are 0
+        rest = Rest(time, self._at_rest(tuple(times), after, stuck, time), stuck)
+        return AfterJump(decision, after, on=on, rest=rest)
+
+    def _come_to_a_limit(self, mode: Mode, most: Any) -> str:
+        """Why no rest is told beside bodies that rest at once: impacts come to a limit there; empty where none do."""
+        series = self.numbers.guard_series(mode, self.t, self.state)
+        for guard, own in zip(self.system.equations(mode).guards, series, strict=True):
+            rate = self.rates.get(guard.index) if guard.kind == "surface" else None
+            if rate is not None and rate.sign > 0 and time_to_rest(rate.before, rate.now, 2 * own[2], most) is not None:
+                return self._several([guard.index])
+        return ""
+
+    def _several(self, surfaces: Iterable[int]) -> str:
+        """Why the limit of impacts is not followed where several surfaces reset the state."""
+        names = listed([self.system.sign_names[i] for i in surfaces])
+        return f"{self._limit(names)}several surfaces reset the state at once"
+
+    def _limit(self, names: str) -> str:
+        at = self.numbers.text(self.t)
+        return f"impacts on {names} come to their limit after t = {at}, and no rest is derived: "
+
+    def _turned(self, index: int, mode: Mode) -> list[int]:
+        """Surfaces on whose sign it depends how a body is pressed on, and that the impact has changed the side of."""
+        acceleration, signs = self.impacts[index].acceleration, self.system.signs
+        return [j for j, s in enumerate(signs) if mode[j] != self.mode[j] and j != index and acceleration.has(s)]
+
+    def _falling(self, index: int, mode: Mode, after: Sequence[Any]) -> Any:
+        """h'' on the way back to a surface, where what presses the body on turns round at the height of a flight."""
+        turned = self._turned(index, mode)
+        if not turned or not turning_in_flight(self.system, index).issuperset(turned):
+            return None
+        signs = {s: sp.Integer(entry) for s, entry in zip(self.system.signs, self.mode, strict=True)}
+        return self.numbers.values((self.impacts[index].acceleration.xreplace(signs),), self.t, after)[0]
+
+    def _mode_at_rest(
+        self, times: Mapping[int, Any], mode: Mode, after: Sequence[Any], sides: Sequence[int], valid: Sequence[int]
+    ) -> Decision:
+        """The mode in which bodies rest: where friction has turned round in flight it is decided with no speed."""
+        stuck, x = mode, after
+        open_ones: set[int] = set()
+        for i in times:
+            stuck, impact = replaced(stuck, i, 0), self.impacts[i]
+            if not impact.refusal:
+                x = without_speed(impact, self.numbers, self.t, x)
+                open_ones |= turning_in_flight(self.system, i).intersection(self._turned(i, mode))
+        if not open_ones:
+            return Decision("unique", stuck)
+        still = [0 if i in times or i in open_ones else side for i, side in enumerate(sides)]
+        return self.numbers.decide(self.t, x, still, valid)
+
+    def _refusal(
+        self,
+        times: Mapping[int, Any],
+        mode: Mode,
+        at_rest: Decision,
+        guards: Sequence[Guard],
+        series: Sequence[Sequence[Any]],
+    ) -> str:
+        """Why a rest is not told, where impacts have come to their limit; empty where it is."""
+        system, numbers = self.system, self.numbers
+        names = listed([system.sign_names[i] for i in times])
+        begin = self._limit(names)
+        for i in times:
+            impact = self.impacts[i]
+            if impact.refusal:
+                return begin + impact.refusal
+            turned = set(self._turned(i, mode)) - set(times) - turning_in_flight(system, i)
+            if turned and numbers.sign(times[i]):
+                signs = listed([system.sign_names[j] for j in sorted(turned)])
+                return begin + f"the force that presses the body on changes with the sign of {signs} in flight"
+        lasting = [time for time in times.values() if numbers.sign(time)]
+        if lasting and self.several:
+            return self._several(times)
+        if at_rest.mode is None:
+            return begin + at_rest.reason
+        try:
+            system.equations(at_rest.mode)
+        except ModelError as error:
+            return begin + str(error)
+        passed = set(times) | {j for i in times for j in turning_in_flight(system, i)}
+        for guard, own in zip(guards, series, strict=True):
+            value, rate, bend, *_ = own
+            stays = not any(map(numbers.sign, own))  # rest on a kink, say
+            if lasting and not stays and not (guard.kind == "surface" and guard.index in passed):
+                time = lasting[0]
+                if not abs(value) > abs(rate) * time + abs(bend) * time * time:
+                    return begin + "another event is as close"
+        return ""
+
+    def _at_rest(
+        self,
+        surfaces: tuple[int, ...],
+        after: Sequence[Any],
+        stuck: Mode,
+        time: Any,
+    ) -> list[Any]:
+        """The state where bodies come to rest, put on the surfaces; wrong by about the square of ``time``."""
+        system, numbers = self.system, self.numbers
+        x = list(after)
+        for i in surfaces:
+            x = without_speed(self.impacts[i], numbers, self.t, x)
+        field = numbers.values(system.equations(stuck).field, self.t, x)
+        x = [value + time * rate for value, rate in zip(x, field, strict=True)]
+        for i in surfaces:
+            surface = system.surfaces[i]
+            h, *slopes = numbers.values((surface, *gradient(surface, system.states)), self.t + time, x)
+            size = sum((g * g for g in slopes), 0 * h)
+            x = [value - h * g / size for value, g in zip(x, slopes, strict=True)]
+            x = without_speed(self.impacts[i], numbers, self.t + time, x)
+        return x
+
+    @staticmethod
+    def _refused(reason: str) -> Decision:
+        return Decision("none", None, reason)

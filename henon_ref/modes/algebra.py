@@ -1,0 +1,199 @@
+"""Algebra whose work is known before it is begun.
+
+A call of SymPy cannot be ended safely once it runs, and one on a short text may never end: ``simplify`` of a sum of
+quotients of functions tries every identity that it knows. So an expression is measured first, and where it is large
+it stays as it is written. What is measured are the polynomials that numerator and denominator would become, in
+symbols and in what is no rational function of symbols (``sin(x)``, ``sqrt(x)``, a giant number), which counts as a
+symbol and is not looked into.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Collection, Sequence
+from math import comb, prod
+
+import sympy as sp
+
+from henon_ref.modes.bounds import put, terms
+from henon_ref.modes.exact_numbers import exact_sign
+from henon_ref.modes.switched_field import SwitchedField, up_to_a_number
+from henon_ref.taylor.tape import TIME
+
+MAX_TERMS, MAX_MONOMIALS = 50, 2_000
+"""Terms that numerator and denominator may have, multiplied out, and products of powers that there are below the
+degrees of either, where their greatest common divisor is looked for."""
+MAX_FACTORED_TERMS, MAX_FACTORED_MONOMIALS = 8, 128
+"""The same where an expression is asked whether it is positive, which is much more work."""
+MAX_COEFFICIENT = 64
+"""Bits of a number that counts as one: a larger one, whose factors would be looked for, counts as a symbol."""
+MAX_EXPANDED = 1_000
+"""Terms up to which products of sums are multiplied out."""
+MAX_SIZE = 100_000
+"""Size that the equations of a mode may have, all together."""
+MAX_DERIVED = 400
+"""Size up to which a nonlinear expression is differentiated to see whether its derivative is a constant."""
+DIGITS, AGREE = 40, sp.Float("1e-25")
+"""Digits of the values, and how far apart two of the same may be, of their size."""
+
+
+def simplified(expression: sp.Expr) -> sp.Expr:
+    """The expression in few terms, or as it is written where that is too much work."""
+    if not expression.has(sp.Add, sp.Function):  # a product is so already (SymPy loads all its units, 0.2 s, before)
+        return expression
+    return _rational(expression, sp.simplify, MAX_TERMS, MAX_MONOMIALS)
+
+
+def cancelled(expression: sp.Expr) -> sp.Expr:
+    """The expression as one quotient in lowest terms, or as it is written where that is too much work."""
+    return _rational(expression, sp.cancel, MAX_TERMS, MAX_MONOMIALS) if expression.has(sp.Add) else expression
+
+
+def known_positive(expression: sp.Expr) -> bool:
+    """Whether an expression is seen with little work to be positive for all values of its symbols."""
+    if expression.is_number:
+        return exact_sign(expression) > 0
+    extents = measured(expression)
+    if extents is None or any(
+        part.terms > MAX_FACTORED_TERMS or part.monomials > MAX_FACTORED_MONOMIALS for part in extents
+    ):
+        return False
+    return bool(expression.is_positive)
+
+
+def signed_form(expression: sp.Expr, still: Collection[sp.Symbol] = ()) -> tuple[object, int]:
+    """A form that expressions share which are one another times a factor that always has one sign, and this one's sign.
+
+    Parameters
+    ----------
+    expression : Expr
+    still : collection of Symbol
+        Parameters: what holds no other symbol is a coefficient. Factors that hold others count where they are seen to
+        be positive (``exp(x)``).
+
+    Examples
+    --------
+    >>> v, b, m = sp.symbols("v b m", real=True)
+    >>> form, sign = signed_form(v - b, {b, m})
+    >>> [signed_form(e, {b, m}) == (form, sign) for e in (2 * v - 2 * b, sp.exp(v) * (v - b), m * (v - b))]
+    [True, True, False]
+    >>> signed_form(b - v, {b, m}) == (form, -sign)
+    True
+    """
+    rest, way = _without_positive_factors(expression)
+    short = terms(rest, MAX_TERMS) <= MAX_TERMS
+    whole = sp.expand(rest) if short else rest
+    if not short or whole == 0:
+        form, sign = up_to_a_number(rest)
+        return form, way * sign
+    parts: dict[sp.Expr, sp.Expr] = {}
+    for term in sp.Add.make_args(whole):
+        coefficient, held = term.as_independent(*(term.free_symbols - set(still)), as_Add=False)
+        parts[held] = parts.get(held, sp.S.Zero) + coefficient
+    leading = parts[min(parts, key=sp.default_sort_key)]
+    uncertain, other = _without_positive_factors(leading)
+    form, sign = up_to_a_number(uncertain)
+    return (form, frozenset((held, simplified(part / leading)) for held, part in parts.items())), way * other * sign
+
+
+def _without_positive_factors(expression: sp.Expr) -> tuple[sp.Expr, int]:
+    """An expression without the factors that are seen to be positive or negative, and the sign of these."""
+    kept, way = [], 1
+    for factor in sp.Mul.make_args(expression):
+        if known_positive(-factor):
+            way = -way
+        elif not known_positive(factor):
+            kept.append(factor)
+    return sp.Mul(*kept), way
+
+
+def expanded(expression: sp.Expr) -> sp.Expr:
+    """The expression multiplied out at its top, or as it is written where that has too many terms."""
+    return sp.expand(expression, deep=False) if _terms(expression) <= MAX_EXPANDED else expression
+
+
+def _rational(expression: sp.Expr, rule: Callable[[sp.Expr], sp.Expr], terms: int, monomials: int) -> sp.Expr:
+    """What a rule makes of an expression as a rational function; what else there is in it is a symbol to the rule."""
+    extents = measured(expression)
+    if extents is None or any(part.terms > terms or part.monomials > monomials for part in extents):
+        return expression
+    others = sorted((g for part in extents for g in part.degrees if not g.is_Symbol), key=sp.default_sort_key)
+    names = {g: sp.Dummy(f"g{i}", real=True) for i, g in enumerate(dict.fromkeys(others))}
+    written = expression.xreplace(names)
+    return rule(written).xreplace({name: g for g, name in names.items()})
+
+
+class Extent:
+    """How large a polynomial may become: its terms, and its degree in each symbol."""
+
+    def __init__(self, terms: int = 1, degrees: Counter[sp.Expr] | None = None) -> None:
+        self.terms = min(terms, MAX_TERMS + 1)
+        self.degrees: Counter[sp.Expr] = degrees if degrees is not None else Counter()
+
+    def __mul__(self, other: Extent) -> Extent:
+        return Extent(self.terms * other.terms, self.degrees + other.degrees)
+
+    def __add__(self, other: Extent) -> Extent:
+        return Extent(self.terms + other.terms, self.degrees | other.degrees)
+
+    def power(self, n: int) -> Extent:
+        return Extent(comb(self.terms + n - 1, n), Counter({g: n * d for g, d in self.degrees.items()}))
+
+    @property
+    def monomials(self) -> int:
+        return prod(d + 1 for d in self.degrees.values())
+
+    @property
+    def small(self) -> bool:
+        return self.terms <= MAX_TERMS and self.monomials <= MAX_MONOMIALS
+
+
+def measured(expression: sp.Expr) -> tuple[Extent, Extent] | None:
+    """Extent of numerator and denominator over a common denominator; None where either is large."""
+    above, below = Extent(), Extent()
+    if expression.is_Rational and max(abs(expression.p), expression.q).bit_length() <= MAX_COEFFICIENT:
+        return above, below
+    if expression.is_Add or expression.is_Mul:
+        for i, argument in enumerate(expression.args):
+            part = measured(argument)
+            if part is None:
+                return None
+            if expression.is_Mul:
+                above, below = above * part[0], below * part[1]
+            else:
+                above = above * part[1] + part[0] * below if i else part[0]
+                below = below * part[1]
+            if not (above.small and below.small):
+                return None
+        return above, below
+    if expression.is_Pow and expression.exp.is_Integer:
+        part = measured(expression.base)
+        if part is None:
+            return None
+        n = int(expression.exp)
+        above, below = (part[0].power(abs(n)), part[1].power(abs(n)))
+        if not (above.small and below.small):
+            return None
+        return (above, below) if n > 0 else (below, above)
+    return Extent(1, Counter({expression: 1})), below
+
+
+def _terms(expression: sp.Expr) -> int:
+    """Terms of an expression whose products at the top are multiplied out; counting stops past the limit."""
+    if not (expression.is_Mul or expression.is_Pow):
+        return 1
+    count = 1
+    for factor in sp.Mul.make_args(expression):
+        base, exponent = (factor.base, factor.exp) if factor.is_Pow and factor.exp.is_Integer else (factor, sp.S.One)
+        if base.is_Add:
+            n = abs(int(exponent))
+            count = min(count * comb(len(base.args) + n - 1, n), MAX_EXPANDED + 1)
+    return count
+
+
+def sample(system: SwitchedField, expressions: Sequence[sp.Expr]) -> list[sp.Expr]:
+    """Values of expressions at a point whose coordinates are quotients of primes, the system's parameters put in."""
+    symbols = sorted(set().union(*(e.free_symbols for e in expressions)), key=str)
+    numbers = {s: sp.Rational(sp.prime(k + 7), sp.prime(k + 17)) for k, s in enumerate(symbols)}
+    numbers |= {TIME: sp.Rational(3, 7), **system.parameters}
+    return [sp.N(put(e, numbers), DIGITS) for e in expressions]

@@ -1,0 +1,333 @@
+"""Contacts that act on each other, and the equations of all their modes at once.
+
+Contacts of bodies in a row, with dry friction: each surface h_i is a relative velocity, and the contact acts on the
+states by one force q_i, so that ``x' = f(t, x) + C q`` and ``h' = a(t, x) + W q`` with constant matrices C and W. A
+contact that slips has the force T_i(t, x, s_i) of its friction; one that holds has the force that keeps its surface.
+With numbers ``slip_i`` and ``slide_i``, one of which is 1 and the other 0, both are row i of one linear system,
+
+    slip_i q_i + slide_i (W q)_i = slip_i T_i - slide_i a_i.
+
+It is solved by elimination within the recurrences of the Taylor series, whose matrix is constant: once a step, in a few
+operations a contact where the bodies are in a row. No pivot vanishes, whichever contacts hold: with W symmetric and
+definite, up to factors of its columns (the units of the forces), every Schur complement is the inverse inertia of some
+bodies that are held together. So there is nothing to be derived or compiled where a mode is new; a chain of n contacts
+has 3^n.
+
+Each contact's surface settles a state of its own (the bodies and contacts are a forest: no loops), whose rate in a hold
+is that of the bodies it is held to, so that the surface is kept to the last bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import sympy as sp
+
+from henon_ref.errors import ModelError
+from henon_ref.modes.affine import constant_slope
+from henon_ref.modes.algebra import cancelled, sample
+from henon_ref.modes.bounds import put
+from henon_ref.modes.decoupled_contacts import (
+    Contact,
+    Contacts,
+    SwitchedEquations,
+    acting_rows,
+    common_to_all,
+    indicators,
+    is_crossed,
+)
+from henon_ref.modes.equations import Guard, along
+from henon_ref.modes.switched_field import SwitchedField
+from henon_ref.taylor.tape import TIME
+
+MOST = 64
+"""Contacts of which this is tried."""
+DEFINITE = 1e-9
+"""Part of the largest eigenvalue from which on a matrix counts as definite."""
+
+Row = dict[int, sp.Expr]
+"""Contact -> what stands in its column; zeros are left out."""
+
+
+@dataclass(frozen=True)
+class Forces:
+    """How the forces of contacts act, each in the unit of the first rate that it is in."""
+
+    free: tuple[sp.Expr, ...]
+    """x' without them."""
+    friction: tuple[sp.Expr, ...]
+    """T_i: of each contact that force in slip, with its sign."""
+    shares: tuple[Row, ...]
+    """C, of each state."""
+    slopes: tuple[Row, ...]
+    """W, of each contact."""
+
+
+def coupled_equations(system: SwitchedField, contacts: Contacts) -> SwitchedEquations | None:
+    """One set of equations for all modes of contacts that act on each other; None where they are not of this kind.
+
+    Parameters
+    ----------
+    system : SwitchedField
+    contacts : Contacts
+        The same system, with what its contacts hold.
+    """
+    acting = acting_rows(contacts)
+    slid = [i for i, sign in enumerate(system.signs) if not is_crossed(contacts, i, acting[sign])]
+    if not slid or len(system.surfaces) > MOST or not all(_ends_known(contacts, i) for i in slid):
+        return None
+    signs, surfaces = ([part[i] for i in slid] for part in (system.signs, system.surfaces))
+    own_field = SwitchedField(system.states, tuple(signs), tuple(surfaces), system.field, system.parameters)
+    try:
+        own, forces = _own_states(own_field), _forces(own_field)
+        beside = {*contacts.signs} - {*signs}
+        if forces is None or any(not f.free_symbols.isdisjoint(beside) for f in forces.friction):
+            return None  # on one of the sides it may be none, and no sign holds
+        if own is None or not (_common(own_field, own) and _definite(own_field, own, forces)):
+            return None
+        made = _equations(own_field, contacts, slid, own, forces)
+        return None if made is None or any(e.has(sp.zoo, sp.nan) for e in made.outputs) else made
+    except ModelError:
+        return None
+
+
+def _common(system: SwitchedField, own: Mapping[int, int]) -> bool:
+    """Whether all rates have values in every mode."""
+    moving = {TIME, *system.states}
+    return all(
+        common_to_all(rate, system.states[k], system.signs[i], moving)
+        for i, k in own.items()
+        for rate in system.field
+        if rate.has(system.signs[i])
+    )
+
+
+def _ends_known(system: Contacts, index: int) -> bool:
+    """Whether a contact has no static friction, or such that holds up to two limits."""
+    own = system.overrides.get(index)
+    return own is None or (own.entry == "inside" and sorted(g.to_sign for g in system.hold_guards(index)) == [-1, 1])
+
+
+def _own_states(system: SwitchedField) -> dict[int, int] | None:
+    """Of each surface a state that it settles by those which later surfaces settle, and others; None for a loop."""
+    states, left = system.states, dict.fromkeys(range(len(system.surfaces)))
+    found: dict[int, int] = {}
+    while left:
+        owners = {k: [i for i in left if x in system.surfaces[i].free_symbols] for k, x in enumerate(states)}
+        alone = next(
+            (
+                (users[0], k)
+                for k, users in owners.items()
+                if len(users) == 1 and constant_slope(system.surfaces[users[0]], states[k], states) is not None
+            ),
+            None,
+        )
+        if alone is None:
+            return None
+        found[alone[0]] = alone[1]
+        del left[alone[0]]
+    return found
+
+
+def _terms(expression: sp.Expr, signs: Collection[sp.Symbol]) -> Iterator[sp.Expr]:
+    """Terms of a sum, and of sums within products where these hold signs."""
+    if expression.is_Add:
+        for term in expression.args:
+            yield from _terms(term, signs)
+        return
+    inner = next((f for f in sp.Mul.make_args(expression) if f.is_Add and not f.free_symbols.isdisjoint(signs)), None)
+    if inner is None:
+        yield expression
+        return
+    others = sp.Mul(*(f for f in sp.Mul.make_args(expression) if f is not inner))
+    for term in inner.args:
+        yield from _terms(others * term, signs)
+
+
+def _parts(system: SwitchedField, expression: sp.Expr) -> tuple[sp.Expr, dict[int, sp.Expr]] | None:
+    """What of a sum holds no sign, and by contact what holds its sign; None where signs multiply each other."""
+    places = {sign: i for i, sign in enumerate(system.signs)}
+    free, terms = list[sp.Expr](), dict[int, list[sp.Expr]]()
+    for term in _terms(expression, set(places)):
+        signs = [places[s] for s in term.free_symbols if s in places]
+        if len(signs) > 1:
+            return None
+        (terms.setdefault(signs[0], []) if signs else free).append(term)
+    return sp.Add(*free), {i: sp.Add(*own) for i, own in terms.items()}
+
+
+def _constant_ratio(system: SwitchedField, above: sp.Expr, below: sp.Expr) -> sp.Expr | None:
+    """The quotient of two expressions where it is the same at all times and for all signs."""
+    found = cancelled(above / below)
+    return None if found.free_symbols & {TIME, *system.states, *system.signs} else found
+
+
+def _forces(system: SwitchedField) -> Forces | None:
+    count = len(system.surfaces)
+    friction: dict[int, sp.Expr] = {}
+    free, shares = list[sp.Expr](), list[Row]()
+    for rate in system.field:
+        parts = _parts(system, rate)
+        if parts is None:
+            return None
+        row: Row = {}
+        for i, term in parts[1].items():
+            share = _constant_ratio(system, term, friction.setdefault(i, term))
+            if share is None:
+                return None
+            row[i] = share
+        free.append(parts[0])
+        shares.append(row)
+    if len(friction) < count or any(put(friction[i], {system.signs[i]: sp.S.Zero}) != 0 for i in friction):
+        return None
+    slopes: list[Row] = []
+    for h in system.surfaces:
+        row = {}
+        for k, x in enumerate(system.states):
+            slope = sp.diff(h, x) if h.has(x) else sp.S.Zero
+            if slope.free_symbols & {TIME, *system.states}:
+                return None
+            for i, share in shares[k].items() if slope != 0 else ():
+                row[i] = row.get(i, sp.S.Zero) + slope * share
+        slopes.append({i: value for i, value in row.items() if value != 0})
+    return Forces(tuple(free), tuple(friction[i] for i in range(count)), tuple(shares), tuple(slopes))
+
+
+def _definite(system: SwitchedField, own: Mapping[int, int], forces: Forces) -> bool:
+    """Whether W is symmetric and definite up to factors of its columns, and frictions act against their velocities."""
+    count = len(forces.slopes)
+    entries = [forces.slopes[i].get(j, sp.S.Zero) for i in range(count) for j in range(count)]
+    ways = [put(put(forces.friction[i], {system.signs[i]: sp.S.One}), _there(system, i, own[i])) for i in range(count)]
+    found = sample(system, (*entries, *ways))
+    if not all(value.is_real for value in found):  # a root of a branch that is not in use there
+        return False
+    values = np.array([float(v) for v in found])
+    matrix, friction = values[: count * count].reshape(count, count), values[count * count :]
+    scale = np.zeros(count)
+    for first in range(count):
+        if not scale[first]:  # a part of its own
+            scale[first], waiting = np.sign(matrix[first, first]), [first]
+            while waiting:
+                i = waiting.pop()
+                for j in np.flatnonzero(matrix[i]).tolist():
+                    if not matrix[j, i]:
+                        return False
+                    if not scale[j]:
+                        scale[j] = scale[i] * matrix[j, i] / matrix[i, j]
+                        waiting.append(j)
+    whole = matrix * scale
+    eigenvalues = np.linalg.eigvalsh(whole)
+    symmetric = np.allclose(whole, whole.T, rtol=1e-12, atol=0)
+    return bool(symmetric and eigenvalues[0] > DEFINITE * eigenvalues[-1] and np.all(np.diag(matrix) * friction <= 0))
+
+
+def _there(system: SwitchedField, index: int, state: int) -> dict[sp.Symbol, sp.Expr]:
+    """A state on a surface that is linear in it, in the others."""
+    h, x = system.surfaces[index], system.states[state]
+    slope = constant_slope(h, x, system.states)
+    assert slope is not None
+    return {x: sp.expand(x - h / slope)}
+
+
+class _Solution:
+    """The forces by elimination: definitions of names, each in those before it, in time and states."""
+
+    def __init__(self, count: int) -> None:
+        self.definitions: list[tuple[sp.Symbol, sp.Expr]] = []
+        self.forces = [sp.Symbol(f"force_{i}", real=True) for i in range(count)]
+
+    def named(self, name: str, expression: sp.Expr) -> sp.Expr:
+        """A name for an expression, where it is more than a number or a name."""
+        if expression.is_Atom:
+            return expression
+        symbol = sp.Symbol(name, real=True)
+        self.definitions.append((symbol, expression))
+        return symbol
+
+    def solve(self, matrix: list[Row], right: list[sp.Expr]) -> None:
+        """Solve for the forces; of the rows that are left the one goes first that has the fewest others' columns."""
+        order: list[int] = []
+        left = set(range(len(matrix)))
+        inverse: dict[int, sp.Expr] = {}
+        while left:
+            i = min(left, key=lambda i: (sum(j in left for j in matrix[i]), i))
+            left.remove(i)
+            order.append(i)
+            inverse[i] = self.named(f"inverse_{i}", 1 / self.named(f"pivot_{i}", matrix[i][i]))
+            right[i] = self.named(f"right_{i}", right[i])
+            for r in sorted(left):
+                if i in matrix[r]:
+                    factor = self.named(f"factor_{r}_{i}", matrix[r].pop(i) * inverse[i])
+                    right[r] -= factor * right[i]
+                    for j in left:
+                        if j in matrix[i]:
+                            matrix[r][j] = matrix[r].get(j, sp.S.Zero) - factor * matrix[i][j]
+        for i in reversed(order):
+            later = order[order.index(i) + 1 :]
+            rest = sp.Add(right[i], *(-matrix[i][j] * self.forces[j] for j in later if j in matrix[i]))
+            self.definitions.append((self.forces[i], inverse[i] * rest))
+
+
+def _equations(
+    system: SwitchedField, held: Contacts, slid: Sequence[int], own: Mapping[int, int], forces: Forces
+) -> SwitchedEquations | None:
+    """``system`` has the surfaces that are slid on alone, ``slid`` says which of the others' they are."""
+    indicated = indicators(held.signs)
+    switches = [indicated[i] for i in slid]
+    solution = _Solution(len(switches))
+    matrix, right = list[Row](), list[sp.Expr]()
+    for i, each in enumerate(switches):
+        row = {j: each.slide * slope for j, slope in forces.slopes[i].items()}
+        matrix.append({**row, i: each.slip + row.get(i, sp.S.Zero)})
+        free = along(system.surfaces[i], system.states, forces.free)
+        right.append(each.slip * forces.friction[i] - each.slide * free)
+    solution.solve(matrix, right)
+    rates = [
+        sp.Add(free, *(share * solution.forces[i] for i, share in row.items()))
+        for free, row in zip(forces.free, forces.shares, strict=True)
+    ]
+    contacts: dict[int, Contact] = {}
+    for i in reversed(own):  # the state of a later surface is in those of earlier ones
+        k = own[i]
+        there = _there(system, i, k)
+        kept = along(there[system.states[k]], system.states, tuple(rates))
+        ends = _ends(system, held, slid, i, forces, solution.forces, there)
+        if ends is None:
+            return None
+        contacts[slid[i]] = Contact(k, rates[k], kept, ends)
+        rates[k] = solution.named(f"rate_{k}", switches[i].slip * rates[k] + switches[i].slide * kept)
+    made = tuple(contacts.get(i) for i in range(len(indicated)))
+    return SwitchedEquations(held, indicated, made, tuple(rates), tuple(solution.definitions))
+
+
+def _ends(
+    system: SwitchedField,
+    held: Contacts,
+    slid: Sequence[int],
+    index: int,
+    forces: Forces,
+    names: Sequence[sp.Symbol],
+    there: Mapping[sp.Symbol, sp.Expr],
+) -> tuple[Guard, Guard] | None:
+    """The two ends of a contact's hold, in the forces."""
+    if slid[index] not in held.overrides:
+        sign, guards = system.signs[index], []
+        for side in (1, -1):
+            limit = put(put(forces.friction[index], {sign: sp.Integer(side)}), there)
+            guards.append(Guard("release", slid[index], side, 1 - names[index] / limit))
+        return guards[0], guards[1]
+    guards = []
+    for guard in held.hold_guards(slid[index]):
+        parts = _parts(system, guard.expression)
+        if parts is None or index in parts[1]:
+            return None
+        expression = put(parts[0], there)
+        for j, term in parts[1].items():
+            share = _constant_ratio(system, put(term, there), put(forces.friction[j], there))
+            if share is None:
+                return None
+            expression += share * names[j]
+        guards.append(replace(guard, expression=expression))
+    return guards[0], guards[1]

@@ -1,0 +1,119 @@
+"""What is decided about the mode that follows, and in which words it is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Literal
+
+import sympy as sp
+
+from henon_ref.errors import ModelError
+from henon_ref.modes.equations import Guard, Refusal
+from henon_ref.modes.mode import Mode, mode_text, replaced
+from henon_ref.modes.system import FilippovSystem
+from henon_ref.taylor.tape import TIME
+
+
+@dataclass(frozen=True)
+class Decision:
+    """The mode that follows an event, or why there is none."""
+
+    status: Refusal | Literal["unique"]
+    mode: Mode | None
+    reason: str = ""
+
+    @property
+    def ending(self) -> Literal["nonunique", "invalid", "failed"]:
+        """Status of a run that ends for want of a mode."""
+        return self.status if self.status in ("nonunique", "invalid") else "failed"
+
+
+def without_indeterminate(
+    found: Sequence[Mode], surfaces: Sequence[int], indeterminate: Callable[[Mode, int], bool]
+) -> list[Mode]:
+    """Consistent modes, without slides whose equivalent sign is 0/0 all along where slip leaves that surface.
+
+    So it is where the gradient of a surface vanishes on it ((x - 1)^3 in place of x - 1). Where slip leaves, both
+    fields lead the same way through the set where the surface is zero, and no mean of two such fields is tangent to it:
+    there is no slide (Filippov 1988, Sec. 4).
+
+    Parameters
+    ----------
+    found : sequence of Mode
+    surfaces : sequence of int
+        Those in play.
+    indeterminate : callable
+        (mode, surface) -> whether both normal velocities beside a surface that the mode slides on stay zero.
+    """
+    left = {i for i in surfaces if any(mode[i] != 0 for mode in found)}
+    return [mode for mode in found if not any(mode[i] == 0 and indeterminate(mode, i) for i in left)]
+
+
+def several(system: FilippovSystem, found: Sequence[Mode], time: str) -> Decision:
+    """The refusal where more modes than one are consistent."""
+    modes = " or ".join(mode_text(mode, system.sign_names) for mode in found)
+    return Decision("nonunique", None, f"the future is not unique at t = {time}: {modes}")
+
+
+def explained(refusal: Decision, system: FilippovSystem, mode: Mode, surfaces: tuple[int, ...]) -> Decision:
+    """A refusal with what it is about the surfaces that leaves the mode open, where it is something."""
+    words = _powers(system, surfaces)
+    if refusal.status == "none":
+        try:
+            system.equations(with_entries(mode, surfaces, (0,) * len(surfaces)))
+        except ModelError as error:
+            words += f"; {error}"
+    return replace(refusal, reason=refusal.reason + words)
+
+
+@lru_cache(maxsize=64)
+def _powers(system: FilippovSystem, surfaces: tuple[int, ...]) -> str:
+    """The surfaces whose gradient vanishes on them."""
+    words = ""
+    for i in surfaces:
+        name, h = system.sign_names[i], system.surfaces[i]
+        if _repeats(h, {TIME, *system.states}):
+            words += f"; the surface of {name} has a repeated factor, so that its gradient vanishes there"
+    return words
+
+
+def _repeats(expression: sp.Expr, variables: set[sp.Symbol]) -> bool:
+    """Whether some factor in these variables stands there with a power above 1."""
+    powers = (factor.as_base_exp() for factor in sp.Mul.make_args(expression))
+    return any(base.free_symbols & variables and exponent.is_number and exponent > 1 for base, exponent in powers)
+
+
+def ended(system: FilippovSystem, mode: Mode, hits: Sequence[Guard], time: str) -> Decision | None:
+    """Why a run ends where guards of a mode have fallen; None where none of them ends it."""
+    for guard in hits:
+        if guard.ends:
+            return Decision(guard.ends, None, f"{_end(system, mode, guard)} t = {time}")
+    return None
+
+
+@lru_cache(maxsize=64)
+def _text(expression: sp.Expr) -> str:
+    """It as text, which takes longer than most runs that end there."""
+    return str(expression)
+
+
+def _end(system: FilippovSystem, mode: Mode, guard: Guard) -> str:
+    if guard.kind == "valid":
+        return f"the model ends: {_text(system.valid[guard.index])} fell to 0 at"
+    if guard.kind == "surface":
+        name = system.sign_names[guard.index]
+        value = "it had no value at the start; reached at" if system.open_kinks else "it has no value before"
+        return f"beyond the surface of {name} a kink is in use whose sign it leaves open: {value}"
+    names = ", ".join(name for name, s in zip(system.sign_names, mode, strict=True) if s == 0)
+    if guard.ends == "nonunique":
+        return f"the future is not unique: sliding on the intersection of {names} does not attract beyond"
+    return f"it is not told whether sliding on the intersection of {names} attracts beyond"
+
+
+def with_entries(mode: Mode, active: Sequence[int], choice: Sequence[int]) -> Mode:
+    """A mode with these entries at the surfaces in play."""
+    for index, value in zip(active, choice, strict=True):
+        mode = replaced(mode, index, value)
+    return mode

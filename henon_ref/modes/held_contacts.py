@@ -1,0 +1,303 @@
+"""Equations of modes in which several surfaces slide and some of them are held by static friction.
+
+A contact that holds while none that slides acts on it moves as its ``sliding`` override says. Contacts that act on each
+other at once hold by the loads that keep all of them: each surface's velocity is constant, which is a linear system for
+the signs that stand for the loads (a load over the friction in sliding, so that it may be larger than 1). Static
+friction limits the loads, not these signs: see :mod:`henon_ref.modes.held_groups` and the literature named there.
+A body at rest on a stop is one contact more of its group: its velocity is h', its sign the reaction, limited by 0.
+Where surfaces depend on each other the system has many solutions, with one motion; one of them is taken, in which the
+contacts whose surfaces the others settle carry nothing, and :mod:`henon_ref.modes.contact_loops` has the limits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from itertools import combinations
+from typing import Protocol
+
+import sympy as sp
+from sympy.utilities.iterables import connected_components
+
+from henon_ref.errors import ModelError
+from henon_ref.modes.affine import coefficients
+from henon_ref.modes.algebra import AGREE, MAX_SIZE, expanded, sample, simplified
+from henon_ref.modes.attraction import attraction_guards
+from henon_ref.modes.bounds import put
+from henon_ref.modes.contact_loops import independent, loop_ends, relations
+from henon_ref.modes.equations import Guard, along
+from henon_ref.modes.linear_system import solution, surfaces_solved
+from henon_ref.modes.switched_field import SwitchedField
+from henon_ref.taylor.size import total_size
+from henon_ref.text import listed
+
+
+class Held(Protocol):
+    """What is read of a ``sliding`` override."""
+
+    @property
+    def field(self) -> tuple[sp.Expr, ...]: ...
+
+    @property
+    def entry(self) -> str: ...
+
+    @property
+    def inertia(self) -> sp.Expr | None: ...
+
+    @property
+    def push(self) -> tuple[sp.Expr, ...]: ...
+
+
+@dataclass(frozen=True)
+class HeldField:
+    """A field with the rates of held contacts put in."""
+
+    field: tuple[sp.Expr, ...]
+    on_surface: Mapping[sp.Symbol, sp.Expr]
+    """States that the held contacts' surfaces settle."""
+    signs: Mapping[sp.Symbol, sp.Expr]
+    """What stands for the signs of surfaces that are decided here."""
+    ends: tuple[Guard, ...]
+    """Ends of what static friction holds, in signs."""
+    guards: tuple[Guard, ...]
+    """Ends of slides without static friction that act on held contacts at once."""
+    decided: frozenset[int]
+    """Surfaces whose sliding is in the field."""
+
+
+def held_field(
+    system: SwitchedField,
+    reacting: SwitchedField,
+    held: Mapping[int, Held],
+    zones: Mapping[int, Sequence[Guard]],
+    sliding: Collection[int],
+) -> HeldField:
+    """The field with several contacts held, or one beside others that slide.
+
+    Parameters
+    ----------
+    system : SwitchedField
+    reacting : SwitchedField
+        The same with bodies that are at rest as contacts.
+    held : mapping
+        Surface -> its override.
+    zones : mapping
+        Surface -> its release guards.
+    sliding : collection of int
+        All surfaces that slide, the held ones among them.
+
+    Raises
+    ------
+    ModelError
+        Where the loads of contacts that act on each other are not settled, or what one of them does is not what the
+        balance of forces says.
+    """
+    _, on_surface = surfaces_solved(system, independent(system, sorted(held)))
+    slipping = tuple(put(rate, on_surface) for rate in system.field)
+    stuck = {i: tuple(put(rate, on_surface) for rate in own.field) for i, own in held.items()}
+    rates, guards, decided = list(slipping), [], set()
+    signs: dict[sp.Symbol, sp.Expr] = {}
+    ends = {i: tuple(zone) for i, zone in zones.items()}
+    for group in _groups(system, held, zones, slipping, stuck, sliding):
+        if len(group) == 1:
+            (i,) = group
+            rates = [own if own != rate else kept for own, rate, kept in zip(stuck[i], slipping, rates, strict=True)]
+        else:
+            _check_balance(system, held, sliding, group)
+            made = _Joint(reacting, group, frozenset(held))
+            ends |= _with_reactions(system, reacting, held, zones, group)
+            rates = [
+                new if k in made.rows else kept for k, (new, kept) in enumerate(zip(made.field, rates, strict=True))
+            ]
+            if any(
+                held[i].entry == "resting" for i in group if i in held
+            ):  # a body at rest stays where it is, to the last bit
+                rates = [put(rate, made.on_surface) for rate in rates]
+            on_surface = {**on_surface, **made.on_surface}
+            signs |= made.signs
+            guards += made.guards
+            ends |= made.loop_ends(ends)
+        decided |= set(group)
+    kept = tuple(guard for zone in ends.values() for guard in zone)
+    return HeldField(tuple(rates), on_surface, signs, kept, tuple(guards), frozenset(decided))
+
+
+def _groups(
+    system: SwitchedField,
+    held: Mapping[int, Held],
+    zones: Mapping[int, Sequence[Guard]],
+    slipping: Sequence[sp.Expr],
+    stuck: Mapping[int, Sequence[sp.Expr]],
+    sliding: Collection[int],
+) -> list[tuple[int, ...]]:
+    """Sliding surfaces, parted into those that act on each other at once; groups with a held contact only."""
+    rows: dict[int, set[int]] = {}
+    for i in sliding:
+        own = stuck.get(i, slipping)
+        rows[i] = {k for k, rate in enumerate(slipping) if rate.has(system.signs[i]) or rate != own[k]}
+    plain = [i for i in sorted(sliding) if i not in held]
+    edges = [(i, j) for i, j in combinations(plain, 2) if rows[i] & rows[j]]
+    for i in held:
+        moved = [e for k in rows[i] for e in (slipping[k], stuck[i][k])]
+        loads = [guard.expression for guard in zones[i]]
+        for j in sliding:
+            if j != i and (rows[i] & rows[j] or any(e.has(system.signs[j]) for e in (*moved, *loads))):
+                edges.append((i, j))
+    parts = connected_components((sorted(sliding), edges))
+    groups = [(tuple(sorted(part)), tuple(i for i in part if i in held)) for part in parts]
+    # A body at rest stays where it is, whatever plain friction does to it: that slides beside it, in the field at rest.
+    return [own if len(own) == 1 and held[own[0]].entry == "resting" else part for part, own in groups if own]
+
+
+def _with_reactions(
+    system: SwitchedField,
+    reacting: SwitchedField,
+    held: Mapping[int, Held],
+    zones: Mapping[int, Sequence[Guard]],
+    group: Sequence[int],
+) -> dict[int, tuple[Guard, ...]]:
+    """The ends of what a group holds, with what forces that act at rest alone add to its loads."""
+    sliding = set().union(*(rate.free_symbols for rate in system.field))
+    own = {i: system.signs[i] for i in group if i in held and held[i].push}
+    signs = {i: s for i, s in own.items() if held[i].entry == "resting" or s not in sliding}
+    ends: dict[int, tuple[Guard, ...]] = {}
+    for i in (i for i in group if i in held):
+        if held[i].entry == "resting":
+            ends[i] = tuple(replace(guard, expression=reacting.signs[i]) for guard in zones[i])
+            continue
+        speed = along(reacting.surfaces[i], reacting.states, reacting.field)
+        others = [s for j, s in signs.items() if j != i]
+        added = sp.Add(*(factor * s for s, factor in (coefficients(speed, others) or {}).items()))
+        if added == 0:
+            continue
+        inertia = held[i].inertia
+        if inertia is None:
+            raise ModelError(
+                f"how the load of {reacting.sign_names[i]} grows with the reaction on a body at rest is not known: "
+                "its 'sliding' is written by hand"
+            )
+        ends[i] = tuple(
+            replace(guard, expression=guard.expression - guard.to_sign * inertia * added) for guard in zones[i]
+        )
+    return ends
+
+
+class _Joint:
+    """Sliding of a group of surfaces that act on each other at once, some of them held."""
+
+    def __init__(self, system: SwitchedField, group: tuple[int, ...], held: frozenset[int]) -> None:
+        self.system, self.group = system, group
+        self.relations = relations(system, group)
+        self.own = independent(system, group)
+        symbols = [system.signs[i] for i in self.own]
+        solved, self.on_surface = surfaces_solved(system, self.own)
+        rates = tuple(put(rate, self.on_surface) for rate in system.field)
+        scales = self._scales(rates, symbols)
+        speeds = [expanded(put(along(system.surfaces[i], system.states, rates), self.on_surface)) for i in self.own]
+        slopes = [coefficients(speed, symbols) for speed in speeds]
+        if any(slope is None for slope in slopes):
+            raise ModelError(f"signs that multiply each other where they slide together: {_names(system, group)}")
+        none = dict.fromkeys(symbols, sp.S.Zero)
+        # Unknown is what each contact adds to one rate: its factors, masses, are constant where the friction is not.
+        matrix = [
+            [simplified(slope.get(s, sp.S.Zero) / scales[s]) for s in symbols] for slope in slopes if slope is not None
+        ]
+        found = solution(system, matrix, [-speed.xreplace(none) for speed in speeds])
+        if found is None:
+            raise ModelError(f"the loads of contacts that hold together are not settled: {_names(system, group)}")
+        self.shared = {s: value / scales[s] for s, value in zip(symbols, found, strict=True)}
+        self.signs = self._one_of_many(rates)
+        field = [put(rate, self.signs) for rate in rates]
+        signs = [system.signs[i] for i in group]
+        self.rows = {k for k, rate in enumerate(rates) if rate.has(*signs)} | set(solved.values())
+        for k in solved.values():
+            x = system.states[k]
+            if x in self.on_surface:  # its derivative needs no force, and keeps the surface exactly
+                field[k] = along(self.on_surface[x], system.states, tuple(field))
+        if total_size(field, MAX_SIZE) > MAX_SIZE:
+            raise ModelError(f"the equations of contacts that hold together are too large: {_names(system, group)}")
+        self.field = tuple(field)
+        self.guards = self._plain(matrix, scales, held)
+
+    def _one_of_many(self, rates: Sequence[sp.Expr]) -> dict[sp.Symbol, sp.Expr]:
+        """The signs of the group where contacts whose surfaces the others settle carry nothing."""
+        if not self.relations:
+            return self.shared
+        free = [self.system.signs[max(relation)] for relation in self.relations]
+        none = dict.fromkeys(free, sp.S.Zero)
+        found = {s: put(value, none) for s, value in self.shared.items()} | none
+        moved = sample(self.system, [put(rate, self.shared) - put(rate, found) for rate in rates])
+        sizes = sample(self.system, [put(rate, found) for rate in rates])
+        if any(abs(change) > AGREE * (1 + abs(size)) for change, size in zip(moved, sizes, strict=True)):
+            raise ModelError(
+                "contacts that hold together in a loop, with more than one motion that keeps them: "
+                + _names(self.system, self.group)
+            )
+        return found
+
+    def loop_ends(self, zones: Mapping[int, Sequence[Guard]]) -> dict[int, tuple[Guard, ...]]:
+        """Ends of the hold of contacts in loops, each beside one of its contacts."""
+        if not self.relations:
+            return {}
+        there = {i: [replace(g, expression=put(g.expression, self.on_surface)) for g in zones[i]] for i in zones}
+        return loop_ends(self.system, self.relations, there, self.shared)
+
+    def _scales(self, rates: Sequence[sp.Expr], symbols: Sequence[sp.Symbol]) -> dict[sp.Symbol, sp.Expr]:
+        """For each sign its factor in the first rate that it acts on."""
+        found: dict[sp.Symbol, sp.Expr] = {}
+        for rate in rates:
+            for s, factor in (coefficients(rate, [s for s in symbols if s not in found]) or {}).items():
+                found[s] = factor
+        if len(found) < len(symbols):
+            lacking = [i for i, s in zip(self.own, symbols, strict=True) if s not in found]
+            raise ModelError(
+                "contacts that hold together need a friction in sliding, by whose place their loads are known: "
+                + _names(self.system, lacking)
+            )
+        return found
+
+    def _plain(
+        self, matrix: Sequence[Sequence[sp.Expr]], scales: Mapping[sp.Symbol, sp.Expr], held: frozenset[int]
+    ) -> list[Guard]:
+        """Ends of the slides that are not held, at an equivalent sign of -1 or +1, and of their attraction."""
+        plain = [i for i in self.own if i not in held]
+        if not plain:
+            return []
+        signs = [self.system.signs[i] for i in plain]
+        guards = [
+            Guard("release", i, w, 1 - w * self.signs[s]) for i, s in zip(plain, signs, strict=True) for w in (1, -1)
+        ]
+        rows = [self.own.index(i) for i in plain]
+        stuck = [k for k in range(len(self.own)) if k not in rows]
+        whole = sp.Matrix(matrix)
+        inner = whole.extract(stuck, stuck)
+        reduced = whole.extract(rows, rows) - whole.extract(rows, stuck) * inner.inv() * whole.extract(stuck, rows)
+        factors = sp.diag(*(scales[s] for s in signs))
+        return guards + attraction_guards(self.system, plain, (reduced * factors).applyfunc(simplified))
+
+
+def _check_balance(
+    system: SwitchedField, held: Mapping[int, Held], sliding: Collection[int], group: Sequence[int]
+) -> None:
+    """Refuse a group in which an override does not do what the balance of forces says."""
+    for i in group:
+        if i in held and not held[i].push and (held[i].entry != "inside" or not _balanced(system, i, held[i].field)):
+            raise ModelError(
+                "surfaces that act on each other at once, one with a 'sliding' override that is not what keeps its "
+                f"surface, cannot slide together: {_names(system, sorted(sliding))}"
+            )
+
+
+@lru_cache(maxsize=256)
+def _balanced(system: SwitchedField, index: int, field: tuple[sp.Expr, ...]) -> bool:
+    """Whether an override's field is the slip field with the sign that keeps the surface, at a point of it."""
+    made = _Joint(system, (index,), frozenset((index,)))
+    count = len(field)
+    values = sample(system, [put(e, made.on_surface) for e in (*field, *made.field)])
+    pairs = zip(values[:count], values[count:], strict=True)
+    return all(abs(own - derived) <= AGREE * (1 + abs(derived)) for own, derived in pairs)
+
+
+def _names(system: SwitchedField, surfaces: Collection[int]) -> str:
+    return listed([system.sign_names[i] for i in surfaces])

@@ -1,0 +1,210 @@
+"""Linear systems in formulas: signs that keep the state on surfaces, and states that surfaces give."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from itertools import permutations
+
+import sympy as sp
+from sympy.matrices import dotprodsimp
+from sympy.polys.matrices import DomainMatrix
+from sympy.polys.matrices.exceptions import DMNonInvertibleMatrixError
+from sympy.solvers.solveset import NonlinearError
+from sympy.utilities.iterables import connected_components
+
+from henon_ref.errors import ModelError
+from henon_ref.modes.affine import constant_slope
+from henon_ref.modes.algebra import measured
+from henon_ref.modes.bounds import terms
+from henon_ref.modes.switched_field import SwitchedField
+from henon_ref.taylor.size import size
+from henon_ref.taylor.tape import TIME
+
+MAX_SYMBOLIC = 4
+"""Signs that act on each other through parameters; of more, the numbers of the parameters are put in."""
+EXPLICIT = 3
+"""Rows up to which a determinant is a short sum of products, whatever its entries are."""
+MAX_PRODUCTS, MAX_ENTRY = 5_000, 200
+"""Terms that a determinant may have, multiplied out, and size that its entries may then have."""
+MAX_JOINT = 200
+"""Size of surfaces that hold each other's states up to which they are solved for these."""
+
+Matrix = Sequence[Sequence[sp.Expr]]
+
+
+def solution(system: SwitchedField, matrix: Matrix, right: Sequence[sp.Expr]) -> list[sp.Expr] | None:
+    """Solution of a linear system; None where there is none, or more than one.
+
+    Raises
+    ------
+    ModelError
+        Where the formulas would be too large.
+    """
+    if len(right) <= MAX_SYMBOLIC:
+        return _joint_solution(system, matrix, right)
+    indices = range(len(right))
+    found: dict[int, sp.Expr] = {}
+    edges = [(i, j) for i in indices for j in indices if matrix[i][j] != 0]
+    for group in connected_components((list(indices), edges)):
+        part = _joint_solution(system, [[matrix[i][j] for j in group] for i in group], [right[i] for i in group])
+        if part is None:
+            return None
+        found.update(zip(group, part, strict=True))
+    return [found[i] for i in indices]
+
+
+def _joint_solution(system: SwitchedField, matrix: Matrix, right: Sequence[sp.Expr]) -> list[sp.Expr] | None:
+    """Where the matrix moves by Cramer's rule: a pivot of an elimination may vanish where the determinant does not."""
+    square = sp.Matrix(matrix)
+    if not square.free_symbols & {TIME, *system.states, *system.signs}:
+        if len(right) <= MAX_SYMBOLIC and _few_terms(square):
+            try:
+                return list(square.LUsolve(sp.Matrix(right)))
+            except sp.matrices.exceptions.NonInvertibleMatrixError:
+                return None
+        if len(right) > EXPLICIT:
+            return _numeric_solution(system, matrix, right)
+    whole = determinant(square)
+    if whole == 0:
+        return None
+    with dotprodsimp(simplifies(square)):
+        adjugate = square.adjugate(method="berkowitz")
+    if multiplies_out(square):
+        whole, adjugate = sp.expand(whole), adjugate.applyfunc(sp.expand)
+    return None if whole == 0 else list(adjugate * sp.Matrix(right) / whole)
+
+
+def determinant(matrix: sp.Matrix) -> sp.Expr:
+    """The determinant of a matrix that moves.
+
+    Raises
+    ------
+    ModelError
+        Where it has too many terms.
+    """
+    if matrix.rows > EXPLICIT and not multiplies_out(matrix):
+        raise ModelError(
+            f"{matrix.rows} signs of surfaces that slide at once act on each other by factors that change: "
+            f"the formulas would be too large, more than {MAX_PRODUCTS} products"
+        )
+    with dotprodsimp(simplifies(matrix)):
+        return matrix.det(method="berkowitz")
+
+
+def simplifies(matrix: sp.Matrix) -> bool | None:
+    """SymPy's switch (None: by its habit) for whether the sums of products in a determinant are simplified."""
+    return None if matrix.rows <= EXPLICIT and _few_terms(matrix) else False
+
+
+def _few_terms(matrix: sp.Matrix) -> bool:
+    """Whether a small matrix has a determinant that is known to be simplified with little work."""
+    return measured(sp.Add(*(sp.Mul(*row) for row in _products(matrix)))) is not None
+
+
+def _products(matrix: sp.Matrix) -> list[list[sp.Expr]]:
+    """The factors of each product of a determinant, signs left out."""
+    rows = range(matrix.rows)
+    return [[matrix[i, j] for i, j in zip(rows, order, strict=True)] for order in permutations(rows)]
+
+
+def multiplies_out(matrix: sp.Matrix) -> bool:
+    """Whether a determinant has few terms when it is multiplied out."""
+    products = 1
+    for i in range(matrix.rows):
+        products *= sum(terms(entry, MAX_PRODUCTS) for entry in matrix.row(i) if entry != 0)
+        if products > MAX_PRODUCTS:
+            return False
+    return all(size(entry, MAX_ENTRY) <= MAX_ENTRY for entry in matrix)
+
+
+def _numeric_solution(system: SwitchedField, matrix: Matrix, right: Sequence[sp.Expr]) -> list[sp.Expr] | None:
+    numbers = rational(system, matrix)
+    try:
+        inverse = numbers.inv().to_Matrix()
+    except DMNonInvertibleMatrixError:
+        return None
+    return [sp.Add(*(c * r for c, r in zip(inverse.row(i), right, strict=True))) for i in range(len(right))]
+
+
+def rational(system: SwitchedField, matrix: Matrix) -> DomainMatrix:
+    """A constant matrix of many rows as a matrix of rational numbers.
+
+    Raises
+    ------
+    ModelError
+        Where its numbers are not rational.
+    """
+    numbers = sp.Matrix(matrix).applyfunc(system.numeric)
+    if not all(entry.is_Rational for entry in numbers):
+        raise ModelError(
+            f"{len(matrix)} signs of surfaces that slide at once act on each other by factors that are not rational "
+            "numbers: the formulas would be too large"
+        )
+    return DomainMatrix.from_Matrix(numbers).convert_to(sp.QQ)
+
+
+def surfaces_solved(
+    system: SwitchedField, sliding: Sequence[int], kept: Collection[int] = ()
+) -> tuple[dict[int, int], dict[sp.Symbol, sp.Expr]]:
+    """For surfaces that are linear in a state with a constant factor, that state; and what these states are on them.
+
+    ``kept``: states that something else keeps where they are, so that another one is to follow from a surface.
+    What they are, in time and the states that are left free, is empty where it cannot be written in a short formula.
+    """
+    states = system.states
+    linear = {
+        i: [
+            k
+            for k, x in enumerate(states)
+            if k not in kept
+            and x in system.surfaces[i].free_symbols
+            and constant_slope(system.surfaces[i], x, states) is not None
+        ]
+        for i in sliding
+    }
+    taken: dict[int, int] = {}  # state -> its surface
+    for i in sliding:
+        _give_state(i, linear, taken, set())
+    places = {i: k for k, i in taken.items()}
+    solved = {i: places[i] for i in sliding if i in places}
+    unknown = [states[k] for k in solved.values()]
+    return solved, _on_surfaces(system, solved, unknown)
+
+
+def _give_state(surface: int, linear: Mapping[int, Sequence[int]], taken: dict[int, int], tried: set[int]) -> bool:
+    """Give a surface a state of its own, where need be one of another surface that can do with another one.
+
+    Without that ``v_a - v_b`` would take v_a and leave nothing to ``v_a``. (Augmenting paths of a bipartite matching.)
+    """
+    free = [k for k in linear[surface] if k not in taken]
+    if free:
+        taken[free[0]] = surface
+        return True
+    for k in linear[surface]:
+        if k not in tried:
+            tried.add(k)
+            if _give_state(taken[k], linear, taken, tried):
+                taken[k] = surface
+                return True
+    return False
+
+
+def _on_surfaces(
+    system: SwitchedField, solved: dict[int, int], unknown: Sequence[sp.Symbol]
+) -> dict[sp.Symbol, sp.Expr]:
+    """Each solved state in terms of time and the states that are left free on the surfaces."""
+    surfaces = [system.surfaces[i] for i in solved]
+    if all(len(h.free_symbols & set(unknown)) == 1 for h in surfaces):
+        return {x: _solved(h, x, system.states) for h, x in zip(surfaces, unknown, strict=True)}
+    if sum(size(h, MAX_JOINT) for h in surfaces) > MAX_JOINT:
+        return {}
+    try:
+        found = sp.linsolve(surfaces, unknown)
+    except NonlinearError:  # each is linear in its own state, but not all of them in all
+        return {}
+    return dict(zip(unknown, next(iter(found)), strict=True)) if len(found) == 1 else {}
+
+
+def _solved(surface: sp.Expr, x: sp.Symbol, states: Sequence[sp.Symbol]) -> sp.Expr:
+    slope = constant_slope(surface, x, states)
+    return sp.expand(-surface.xreplace({x: sp.S.Zero}) / slope, deep=False)

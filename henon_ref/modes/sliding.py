@@ -1,0 +1,156 @@
+"""Filippov's sliding: the convex combination of the fields beside the surfaces, and where it ends.
+
+What is done to an expression here is linear in its size, or is begun only where it is known to be little
+(:mod:`henon_ref.modes.algebra`): equations are derived from a stranger's text, also in the process that waits for
+nobody. Equations that would be too large are refused.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+from itertools import product
+
+import sympy as sp
+
+from henon_ref.errors import ModelError
+from henon_ref.modes.affine import coefficients, constant_slope
+from henon_ref.modes.algebra import MAX_DERIVED, MAX_SIZE, expanded, simplified
+from henon_ref.modes.attraction import attraction_guards
+from henon_ref.modes.bounds import put
+from henon_ref.modes.equations import Guard, along
+from henon_ref.modes.linear_system import solution, surfaces_solved
+from henon_ref.modes.switched_field import SwitchedField
+from henon_ref.taylor.size import size, total_size
+from henon_ref.text import listed
+
+MAX_CORNERS = 16
+"""Combinations of signs at which an expression that is not linear in them is taken."""
+
+
+def _interpolated(expression: sp.Expr, signs: tuple[sp.Symbol, ...]) -> sp.Expr:
+    """The multi-affine interpolation of an expression between the signs -1 and +1 (for one sign: Filippov's)."""
+    free = expression.free_symbols
+    used = [s for s in signs if s in free]
+    if coefficients(expression, used) is not None:
+        return expression
+    if 2 ** len(used) > MAX_CORNERS:
+        if expression.is_Add:
+            return sp.Add(*(_interpolated(term, signs) for term in expression.args))
+        raise ModelError(
+            f"{len(used)} signs of surfaces that slide at once stand together in a term that is not linear in each of "
+            "them; write the field so that each sign stands alone"
+        )
+    total = sp.Integer(0)
+    for corner in product((-1, 1), repeat=len(used)):
+        weight = sp.Mul(*((1 + c * s) / sp.Integer(2) for c, s in zip(corner, used, strict=True)))
+        total += weight * put(expression, {s: sp.Integer(c) for c, s in zip(corner, used, strict=True)})
+    return total
+
+
+def filippov_sliding(
+    system: SwitchedField, sliding: tuple[int, ...], kept: Collection[int] = ()
+) -> tuple[tuple[sp.Expr, ...], tuple[Guard, ...], dict[int, sp.Expr]]:
+    """Filippov's convex combination on the intersection of the sliding surfaces.
+
+    ``kept``: states that are at rest whatever the signs are.
+
+    Surfaces that are one another's multiples are one contact: there are but two fields beside it, and their signs stay
+    equal (or opposite) in the combination of these.
+    """
+    tied = {j: found for j, found in system.multiples.items() if j in sliding and found[0] in sliding}
+    if tied:
+        joined = {system.signs[j]: way * system.signs[i] for j, (i, way) in tied.items()}
+        lone = replace(system, field=tuple(f.xreplace(joined) for f in system.field))
+        field, releases, found = filippov_sliding(lone, tuple(i for i in sliding if i not in tied), kept)
+        for j, (i, way) in tied.items():
+            own = [g for g in releases if g.kind == "release" and g.index == i]
+            releases += tuple(replace(g, index=j, to_sign=way * g.to_sign) for g in own)
+            found[j] = way * found[i]
+        return field, releases, found
+    signs = tuple(system.signs[i] for i in sliding)
+    solved, on_surface = surfaces_solved(system, sliding, kept)
+    rhs = _small(tuple(_interpolated(put(f, on_surface), signs) for f in system.field), signs)
+    slope, rest, normal = _normal_velocities(system, sliding, rhs, on_surface)
+    equivalent, guards = _equivalent_signs(system, sliding, slope, rest, normal)
+    written = sum(size(f, MAX_SIZE) for f in rhs)
+    longest = max(size(e, MAX_SIZE) for e in equivalent.values())
+    if written + longest * sum(_occurrences(f, set(signs)) for f in rhs) > MAX_SIZE:
+        raise _too_large(signs)
+    result = [f.xreplace(equivalent) for f in rhs]
+    for i, k in solved.items():
+        # x_k = r(t, others) on the surface: its derivative needs no friction force, and keeps the surface exactly.
+        h = system.surfaces[i]
+        rates = [sp.S.Zero if j == k else rate for j, rate in enumerate(result)]
+        others = along(h, system.states, tuple(rates))
+        result[k] = -put(others, on_surface) / constant_slope(h, system.states[k], system.states)
+    _small((*result, *(g.expression for g in guards)), signs)
+    return tuple(result), tuple(guards), {i: equivalent[s] for i, s in zip(sliding, signs, strict=True)}
+
+
+Matrix = list[list[sp.Expr]]
+
+
+def _normal_velocities(
+    system: SwitchedField, sliding: tuple[int, ...], rhs: Sequence[sp.Expr], on_surface: Mapping[sp.Symbol, sp.Expr]
+) -> tuple[Matrix, list[sp.Expr], list[sp.Expr]]:
+    """Of dh/dt on the surfaces the slopes in the signs, what holds no sign, and all of it, a row a surface."""
+    signs = tuple(system.signs[i] for i in sliding)
+    normal = [expanded(put(along(system.surfaces[i], system.states, tuple(rhs)), on_surface)) for i in sliding]
+    _small(normal, signs)
+    slope: Matrix = []
+    for n in normal:
+        row = coefficients(n, signs)
+        if row is None and size(n, MAX_DERIVED) <= MAX_DERIVED:
+            row = {s: d for s in signs if n.has(s) and (d := sp.diff(n, s)) != 0}
+        slope.append([simplified(row[s]) if s in row else sp.S.Zero for s in signs] if row is not None else [])
+    if any(not row or any(entry.has(*signs) for entry in row) for row in slope):
+        raise ModelError(
+            "signs that multiply each other on the intersection of "
+            + listed([s.name for s in signs])
+            + ": Filippov's combination is not unique there; write the field so that each sign stands alone"
+        )
+    none = {s: sp.Integer(0) for s in signs}
+    return slope, [n.xreplace(none) for n in normal], normal
+
+
+def _equivalent_signs(
+    system: SwitchedField, sliding: tuple[int, ...], slope: Matrix, rest: list[sp.Expr], normal: list[sp.Expr]
+) -> tuple[dict[sp.Symbol, sp.Expr], list[Guard]]:
+    """The signs that keep the state on the surfaces, and what ends that."""
+    signs = tuple(system.signs[i] for i in sliding)
+    guards: list[Guard] = []
+    names = listed([s.name for s in signs])
+    if any(slope[i][j] != 0 for i in range(len(signs)) for j in range(len(signs)) if i != j):
+        found = solution(system, slope, [-r for r in rest])
+        if found is None:
+            raise ModelError(f"the field does not settle the signs of the surfaces it should slide on: {names}")
+        equivalent = dict(zip(signs, found, strict=True))
+        for i, s in zip(sliding, signs, strict=True):
+            guards.append(Guard("release", i, 1, 1 - equivalent[s]))
+            guards.append(Guard("release", i, -1, 1 + equivalent[s]))
+        return equivalent, guards + attraction_guards(system, sliding, sp.Matrix(slope))
+    if any(slope[i][i] == 0 for i in range(len(signs))):
+        raise ModelError(f"the field does not depend on the sign of a surface it should slide on: {signs}")
+    for n, i, s in zip(normal, sliding, signs, strict=True):
+        # Sliding attracts while dh/dt < 0 beyond and > 0 before; it ends where either reaches 0 (tangent points).
+        guards.append(Guard("release", i, 1, -n.xreplace({s: sp.Integer(1)})))
+        guards.append(Guard("release", i, -1, n.xreplace({s: sp.Integer(-1)})))
+    return {s: -rest[i] / slope[i][i] for i, s in enumerate(signs)}, guards
+
+
+def _small(expressions: Sequence[sp.Expr], signs: Sequence[sp.Symbol]) -> Sequence[sp.Expr]:
+    """Expressions of equations that are not too large to go on with."""
+    if total_size(expressions, MAX_SIZE) > MAX_SIZE:
+        raise _too_large(signs)
+    return expressions
+
+
+def _too_large(signs: Sequence[sp.Symbol]) -> ModelError:
+    names = listed([s.name for s in signs])
+    return ModelError(f"the equations of sliding on {names} are too large: more than {MAX_SIZE} operations")
+
+
+def _occurrences(expression: sp.Expr, symbols: set[sp.Symbol]) -> int:
+    """How often symbols are written in an expression."""
+    return sum(part in symbols for part in sp.preorder_traversal(expression))

@@ -1,0 +1,372 @@
+"""Filippov systems: one expression with sign symbols, and the smooth equations of each of its modes.
+
+A piecewise-smooth system is ``x' = f(t, x, s)`` with surfaces ``h_i(t, x) = 0`` and sign symbols
+``s_i = sign(h_i)``; f is smooth in t and x for every value of s. See Filippov, *Differential Equations
+with Discontinuous Righthand Sides* (1988), and Eqs. (6)-(8) of Olejnik and Awrejcewicz (2013).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass, replace
+from dataclasses import field as dataclass_field
+from functools import cache, cached_property
+from itertools import chain
+
+import sympy as sp
+
+from henon_ref.errors import ModelError
+from henon_ref.modes.bounds import put
+from henon_ref.modes.branches import has_no_value, leaves_out
+from henon_ref.modes.contact_loops import closed, relations
+from henon_ref.modes.decoupled_contacts import FEW, SwitchedEquations, switched_equations
+from henon_ref.modes.equations import Guard, ModeEquations, Refusal, along
+from henon_ref.modes.mode import Mode, replaced
+from henon_ref.modes.overrides import Reset, SlidingOverride
+from henon_ref.modes.sliding import filippov_sliding
+from henon_ref.modes.switched_field import SwitchedField, kept
+from henon_ref.precision import one_at_a_time
+from henon_ref.taylor.tape import TIME
+
+
+@dataclass(frozen=True, eq=False)
+class FilippovSystem(SwitchedField):
+    """``x' = f(t, x, s)`` with surfaces ``h_i(t, x)`` and sign symbols ``s_i``.
+
+    Raises
+    ------
+    ModelError
+        From :meth:`equations`, where a mode has no equations (signs that multiply each other on an
+        intersection, contacts held together that act on each other).
+    """
+
+    valid: tuple[sp.Expr, ...] = ()
+    """The model holds while these are > 0."""
+    overrides: Mapping[int, SlidingOverride] = dataclass_field(default_factory=dict)
+    """Surface index -> its own sliding."""
+    resets: Mapping[int, Reset] = dataclass_field(default_factory=dict)
+    """Surface index -> the jump of the state where it falls through zero."""
+    written: Mapping[sp.Symbol, str] = dataclass_field(default_factory=dict)
+    """State or sign -> the text of its rate or surface, as the case file has it (empty for a scene)."""
+    kinks: frozenset[int] = frozenset()
+    """Surfaces that stand for a kink or jump written as such in the field (``abs``, ``piecewise`` ...)."""
+    sections: tuple[sp.Expr, ...] = ()
+    """Signs of surfaces that have kinks, by the signs of their branches: what these are seen by where no field is."""
+    effects: tuple[str, ...] = ()
+    """Names of the effects a scene was built from (empty for a plain system)."""
+    open_kinks: frozenset[int] = frozenset()
+    """Kinks of a branch that is not in use at the start of a run, without a value there: their signs stay open."""
+
+    @cached_property
+    def _normal(self) -> tuple[sp.Expr, ...]:
+        return tuple(along(h, self.states, self.field) for h in self.surfaces)
+
+    def equations(self, mode: Mode) -> ModeEquations:
+        """Equations of one mode, signs of the surfaces in slip put in as -1 or +1."""
+        return self.shared.equations(mode) if self.shared is not None else self._equations(mode)
+
+    @kept
+    def _equations(self, mode: Mode) -> ModeEquations:
+        with one_at_a_time():
+            shared = self.shared_equations(frozenset(i for i, s in enumerate(mode) if s == 0))
+            slip = self.slip_signs(mode)
+            made = ModeEquations(
+                field=tuple(put(e, slip) for e in shared.field),
+                guards=tuple(self._in_mode(guard, mode, slip) for guard in shared.guards),
+                equivalent_signs={i: put(e, slip) for i, e in shared.equivalent_signs.items()},
+            )
+            if any(e.has(sp.zoo, sp.nan) for e in (*made.field, *(g.expression for g in made.guards))):
+                raise ModelError("a contact that slides has no load in this mode, and no sign that keeps it there")
+            return made
+
+    def has_equations(self, mode: Mode) -> bool:
+        """Whether a mode has equations."""
+        try:
+            return self.switched is not None or bool(self.equations(mode))
+        except ModelError:
+            return False
+
+    def guards(self, mode: Mode) -> tuple[Guard, ...]:
+        """Guards of the equations of a mode."""
+        return self.switched.own_guards(mode) if self.switched is not None else self.equations(mode).guards
+
+    def slip_signs(self, mode: Mode) -> dict[sp.Symbol, sp.Expr]:
+        """What a mode puts for the signs of its surfaces in slip."""
+        return {self.signs[i]: sp.Integer(s) for i, s in enumerate(mode) if s}
+
+    def hides(self, index: int, mode: Mode) -> bool:
+        """Whether nothing in a mode depends on the sign of a surface but the surface itself; what is slid on counts."""
+        if not mode[index]:
+            return False
+        if self.switched is not None:
+            return self._hides_in_all(index, tuple(mode[i] for i in sorted(self.switched.crossed)))
+        sliding = frozenset(i for i, s in enumerate(mode) if s == 0)
+        if not self.can_slide(sliding):
+            return False
+        shared = self.shared_equations(sliding)
+        slip = {s: side for s, side in self.slip_signs(mode).items() if s != self.signs[index]}
+        guards = [guard.expression for guard in shared.guards if guard.index != index or guard.kind != "surface"]
+        return not any(put(e, slip).has(self.signs[index]) for e in (*shared.field, *guards, *self.sections))
+
+    @cached_property
+    def _hides_in_all(self) -> Callable[[int, tuple[int, ...]], bool]:
+        """The same by the sides of the surfaces on which nothing slides, contacts being as they may."""
+        made = self.switched
+        assert made is not None
+        crossed = sorted(made.crossed)
+
+        @cache
+        def hides(index: int, sides: tuple[int, ...]) -> bool:
+            slip = {self.signs[i]: sp.Integer(s) for i, s in zip(crossed, sides, strict=True) if i != index}
+            guards = [e for k, e in enumerate(made.outputs) if k // 2 != index]
+            written = (*made.field, *(e for _, e in made.definitions), *guards, *self.sections)
+            return index in made.crossed and not any(put(e, slip).has(self.signs[index]) for e in written)
+
+        return hides
+
+    @kept
+    def unused_kinks(self, mode: Mode) -> frozenset[int]:
+        """Kinks of branches that a mode does not use, which are open, or have no real value anywhere in the mode."""
+        positive = [s * self.numeric(h) for h, s in zip(self.surfaces, mode, strict=True) if s and self.kinks]
+        found = {i for i in self.kinks - self.open_kinks if has_no_value(self.numeric(self.surfaces[i]), positive)}
+        return frozenset(i for i in found | self.open_kinks if self.hides(i, mode))
+
+    def _in_mode(self, guard: Guard, mode: Mode, slip: Mapping[sp.Symbol, sp.Expr]) -> Guard:
+        """A guard of shared equations in one mode. A run ends where kinks get a value, since their signs are open."""
+        if guard.kind != "surface":
+            return replace(guard, expression=put(guard.expression, slip))
+        unused, beyond = self.unused_kinks(mode), replaced(mode, guard.index, -mode[guard.index])
+        if guard.index in unused:
+            return replace(guard, to_sign=beyond[guard.index], expression=sp.S.One)
+        ends: Refusal | None = None if unused <= self.unused_kinks(beyond) else "none"
+        return replace(guard, to_sign=beyond[guard.index], expression=put(guard.expression, slip), ends=ends)
+
+    @kept
+    def common_equations(self, mode: Mode) -> tuple[Mode | frozenset[int], ModeEquations]:
+        """Equations that a mode may have in common with others, and what they go by.
+
+        These are the shared ones of its sliding surfaces, with symbols for the signs in slip. Where they, normal
+        velocities beside its surfaces, or kinks, hold operations of branches that the mode does not use, they are its
+        own.
+        """
+        sliding = frozenset(i for i, s in enumerate(mode) if s == 0)
+        shared = self.shared_equations(sliding)
+        slip, own = self.slip_signs(mode), self.equations(mode)
+        beside = [(normal, s) for normal, s, entry in zip(self._normal, self.signs, mode, strict=True) if entry]
+        speeds = [speed for normal, s in beside for speed in (normal, normal.xreplace({s: -s}))]
+        pairs = zip((*shared.of_signs, *speeds), (*own.of_signs, *(e.xreplace(slip) for e in speeds)), strict=True)
+        alone = bool(self.unused_kinks(mode)) or any(leaves_out(*pair, slip, {TIME, *self.states}) for pair in pairs)
+        return (mode, own) if alone else (sliding, shared)
+
+    @cached_property
+    def switched(self) -> SwitchedEquations | None:
+        """One set of equations for all modes of many contacts."""
+        if len(self.surfaces) <= FEW:
+            return None
+        from henon_ref.modes.coupled_contacts import coupled_equations  # few systems have many contacts
+
+        return switched_equations(self) or coupled_equations(self, self)
+
+    @property
+    def shared(self) -> SwitchedEquations | None:
+        """The same where contacts do not act on each other: a mode's own equations are put together from it."""
+        return None if self.switched is None or self.switched.coupled else self.switched
+
+    @kept
+    def shared_equations(self, sliding: frozenset[int]) -> ModeEquations:
+        """Equations that all modes with this set of sliding surfaces share, slip signs kept as symbols.
+
+        A ``surface`` guard is then ``s_i h_i`` and its ``to_sign`` is 0 (it is ``-s_i``).
+        """
+        overridden = sliding & set(self.overrides)
+        releases: tuple[Guard, ...] = ()
+        signs: dict[int, sp.Expr] = {}
+        if not sliding:
+            rhs = self.field
+        elif overridden:
+            rhs, releases, signs = self._held(overridden, sliding)
+        elif any((i in sliding) != (j in sliding) for j, (i, _) in self.multiples.items()):
+            raise ModelError("surfaces that are multiples of each other slide together or not at all")
+        else:
+            rhs, releases, signs = filippov_sliding(self, tuple(sorted(sliding)))
+        outside = (i for i in range(len(self.surfaces)) if i not in sliding)
+        surfaces = tuple(Guard("surface", i, 0, self.signs[i] * self.surfaces[i]) for i in outside)
+        valid = tuple(Guard("valid", i, 0, e, ends="invalid") for i, e in enumerate(self.valid))
+        return ModeEquations(tuple(rhs), surfaces + releases + valid, signs)
+
+    def can_slide(self, surfaces: frozenset[int]) -> bool:
+        """Whether surfaces can all be slid on at once."""
+        try:
+            self.shared_equations(surfaces)
+        except ModelError:
+            return False
+        return True
+
+    def _held(
+        self, overridden: frozenset[int], sliding: frozenset[int]
+    ) -> tuple[tuple[sp.Expr, ...], tuple[Guard, ...], dict[int, sp.Expr]]:
+        """Equations of sliding where some of it is overridden: field, what ends it, and equivalent signs."""
+        zones = {i: self.hold_guards(i) for i in sorted(overridden)}
+        if len(sliding) == 1:
+            (i,) = sliding
+            return self.overrides[i].field, tuple(g for zone in zones.values() for g in zone), {}
+        held = {i: self.overrides[i] for i in sorted(overridden)}
+        from henon_ref.modes.held_contacts import held_field
+
+        made = held_field(self, self.with_reactions(self.reacting & overridden), held, zones, sliding)
+        field, own, others = made.field, made.guards, tuple(sorted(sliding - made.decided))
+        signs = {i: made.signs[self.signs[i]] for i in sorted(made.decided - overridden)}
+        if others:
+            if any(self.multiples[j][0] not in others for j in others if j in self.multiples):
+                raise ModelError(
+                    "a surface that is a multiple of one with a sliding of its own does not slide beside it"
+                )
+            rested = [self.overrides[i].field for i in overridden if self.rests(i)]
+            still = {k for own in rested for k, rate in enumerate(own) if rate != self.field[k]}
+            field, ends, found = filippov_sliding(replace(self, field=field), others, still)
+            own, signs = own + ends, signs | found
+        known = {**made.signs, **{self.signs[i]: found for i, found in signs.items()}}
+        releases = tuple(replace(g, expression=put(put(g.expression, made.on_surface), known)) for g in made.ends)
+        return field, tuple(sorted(releases + own, key=lambda g: (g.kind == "attracts", g.index))), signs
+
+    @cached_property
+    def resting(self) -> frozenset[int]:
+        """Surfaces that a body can rest on."""
+        return frozenset(i for i in self.overrides if self.rests(i))
+
+    @cached_property
+    def reacting(self) -> frozenset[int]:
+        """Surfaces whose forces act at rest alone: reactions, and the loads of contacts without friction in sliding."""
+        acting = set().union(*(rate.free_symbols for rate in self.field))
+        held = {i for i, own in self.overrides.items() if self.held_inside(i) and own.push}
+        return self.resting | {i for i in held if self.signs[i] not in acting}
+
+    @kept
+    def with_reactions(self, surfaces: frozenset[int]) -> SwitchedField:
+        """The field with the forces of some surfaces' contacts as their signs.
+
+        Where a body can rest the surface is then its velocity h', and the sign stands for the reaction, an acceleration
+        of h; elsewhere it stands for the load.
+        """
+        if not surfaces:
+            return self
+        signs = {i: self.signs[i] for i in sorted(surfaces)}
+        off = {s: sp.Integer(self.rests(i)) for i, s in signs.items()}
+        rates = tuple(
+            sp.Add(put(rate, off), *(self.overrides[i].push[k] * s for i, s in signs.items()))
+            for k, rate in enumerate(self.field)
+        )
+        resting = self.resting & surfaces
+        velocities = tuple(self._normal[i] if i in resting else h for i, h in enumerate(self.surfaces))
+        return SwitchedField(self.states, self.signs, velocities, rates, self.parameters)
+
+    @property
+    def velocities(self) -> SwitchedField:
+        """The same with all bodies that can rest, whose contacts have velocities for surfaces."""
+        return self.with_reactions(self.resting)
+
+    def normal_velocity(self, index: int) -> sp.Expr:
+        """dh_i/dt along f, in time, states, signs and parameters."""
+        return self._normal[index]
+
+    def together(self, index: int, sliding: Iterable[int]) -> frozenset[int]:
+        """The surfaces of ``sliding`` that act on a surface while it changes its side, or that it acts on, and itself.
+
+        They act through the signs in each other's normal velocities, and in the loads of contacts that are held,
+        directly or by way of each other; a surface that attracts by an override of its own acts on everything.
+        """
+        found, left, more = {index}, set(sliding), {index}
+        while more:
+            left -= more
+            more = left.intersection(chain.from_iterable(self._beside[i] for i in more))
+            found |= more
+        return frozenset(found)
+
+    def decided_together(self, guard: Guard, sliding: Iterable[int]) -> bool:
+        """Whether what follows a guard depends on other surfaces that slide.
+
+        Where an equivalent sign reaches -1 or +1 no force jumps; where static friction lets go, it does. A body that
+        rests on a surface may leave it with that sign.
+        """
+        if guard.kind not in ("surface", "release"):
+            return False
+        others = self.in_play([guard.index], sliding) - {guard.index}
+        return bool(others) and (
+            guard.kind == "surface" or self.held_inside(guard.index) or any(map(self.rests, others))
+        )
+
+    def in_play(self, hit: Iterable[int], sliding: Iterable[int]) -> frozenset[int]:
+        """Surfaces whose entries of the mode are open where some are hit: these, and what acts on them."""
+        hit, sliding = set(hit), set(sliding)
+        zero = self.closed(hit, sliding)
+        return frozenset(j for i in hit | (zero - sliding) for j in self.together(i, zero))
+
+    def closed(self, hit: Collection[int], sliding: Collection[int]) -> frozenset[int]:
+        """Surfaces that are hit or slid on, with those in loops of contacts that are zero wherever these are.
+
+        A surface that is hit with a speed keeps no contact at rest.
+        """
+        zero = frozenset((*hit, *sliding))
+        still = frozenset(i for i in zero if i in sliding or not self.rests(i))
+        return zero | closed(self.velocities, still, self._in_loops) if self.has_loops else zero
+
+    @property
+    def has_loops(self) -> bool:
+        """Whether surfaces of contacts that are held depend on each other, or on rests."""
+        return bool(self._in_loops)
+
+    @cached_property
+    def _in_loops(self) -> tuple[int, ...]:
+        held = tuple(sorted(i for i in self.overrides if self.held_inside(i) or self.rests(i)))
+        found = {i for relation in relations(self.velocities, held) for i in relation}
+        return tuple(sorted(i for i in found if self.held_inside(i)))
+
+    @cached_property
+    def _beside(self) -> tuple[frozenset[int], ...]:
+        """For each surface those that act on it, or that it acts on."""
+        acting = self._acting
+        acted_on: list[list[int]] = [[] for _ in acting]
+        for j, others in enumerate(acting):
+            for i in others:
+                acted_on[i].append(j)
+        return tuple(own.union(acted_on[i]) for i, own in enumerate(acting))
+
+    @cached_property
+    def _acting(self) -> tuple[frozenset[int], ...]:
+        """For each surface those whose signs are in its normal velocity."""
+        everything = frozenset(range(len(self.surfaces)))
+        places = {s: i for i, s in enumerate(self.signs)}
+        found = []
+        unslid = self.with_reactions(self.reacting - self.resting)
+        normals = self._normal if unslid is self else [along(h, unslid.states, unslid.field) for h in unslid.surfaces]
+        for i, normal in enumerate(normals):
+            loads = [g.expression for g in self.hold_guards(i)] if i in self.overrides else []
+            symbols = normal.free_symbols.union(*(load.free_symbols for load in loads))
+            acting = frozenset(places[s] for s in symbols & places.keys())
+            own = i not in self.overrides or self.held_inside(i) or self.rests(i)
+            found.append(acting if own else everything)
+        return tuple(found)
+
+    @kept
+    def hold_guards(self, index: int, mode: Mode = ()) -> tuple[Guard, ...]:
+        """The release guards of a surface's override: its hold zone is where all are positive.
+
+        A load may depend on how other surfaces slip: the signs of the mode's slips are put in.
+        """
+        slip = {s: side for s, side in self.slip_signs(mode).items() if s != self.signs[index]}
+        ends = ((r, r.when if r.direction == "falling" else -r.when) for r in self.overrides[index].release)
+        return tuple(Guard("release", index, r.to, put(end, slip), rising_only=True) for r, end in ends)
+
+    def held_inside(self, index: int) -> bool:
+        """Whether arrival at a surface is decided by the hold zone of its override, not by the slip fields."""
+        return index in self.overrides and self.overrides[index].entry == "inside"
+
+    def rests(self, index: int) -> bool:
+        """Whether a body can rest on a surface that resets the state."""
+        return index in self.overrides and self.overrides[index].entry == "resting"
+
+    def entries_from(self, entry: int, index: int) -> tuple[int, ...]:
+        """What may become of a surface's entry in the mode: a body that rests on one does not go through it."""
+        if self.switched is not None and index in self.switched.crossed:
+            return (-1, 1)
+        return (0, 1) if entry >= 0 and self.rests(index) else (-1, 0, 1)

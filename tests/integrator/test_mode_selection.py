@@ -1,0 +1,370 @@
+"""Transitions of several surfaces: the compiled decision is the Python one, and stands back where it is not clear."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise, product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import sympy as sp
+from often import daily
+
+from henon_ref.baselines.henon import HENON_SOLVER
+from henon_ref.casefile.case import load_case, parse_case
+from henon_ref.integrator.integrator import Integrator
+from henon_ref.integrator.mode_changes import ModeChanges
+from henon_ref.integrator.records import HENON
+from henon_ref.integrator.run import Run
+from henon_ref.integrator.start import Start
+from henon_ref.kernel.shared import kernel
+from henon_ref.modes.mode import Mode
+from henon_ref.modes.problem import Problem
+from henon_ref.modes.selection import after_event
+from henon_ref.trajectory import Decisions, Trajectory
+
+CASES = Path(__file__).parents[2] / "cases"
+
+
+def runs(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> tuple[Trajectory, Trajectory, int]:
+    """A run decided in machine code and one decided in Python, and how often the first asked Python."""
+    asked = 0
+    plain = Run._select_mode
+
+    def counted(self: Run) -> object:
+        nonlocal asked
+        asked += 1
+        return plain(self)
+
+    def run(integrator: Integrator) -> Trajectory:
+        return Run(integrator, integrator.start(problem, tolerance=1e-15, landing=HENON)).to_horizon()
+
+    integrator = Integrator(problem.system, 18)
+    run(integrator)  # modes are compiled on first sight
+    with monkeypatch.context() as patch:
+        patch.setattr(Run, "_select_mode", counted)
+        ours = run(integrator)
+    return ours, run(slow_integrator(problem)), asked
+
+
+def slow_integrator(problem: Problem) -> Integrator:
+    """An integrator whose every event of several surfaces is decided in Python."""
+    system = replace(problem.system)
+    vars(system)["switched"] = None  # else contacts that do not act on each other are decided each by itself
+    integrator = Integrator(system, 18)
+    vars(integrator.mode_table)["normals"] = None
+    return integrator
+
+
+def same_transitions(ours: Trajectory, theirs: Trajectory) -> None:
+    assert ours.status == theirs.status
+    assert [(t.kind, t.surface, t.from_mode, t.to_mode) for t in ours.transitions] == [
+        (t.kind, t.surface, t.from_mode, t.to_mode) for t in theirs.transitions
+    ]
+    for t, u in zip(ours.transitions, theirs.transitions, strict=True):
+        assert t.time == pytest.approx(u.time, rel=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("path", "reading"),
+    [
+        ("two_blocks.yaml", "default"),
+        ("classic/three_blocks.yaml", "default"),
+        ("hard/simultaneous_events.yaml", None),
+        ("hard/two_contacts.yaml", None),
+    ],
+)
+def test_clear_decisions_are_those_of_python(path: str, reading: str | None, monkeypatch: pytest.MonkeyPatch) -> None:
+    case = load_case(CASES / path)
+    for each in case.readings if reading is None else [case.reading(reading)]:
+        ours, theirs, asked = runs(each.problem, monkeypatch)
+        same_transitions(ours, theirs)
+        assert asked == 0, each.name
+
+
+def problem(field: str, start: str = "{x: -1, y: -1}") -> Problem:
+    text = f"""
+schema: 1
+name: corner
+title: Both surfaces reached at once
+system: {{state: [x, y], surfaces: {{s: x, u: y}}, field: {field}}}
+initial: {start}
+until: 3
+"""
+    return parse_case(text).readings[0].problem
+
+
+@pytest.mark.parametrize(
+    ("field", "clear"),
+    [
+        ('["1.5 - s - 0.25*u", "1.5 - u + 0.25*s"]', True),  # coupled
+        ('["0.5 - s", "0.5 - u"]', True),  # both held
+        ('["1 - s*u/2", "1 - s*u/2"]', False),  # signs that multiply each other
+        ('["1 + s*(1 + u)/8", "1"]', True),  # they do, but no sign is in the speed of u, which is crossed
+        ('["1 - s", "0.5 - u"]', False),  # an equivalent sign of exactly one
+    ],
+)
+def test_what_is_not_clear_is_left_to_python(field: str, clear: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    ours, theirs, asked = runs(problem(field), monkeypatch)
+    assert (asked == 0) == clear
+    assert [(t.kind, t.to_mode) for t in ours.transitions] == [(t.kind, t.to_mode) for t in theirs.transitions]
+    assert ours.status == theirs.status
+
+
+def decoupled_problem(seed: int, surfaces: int, *, shared: bool = False, until: float = 2) -> Problem:
+    """Straight arrivals at x_i = 0 from both sides, at t = 1/2, 1 or 3/2, that go through or stay there.
+
+    ``shared``: the signs also drive a state of their own, so the modes share no machine code.
+    """
+    random = np.random.default_rng(seed)
+    field, start = [], []
+    for i in range(surfaces):
+        side, here, time = random.choice([-1, 1]), random.integers(1, 9), random.choice([1, 2, 2, 3])
+        beyond = random.choice([-1, 1]) * random.integers(1, 9)
+        below, above = (here, beyond) if side < 0 else (-beyond, -here)
+        field.append(f"({below + above} + ({above - below})*s{i})/2")
+        start.append(f"x{i}: {side * here * time}/2")
+    names = [f"x{i}" for i in range(surfaces)]
+    if shared:
+        names.append("z")
+        field.append("+".join(f"s{i}" for i in range(surfaces)))
+        start.append("z: 0")
+    return straight(names, field, start, surfaces, until)
+
+
+def straight(names: Sequence[str], field: Sequence[str], start: Sequence[str], surfaces: int, until: float) -> Problem:
+    quoted = ", ".join(f'"{f}"' for f in field)
+    text = f"""
+schema: 1
+name: straight
+title: Surfaces x_i = 0
+system:
+  state: [{", ".join(names)}]
+  surfaces: {{{", ".join(f"s{i}: x{i}" for i in range(surfaces))}}}
+  field: [{quoted}]
+initial: {{{", ".join(start)}}}
+until: {until}
+"""
+    return parse_case(text).readings[0].problem
+
+
+@pytest.mark.parametrize("shared", [False, True])
+@pytest.mark.parametrize("surfaces", [2, 3, 4, 5, 6])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_decoupled_surfaces_are_decided_without_python(
+    seed: int, surfaces: int, shared: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem = decoupled_problem(10 * surfaces + seed, surfaces, shared=shared)
+    ours, theirs, asked = runs(problem, monkeypatch)
+    assert asked == 0
+    assert len(ours.transitions) == surfaces
+    same_transitions(ours, theirs)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 4])
+def test_equal_blocks_stick_and_slip_together(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Forced blocks, some of them equal: they meet their surfaces together, again and again, while others slide."""
+    random = np.random.default_rng(seed)
+    kinds = [(random.integers(5, 9), random.integers(2, 8), random.integers(1, 5)) for _ in range(2)]
+    blocks = [kinds[k] for k in (0, 1, 0, 1, 0)]
+    field = [f"{force}*cos(t)/4 - {friction}*s{i}/8" for i, (force, friction, _) in enumerate(blocks)]
+    start = [f"x{i}: -{at}/4" for i, (_, _, at) in enumerate(blocks)]
+    ours, theirs, asked = runs(straight([f"x{i}" for i in range(5)], field, start, 5, 12), monkeypatch)
+    same_transitions(ours, theirs)
+    let_go = {round(t.time, 9) for t in ours.transitions if t.kind == "release"}
+    assert len(let_go) > 0  # several at once
+    assert asked == 0
+
+
+@pytest.mark.parametrize(
+    ("change", "clear"),
+    [
+        ({}, True),
+        ({4: ("1/2 - s4/2", "x4: -1")}, True),  # it stays with nothing that holds it from above
+        ({4: ("1/2 - s4/2 - 10^(-10)", "x4: -1 + 10^(-10)")}, False),  # or hardly anything
+        ({0: ("t/2 - s0/2 - 10^(-9)", "x0: 0")}, True),  # it slides, and is about to be let go: no affair of the others
+        ({0: ("1 + s0/2 + (s1 + s2 + s3 + s4 + 4)/8", "x0: -1/2")}, False),  # five that act on each other
+    ],
+)
+def test_five_surfaces_that_are_not_clear_are_left_to_python(
+    change: dict[int, tuple[str, str]], clear: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    field, start = ["3/2 + s{0}/2"] * 4 + ["1/4 - 3*s{0}/4"], ["x{0}: -1"] * 5
+    field, start = ([line.format(i) for i, line in enumerate(lines)] for lines in (field, start))
+    for i, lines in change.items():
+        field[i], start[i] = lines
+    ours, theirs, asked = runs(straight([f"x{i}" for i in range(5)], field, start, 5, 2), monkeypatch)
+    assert (asked == 0) == clear
+    same_transitions(ours, theirs)
+
+
+def after_first_event(integrator: Integrator, problem: Problem, transitions: int) -> tuple[Mode, list[int]]:
+    """Mode and known zeros right after an event with so many transitions."""
+    run = Run(integrator, integrator.start(problem, tolerance=1e-15, landing=HENON), block=transitions)
+    while not run.blocks and run.scalars.transitions < transitions:
+        assert run._advance() is None
+    places = integrator.mode_table.places(run.mode)
+    zeros = sorted(pair for pair in zip(places, run.known_zeros.tolist(), strict=False) if pair[0] >= 0)
+    return run.mode, [zero for _, zero in zeros]
+
+
+@pytest.mark.parametrize("name", ["five", "three", "coupled", "stick_and_cross", "duplicate"])
+def test_surfaces_just_left_are_known_to_be_at_zero(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = load_case(CASES / "hard" / "simultaneous_events.yaml").reading(name).problem
+    integrator, count = Integrator(problem.system, 18), len(problem.system.surfaces)
+    expected = after_first_event(slow_integrator(problem), problem, count)
+    assert after_first_event(integrator, problem, count) == expected
+    monkeypatch.delattr(ModeChanges, "_select_mode")  # all modes are compiled now
+    assert after_first_event(integrator, problem, count) == expected
+
+
+class Corner:
+    """A point on the surfaces x_i = 0, with x' = a + B s for any numbers a and B: they are states that rest.
+
+    Parameters
+    ----------
+    acts : sequence of (int, int)
+        Which surface's velocity has which one's sign in it.
+    """
+
+    def __init__(self, surfaces: int, acts: Sequence[tuple[int, int]]) -> None:
+        self.surfaces, self.acts = surfaces, acts
+        names = [f"x{i}" for i in range(surfaces)] + [f"a{i}" for i in range(surfaces)]
+        names += [f"b{i}_{j}" for i, j in acts]
+        field = [f"a{i}" + "".join(f" + b{i}_{j}*s{j}" for k, j in acts if k == i) for i in range(surfaces)]
+        field += ["0"] * (len(names) - surfaces)
+        names.append("z")  # moved by all: signs that act on one state each are decided each by itself
+        field.append(" + ".join(f"s{i}" for i in range(surfaces)))
+        problem = straight(names, field, [f"{name}: 1" for name in names], surfaces, 1)
+        self.integrator = Integrator(problem.system, 8)
+        for mode in product((-1, 0, 1), repeat=surfaces):
+            self.integrator.mode_table.row(mode)
+        self.constants = self.integrator.constants(
+            tuple(problem.system.parameters[p] for p in self.integrator.parameters)
+        )
+
+    def both(self, numbers: Sequence[float], mode: Mode, hit: Sequence[int]) -> tuple[Mode | None, Any]:
+        """What machine code makes of it (None: left to Python), and what Python does.
+
+        Parameters
+        ----------
+        numbers : sequence of float
+            a, then the entries of B as in ``acts``.
+        mode : tuple of int
+            Before the surfaces ``hit`` were.
+        """
+        compiled = self.integrator.mode_table
+        x = [0.0] * self.surfaces + [float(v) for v in numbers] + [0.0]
+        row, guards = compiled.index[mode], compiled.guards(mode)
+        at_zero = [g.kind == "surface" and g.index in hit for g in guards]
+        hits = np.zeros(compiled.most_guards, dtype=np.int64)
+        hits[: len(guards)] = at_zero
+        start = Start(
+            time=(0.0, 0.0), until=(1.0, 0.0), x=tuple((v, 0.0) for v in x), refused=None, row=row,
+            zeros=self.integrator.no_zeros, order=8, tolerance=1e-6, landing=HENON, constants=self.constants,
+        )  # fmt: skip
+        run = Run(self.integrator, start)
+        run.hits[: len(hits)] = hits
+        found = kernel.test_select_mode(run.workspace.run, self.constants.update().tables)
+        asked = [g for g, zero in zip(guards, at_zero, strict=True) if zero]
+        theirs = after_event(self.constants.in_doubles.at(0.0, x), mode, asked)
+        return compiled.modes[found] if found >= 0 else None, theirs
+
+
+CORNERS = [(2, False), (3, False), (2, True), (3, True)]
+
+
+@pytest.mark.parametrize(
+    ("surfaces", "coupled"),
+    # 243 and 729 modes, whose equations take as long as all the rest; daily: up to three.
+    daily([*CORNERS, (5, False), (6, False)], some=CORNERS),
+)
+def test_any_corner_is_decided_as_in_python(surfaces: int, coupled: bool) -> None:
+    every = range(surfaces)
+    acts = [(i, j) for i in every for j in every if coupled or i == j]
+    corner, random = Corner(surfaces, acts), np.random.default_rng(surfaces)
+    clear = 0
+    for _ in range(200):
+        numbers = [*random.integers(-6, 7, surfaces) / 2, *random.integers(-4, 2, len(acts))]  # ties are frequent
+        mode = tuple(int(s) for s in random.choice([-1, 0, 1], surfaces, p=[0.4, 0.2, 0.4]))
+        hit = [i for i in every if mode[i] and random.random() < 0.8]
+        if not hit:
+            continue
+        ours, theirs = corner.both(numbers, mode, hit)
+        if ours is not None:
+            clear += 1
+            assert (theirs.status, theirs.mode) == ("unique", ours), (numbers, mode, hit)
+    assert clear >= 40
+
+
+def test_a_section_beside_contacts_that_act_on_each_other_is_crossed() -> None:
+    """Its sign is in no velocity, but theirs are in its own: no candidate slides on it."""
+    corner, random = Corner(3, [(0, 0), (0, 1), (1, 0), (1, 1), (2, 0), (2, 1)]), np.random.default_rng(3)
+    clear = 0
+    for _ in range(200):
+        numbers = [*random.integers(-6, 7, 3) / 2, *random.integers(-4, 2, 6)]
+        mode = tuple(int(s) for s in random.choice([-1, 0, 1], 3, p=[0.4, 0.2, 0.4]))
+        hit = [i for i in range(3) if mode[i] and (i == 2 or random.random() < 0.8)]
+        if 2 not in hit:
+            continue
+        ours, theirs = corner.both(numbers, mode, hit)
+        if ours is not None:
+            clear += 1
+            assert ours[2] != 0
+            assert (theirs.status, theirs.mode) == ("unique", ours), (numbers, mode, hit)
+    assert clear >= 40
+
+
+@pytest.mark.parametrize("rtol", [1e-6, 1e-9, 1e-15])
+def test_ever_shorter_slides_end_with_a_word(rtol: float) -> None:
+    """Transitions that accumulate at (A + B)/(1 - q): told up to where doubles end, never an endless loop."""
+    case = load_case(CASES / "hard" / "shrinking_slides.yaml")
+    problem = replace(case.readings[0].problem, until=sp.Integer(4))
+    run = HENON_SOLVER.prepare(problem, rtol=rtol, deadline=20)()
+    assert run.status == "failed"
+    assert "accumulate" in run.reason
+    assert run.end_time == pytest.approx(3.2320508075688776, rel=1e-13)
+    cycle = [(1, -1, 1), (1, -1, 0), (-1, -1, -1), (-1, -1, -1), (-1, 1, -1), (-1, 1, 0), (1, 1, 1), (1, 1, 1)]
+    assert [t.to_mode for t in run.transitions[:96]] == cycle * 12
+    gaps = [b.time - a.time for a, b in pairwise(run.transitions[3:80:4])]
+    assert all(after / before == pytest.approx(3**-0.5, rel=1e-4) for before, after in pairwise(gaps))
+
+
+GROUPS = [
+    (scene, reading)
+    for scene, readings in {"coupled_clutches": ("equal", "peak"), "clutch_pair": ("default",)}.items()
+    for reading in readings
+]
+
+
+@pytest.mark.parametrize(("scene", "reading"), GROUPS)
+def test_groups_with_static_friction_are_decided_without_python(
+    scene: str, reading: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A clutch closed at a given instant, too: a section is crossed beside contacts that hold."""
+    problem = load_case(CASES / "scenes" / f"{scene}.yaml").reading(reading).problem
+    ours, theirs, asked = runs(problem, monkeypatch)
+    same_transitions(ours, theirs)
+    assert asked == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "readings"),
+    [
+        ("two_contacts", ["together"]),
+        ("near_ties", ["together"]),
+        ("one_contact_twice", ["same", "geared", "turned"]),
+        ("g_stays_zero", ["dead"]),
+        ("repelling", ["two_fold", "landing"]),
+    ],
+)
+def test_what_happens_at_one_instant_needs_no_python(name: str, readings: list[str]) -> None:
+    """Slides that end together, a contact with two laws, a field that is zero beyond, a slide that turns repelling."""
+    case = load_case(CASES / "hard" / f"{name}.yaml")
+    for reading in readings:
+        run = HENON_SOLVER.prepare(case.reading(reading).problem, rtol=1e-9)
+        run()  # modes are compiled on first sight
+        assert run().counts.decisions == Decisions(), reading

@@ -1,0 +1,64 @@
+"""Tables of compiled modes: a mode costs its own row, and no reader is led past what it has."""
+
+from __future__ import annotations
+
+import numpy as np
+
+import henon_ref as hr
+from henon_ref.integrator.integrator import Integrator
+from henon_ref.integrator.mode_table import ModeTable
+from henon_ref.modes.mode import Mode
+
+
+def chain(blocks: int) -> hr.System:
+    """Blocks on a belt, a spring each to the wall and to the neighbours, friction that falls with the sliding speed."""
+    every = range(blocks)
+    pulls = [f"-x{i}" + "".join(f" - (x{i} - x{j})" for j in (i - 1, i + 1) if j in every) for i in every]
+    return hr.System(
+        state=[*(f"x{i}" for i in every), *(f"v{i}" for i in every)],
+        parameters={"F": 1, "d": 3, "vb": 0.5},
+        surfaces={f"s{i}": f"v{i} - vb" for i in every},
+        field=[*(f"v{i}" for i in every), *(f"{pulls[i]} - F*s{i}/(1 + d*s{i}*(v{i} - vb))" for i in every)],
+    )
+
+
+def test_a_row_is_that_of_the_mode_written_out() -> None:
+    model = chain(3).model
+    integrator = Integrator(model, 8)
+    table = integrator.mode_table
+    modes = [(1, -1, 0), (0, -1, 0), (1, -1, 1), (1, 0, 0)]
+    for mode in modes:
+        table.row(mode)
+    index: dict[Mode, int] = {mode: row for row, mode in enumerate(modes)}
+    compiled, constants = (
+        table.compiled,
+        integrator.constants(tuple(model.parameters[p] for p in integrator.parameters)).update(),
+    )
+    for row, mode in enumerate(modes):
+        own = compiled.records["guards"][row]
+        for g, guard in enumerate(table.guards(mode)):
+            sides = {s: index.get((*mode[: guard.index], s, *mode[guard.index + 1 :]), -1) for s in (-1, 0, 1)}
+            assert (own["index"][g], own["side"][g]) == (
+                guard.index,
+                mode[guard.index] if guard.kind == "surface" else 0,
+            )
+            if guard.kind == "surface":
+                assert (own["mode_across"][g], own["mode_stuck"][g]) == (sides[-mode[guard.index]], sides[0])
+            elif mode[guard.index] == 0:
+                assert own["mode_across"][g] == sides[guard.to_sign]
+        for tape, found in zip(table.codes[row].tapes, constants.numbers[row], strict=True):
+            exact = [float(model.numeric(tape.constant(at, mode))) for at in range(len(tape.tape.constants))]
+            assert found[: len(exact)].tolist() == exact
+
+
+def test_whoever_reads_is_not_led_to_rows_that_he_does_not_have() -> None:
+    table = ModeTable(chain(3).model, 8)
+    table.row((1, 1, 1))
+    read = table.compiled.records
+    before = read.copy()
+    with table.readers:
+        table.row((0, 1, 1))
+    assert np.array_equal(read, before)
+    assert table.leads_to(0, 0, 0) == 1
+    table.row((1, 0, 1))
+    assert table.leads_to(0, 1, 0) == 2

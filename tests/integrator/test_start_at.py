@@ -1,0 +1,220 @@
+"""Starts from doubles: the same as from the decimal numbers that they are printed as."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sympy as sp
+from often import daily
+from problems import make_problem
+from shipped import CASES, paths, read
+
+import henon_ref as hr
+from henon_ref.casefile.case import load_case
+from henon_ref.errors import ModelError
+from henon_ref.integrator.integrator import Integrator
+from henon_ref.integrator.records import HENON
+from henon_ref.integrator.run import Run
+from henon_ref.integrator.start import Start
+from henon_ref.kernel.shared import ffi
+from henon_ref.modes.exact_numbers import double_double
+from henon_ref.modes.in_doubles import in_doubles
+from henon_ref.modes.mode import replaced
+from henon_ref.modes.problem import Problem
+from henon_ref.modes.selection import contact_orders, mode_by_signs, signs_at
+
+
+def from_doubles(problem: Problem) -> tuple[Start, Problem, Integrator]:
+    """A start from doubles, and the problem of the decimal numbers that they are; the system comes without values."""
+    integrator = Integrator(replace(problem.system, parameters={}), 12)
+    values = {symbol: sp.Rational(repr(float(value))) for symbol, value in problem.system.parameters.items()}
+    start, until, *initial = (float(v) for v in (problem.start, problem.until, *problem.initial))
+    exact = replace(
+        problem,
+        system=replace(problem.system, parameters=values),
+        start=sp.Rational(repr(start)),
+        until=sp.Rational(repr(until)),
+        initial=tuple(sp.Rational(repr(v)) for v in initial),
+    )
+    own = tuple(float(values[symbol]) for symbol in integrator.parameters)
+    settings = {"tolerance": 1e-9, "landing": HENON, "mode": problem.initial_mode}
+    return integrator.begin(own, initial, start=start, until=until, **settings), exact, integrator
+
+
+def both(problem: Problem) -> tuple[Start, Start, Integrator]:
+    """The start from doubles, and that from the decimal numbers that they are."""
+    fast, exact, integrator = from_doubles(problem)
+    return fast, integrator.start(exact, tolerance=1e-9, landing=HENON), integrator
+
+
+def exact_pair(number: sp.Expr) -> tuple[float, float]:
+    """A constant rounded once, by SymPy; NaN for one that is none."""
+    try:
+        return double_double(number)
+    except ModelError:
+        return float("nan"), float("nan")
+
+
+THIRD = [path for path in paths()[::3] if path.stem != "burridge_knopoff"]
+"""Each third case, but for one with many blocks, whose equations take seconds."""
+
+
+@pytest.mark.parametrize("path", daily(paths(), some=THIRD), ids=lambda path: path.stem)
+def test_every_case_starts_as_sympy_says(path: Path) -> None:
+    """In the mode that exact signs lead to, with its known zeros, and constants that are right to the last bit."""
+    fast, exact, integrator = from_doubles(read(path).readings[0].problem)
+    table, t, x = integrator.mode_table, float(exact.start), list(map(float, exact.initial))
+    at = in_doubles(integrator.system, exact.system).at(t, x)
+    surfaces, valid = signs_at(exact.system, exact.start, exact.initial)
+    decision = mode_by_signs(at, surfaces, valid, exact.initial_mode)
+    assert [fast.time, fast.until, *fast.x] == [double_double(v) for v in (exact.start, exact.until, *exact.initial)]
+    assert (fast.refused is None) == (decision.mode is not None)
+    if fast.refused is not None:
+        assert fast.refused.status == decision.ending
+        return
+    assert table.mode(fast.row) == decision.mode
+    active = [i for i, sign in enumerate(surfaces) if sign == 0]
+    orders = contact_orders(at, decision.mode, active) if active else []
+    assert [o for o in fast.zeros if o] == [orders[p] for p in table.places(decision.mode) if orders and orders[p]]
+    numeric = exact.system.numeric
+    expected = [exact_pair(numeric(e)) for e in table.constants.expressions[: table.compiled.constants]]
+    fast.constants.update()
+    found = fast.constants._values[1:].reshape(-1, 2)
+    assert found[:, 0].tolist() == pytest.approx([high for high, _ in expected], rel=0, abs=0, nan_ok=True)
+    rest = np.array(expected)
+    assert found[:, 1] == pytest.approx(rest[:, 1], abs=1e-29 * np.nanmax(np.abs(rest), initial=1), nan_ok=True)
+
+
+AT_ONCE = ["stribeck_belt", "two_blocks", "bouncing_ball", "static_belt", "clutch_pair"]
+
+
+@pytest.mark.parametrize("name", AT_ONCE)
+def test_constants_of_a_point_are_the_same_made_at_once(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bit for bit: those of the modes and of the normal velocities, also where modes are met later."""
+    system = load_case(name).readings[0].problem.system
+    integrator = Integrator(replace(system, parameters={}), 12)
+    first = (1,) * len(system.signs)
+    for mode in (first, replaced(first, 0, -1)):
+        integrator.mode_table.row(mode)
+    values = tuple(float(system.parameters[symbol]) for symbol in integrator.parameters)
+    with monkeypatch.context() as patch:
+        patch.setattr(integrator.programs, "at_once", lambda _: None)
+        slowly = integrator._constants(values)
+    integrator.programs.loop()
+    at_once = integrator._constants(values)
+    assert isinstance(slowly.latest.constants, tuple)
+    assert not isinstance(at_once.latest.constants, tuple)
+    integrator.mode_table.row(replaced(first, 0, 0))
+    for _ in range(2):
+        one, other = slowly.latest, at_once.latest
+        assert one.numbers.tobytes() == other.numbers.tobytes()
+        if integrator.mode_table.normals is not None:
+            counts = 8 * (2 * len(integrator.mode_table.normals.tape.constants) + 1)
+            pair = [bytes(ffi.buffer(data.tables.selection.constants, counts)) for data in (one, other)]
+            assert pair[0] == pair[1]
+        assert slowly.update().compiled is at_once.update().compiled
+
+
+def test_a_point_whose_terms_cancel_is_not_made_at_once() -> None:
+    """(a - b)/c at a = b + 1e-30 has lost its digits in pairs of doubles, and 1/c is none at c = 0."""
+    system = hr.System(["x"], {"a": 1, "b": 1, "c": 1}, {}, ["-(a - b)*x/c"])
+    integrator = Integrator(replace(system.model, parameters={}), 12)
+    integrator.mode_table.row(())
+    integrator.programs.loop()
+    near = Fraction(1) + Fraction(1, 10**30)
+    values = (2.0, 1.0, 3.0), (near, 1.0, 1.0), (2.0, 1.0, 0.0)
+    whole, cancelled, infinite = (integrator._constants(each) for each in values)
+    assert [isinstance(each.latest.constants, tuple) for each in (whole, cancelled, infinite)] == [False, True, True]
+    assert (cancelled.is_finite, infinite.is_finite) == (True, False)
+    assert -1e-30 in cancelled.latest.numbers
+
+
+GOES_ON = [path for path in paths(".") if path.stem != "rig_printed"]  # whose start is nonunique
+
+
+@pytest.mark.parametrize("path", GOES_ON, ids=lambda path: path.stem)
+def test_a_run_goes_on_from_there_as_from_exact_numbers(path: Path) -> None:
+    fast, exact, integrator = both(read(path).readings[0].problem)
+    assert (fast.refused, exact.refused) == (None, None)
+    found, expected = Run(integrator, fast).to_horizon(), Run(integrator, exact).to_horizon()
+    assert found.status == expected.status
+    assert [(t.kind, t.to_mode) for t in found.transitions][:50] == [(t.kind, t.to_mode) for t in expected.transitions][
+        :50
+    ]
+
+
+def surfaces_start(field: Sequence[str], initial: Sequence[float]) -> tuple[Start, Integrator]:
+    problem = make_problem("x y", field, {"s": "x", "u": "y"}, initial, 3)
+    integrator = Integrator(problem.system, 8)
+    return integrator.begin((), initial, until=3.0, tolerance=1e-6, landing=HENON), integrator
+
+
+@pytest.mark.parametrize(
+    ("rate", "mode", "zeros"), [("1/2 - s", 0, 0), ("2 - s", 1, 1), ("-2 - s", -1, 1)], ids=["slides", "up", "down"]
+)
+def test_a_start_on_one_surface_is_decided_without_sympy(
+    rate: str, mode: int, zeros: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first, integrator = surfaces_start([rate, "1 - u/2"], [0.0, 1.0])
+    monkeypatch.setattr("henon_ref.integrator.start.mode_by_signs", None)
+    for y in (1.0, -1.0):
+        start = integrator.begin((), [0.0, y], until=3.0, tolerance=1e-6, landing=HENON)
+        assert integrator.mode_table.modes[start.row] == (mode, int(np.sign(y)))
+        guards = integrator.mode_table.guards(integrator.mode_table.modes[start.row])
+        assert [z for z, g in zip(start.zeros, guards, strict=False) if g.index == 0 and g.kind == "surface"] == (
+            [zeros] if mode else []
+        )
+        assert sum(start.zeros) == zeros
+    assert first.zeros == integrator.begin((), [0.0, 1.0], until=3.0, tolerance=1e-6, landing=HENON).zeros
+
+
+@pytest.mark.parametrize(
+    ("field", "initial", "status"),
+    [
+        (["s", "1"], [0.0, 1.0], "nonunique"),  # both slips lead away
+        (["1 - s", "1"], [0.0, 1.0], None),  # above, the field is along the surface
+        (["1/2 - s", "1/2 - u"], [0.0, 0.0], None),  # two surfaces
+    ],
+)
+def test_what_is_not_clear_is_decided_as_exact_numbers_are(
+    field: Sequence[str], initial: Sequence[float], status: str | None
+) -> None:
+    start, integrator = surfaces_start(field, initial)
+    exact = make_problem("x y", field, {"s": "x", "u": "y"}, [int(v) for v in initial], 3)
+    expected = integrator.start(exact, tolerance=1e-6, landing=HENON)
+    assert (start.row, start.zeros) == (expected.row, expected.zeros)
+    assert (start.refused.status if start.refused else None) == status
+
+
+def test_a_start_that_is_off_by_one_bit_is_on_no_surface() -> None:
+    problem = make_problem("x", ["1/2 - s"], {"s": "x - a"}, [0], 3)
+    x, a = problem.system.states[0], sp.Symbol("a", real=True)
+    integrator = Integrator(replace(problem.system, surfaces=(x - a,)), 8)
+
+    def mode(value: float) -> tuple[int, ...]:
+        start = integrator.begin((0.1,), [value], until=3.0, tolerance=1e-6, landing=HENON)
+        return integrator.mode_table.modes[start.row]
+
+    assert [mode(v) for v in (np.nextafter(0.1, 0), 0.1, np.nextafter(0.1, 1))] == [(-1,), (0,), (1,)]
+
+
+def test_a_model_that_does_not_hold_at_the_start_is_refused() -> None:
+    problem = make_problem("x", ["-1 - s/2"], {"s": "x"}, [1], 3, valid=["1 - x"])
+    integrator = Integrator(problem.system, 8)
+
+    def refused(x: float) -> str | None:
+        start = integrator.begin((), [x], until=3.0, tolerance=1e-6, landing=HENON)
+        return start.refused.status if start.refused else None
+
+    assert [refused(x) for x in (0.5, 1.0, 1.5)] == [None, None, "invalid"]
+
+
+def test_an_integrator_of_a_system_with_values_refuses_others() -> None:
+    problem = load_case(CASES / "stribeck_belt.yaml").readings[0].problem
+    with pytest.raises(ModelError, match="values of its parameters"):
+        Integrator(problem.system, 8).begin((1.0,), [1.0, 0.0], until=1.0, tolerance=1e-6, landing=HENON)

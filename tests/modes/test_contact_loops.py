@@ -1,0 +1,391 @@
+"""Loops of contacts, whose loads statics does not settle: they hold while some distribution of the loads fits.
+
+Closed forms of the instants at which the cut lets go that is the first to carry more than its contacts hold together
+(see :mod:`henon_ref.modes.contact_loops`); blocks of 1 kg but where masses are given, at rest at first.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import sympy as sp
+from flint import ctx
+from multiprecision import simulate
+from scipy.optimize import linprog
+
+from henon_ref.casefile.case import parse_case
+from henon_ref.enclosure.balls import enclose
+from henon_ref.enclosure.run import certify
+from henon_ref.harness.registry import solver
+from henon_ref.harness.truth.multiprecision.points import SeriesEvaluation
+from henon_ref.modes.contact_loops import closed, cuts, independent, loops, relations
+from henon_ref.modes.in_doubles import in_doubles
+from henon_ref.modes.problem import Problem
+from henon_ref.modes.selection import initial_mode
+from henon_ref.modes.switched_field import SwitchedField
+from henon_ref.simulation.simulate import simulate as simulate_run
+from henon_ref.simulation.system import System
+from henon_ref.taylor.tape import TIME
+
+HEAD = "schema: 1\nname: loop\ntitle: t\nsource: s\nequations: e\n"
+LIBRARIES = [
+    ("henon", {"rtol": 1e-13}, 1e-12),
+    ("henon-rk4", {"step": 1e-3}, 1e-9),
+    ("scipy-dop853", {"rtol": 1e-12}, 1e-9),
+    ("cvode-bdf", {"rtol": 1e-10}, 1e-6),
+    ("heyoka", {"rtol": 1e-16}, 1e-12),
+]
+ALL_LIBRARIES = pytest.mark.parametrize(("name", "options", "bound"), LIBRARIES, ids=[name for name, *_ in LIBRARIES])
+
+
+def scene(
+    bodies: dict[str, str], contacts: list[tuple[str, str, str]], forces: dict[str, str], until: str, **speeds: str
+) -> Problem:
+    """Bodies (mass, or how they are given), contacts between two with keys, forces; ``speeds``: of bodies that move."""
+    lines = ["scene:", "  bodies:", *(f"    {b}: {given}" for b, given in bodies.items()), "  connections:"]
+    lines += [f"    - friction: {{between: [{p}, {q}], law: coulomb, {keys}}}" for p, q, keys in contacts]
+    lines += [f'    - force: {{on: {b}, value: "{f}"}}' for b, f in forces.items()]
+    states = [f"x_{b}: 0, v_{b}: {speeds.get(b, '0')}" for b, given in bodies.items() if "mass" in given]
+    text = "\n".join([HEAD + lines[0], *lines[1:], f"initial: {{{', '.join(states)}}}", f"until: {until}", ""])
+    return parse_case(text).readings[0].problem
+
+
+ONE = "{mass: 1}"
+AB = {"a": ONE, "b": ONE, "floor": "fixed"}
+STATIC = [("a", "floor", "force: 1, static: 2"), ("b", "floor", "force: 1, static: 2")]
+RUB = ("a", "b", "force: 0.5, static: 1")
+RING = [(p, q, "force: 1, static: 2") for p, q in ("ab", "bc", "ca")]
+PLAIN = [("a", "floor", "force: 1"), ("b", "floor", "force: 1"), ("a", "b", "force: 0.5")]
+ABC = {"a": ONE, "b": ONE, "c": ONE}
+CASES = {
+    # The cut around both blocks: 2t = 2 + 2. They go on as one, the contact between them carries nothing.
+    "two pulled alike": (scene(AB, [*STATIC, RUB], {"a": "t", "b": "t"}, "3"), 2, (1, 1, 0), [1.5, 1.5]),
+    # Around a: t = 2 + 1; the floor still holds b, which a drags with 1/2.
+    "one pulled": (scene(AB, [*STATIC, RUB], {"a": "t"}, "5"), 3, (1, 0, 1), [5, 0]),
+    # Around a: t = 2 + 2; b and c are pulled alike.
+    "a ring": (
+        scene(ABC, RING, {"a": "t", "b": "-t/2", "c": "-t/2"}, "6"), 4, (1, 0, -1), [6, -3, -3]
+    ),
+    # Both contacts: t/2 = 2 + 1.
+    "two contacts between two bodies": (
+        scene({"a": ONE, "b": ONE}, [("a", "b", "force: 1, static: 2"), (*RUB[:2], RUB[2] + ", name: rub")],
+              {"a": "t"}, "8"), 6, (1, 1), [20, 12],
+    ),
+    # One of them has no static friction: t = 2 + 1/2.
+    "one of two contacts without static friction": (
+        scene({"a": ONE, "floor": "fixed"}, [STATIC[0], ("a", "floor", "force: 0.5, name: rub")], {"a": "t"}, "5"),
+        sp.Rational(5, 2), (1, 1), [5.625],
+    ),
+    # None has: t = 1 + 1/2, from which a speeds up from nothing.
+    "no static friction": (scene(AB, PLAIN, {"a": "t"}, "5"), sp.Rational(3, 2), (1, 0, 1), [6.125, 0]),
+    "no static friction, the other way": (
+        scene(AB, PLAIN, {"a": "-t"}, "5"), sp.Rational(3, 2), (-1, 0, -1), [-6.125, 0]
+    ),
+    # Accelerations are no forces: without static friction a contact is known by these, which masses divide.
+    "masses": (
+        scene({"a": "{mass: 2}", "b": "{mass: 3}", "floor": "fixed"}, [STATIC[0], *PLAIN[1:]], {"a": "-t"}, "5"),
+        sp.Rational(5, 2), (-1, 0, -1), [-2.8125, 0],
+    ),
+}  # fmt: skip
+EVENTS = pytest.mark.parametrize(("problem", "time", "mode", "speeds"), CASES.values(), ids=list(CASES))
+
+
+@EVENTS
+@ALL_LIBRARIES
+def test_the_first_cut_that_carries_too_much_lets_go(name, options, bound, problem, time, mode, speeds) -> None:  # type: ignore[no-untyped-def]
+    run = solver(name).prepare(problem, **options)()
+    assert run.status == "ok", run.reason
+    slipping = [i for i, entry in enumerate(mode) if entry]
+    assert [(t.kind, t.surface, t.to_mode) for t in run.transitions] == [("release", i, mode) for i in slipping]
+    assert [t.time for t in run.transitions] == pytest.approx([float(time)] * len(slipping), abs=bound, rel=0)
+    assert run.end_state[1::2] == pytest.approx(speeds, abs=10 * bound)
+
+
+@EVENTS
+def test_the_multiprecision_route_sees_it(problem, time, mode, speeds) -> None:  # type: ignore[no-untyped-def]
+    run = simulate(problem, 256)
+    assert (run.status, [e.after for e in run.events]) == ("ok", [mode]), run.reason
+    with ctx.workprec(512):
+        assert abs(run.events[0].time - enclose(sp.Rational(time))) < 1e-40
+
+
+def test_the_proof_sees_it_where_a_force_jumps() -> None:
+    problem, time, mode, _ = CASES["one pulled"]
+    proof = certify(problem)
+    assert proof.status == "certified", proof.reason
+    assert [t.to_mode for t in proof.transitions] == [mode] * 2
+    with ctx.workprec(2 * proof.bits):
+        assert proof.transitions[0].time.overlaps(enclose(sp.Integer(time)))
+
+
+@cache
+def arrival() -> tuple[Problem, Any]:
+    """With its run in multiprecision, which is made once for all solvers."""
+    problem = scene(AB, [*STATIC, RUB], {}, "4", b="3")
+    return problem, simulate(problem, 256)
+
+
+@ALL_LIBRARIES
+def test_a_loop_that_is_closed_by_an_arrival_holds(name, options, bound) -> None:  # type: ignore[no-untyped-def]
+    """b slides to rest beside a, which stands: b' = -1 - 1/2. All three hold from there on, at one instant."""
+    problem, truth = arrival()
+    run = solver(name).prepare(problem, **options)()
+    expected = [("stick", 1, (0, 0, 0)), ("stick", 2, (0, 0, 0))]
+    assert [(t.kind, t.surface, t.to_mode) for t in run.transitions] == expected, run.reason
+    assert [t.time for t in run.transitions] == pytest.approx([2, 2], abs=bound, rel=0)
+    assert run.end_state == pytest.approx((0, 0, 3, 0), abs=10 * bound)
+    assert [(e.before, e.after) for e in truth.events] == [((0, 1, -1), (0, 0, 0))]
+
+
+@cache
+def shaken() -> tuple[Problem, Any]:
+    bodies = {"a": ONE, "b": "{mass: 2}", "c": ONE, "belt": "{velocity: 0.3*cos(t)}"}
+    contacts = [
+        ("a", "belt", "force: 0.5, static: 0.7"),
+        ("b", "belt", "force: 0.5, static: 0.6"),
+        ("a", "b", "force: 0.3, static: 0.4"),
+        ("c", "b", "force: 0.3, static: 0.4"),
+        ("c", "a", "force: 0.2"),
+    ]
+    problem = scene(bodies, contacts, {"a": "1.5*sin(t)", "b": "cos(1.7*t)", "c": "0.4*cos(2*t)"}, "7", c="1")
+    return problem, simulate(problem, 256)
+
+
+@ALL_LIBRARIES
+def test_a_loop_on_a_belt_that_is_shaken_closes_and_opens(name, options, bound) -> None:  # type: ignore[no-untyped-def]
+    """Speeds that are no whole numbers, so that nothing is at zero by its digits."""
+    problem, truth = shaken()
+    run = solver(name).prepare(problem, **options)()
+    assert run.status == truth.status == "ok", (run.reason, truth.reason)
+    assert list(dict.fromkeys(t.to_mode for t in run.transitions)) == list(dict.fromkeys(e.after for e in truth.events))
+    times = sorted({t.time for t in run.transitions})
+    assert times == pytest.approx([float(e.time) for e in truth.events], abs=100 * bound, rel=0)
+    after = [e.after for e in truth.events]
+    closed = after.index((-1, -1, 0, 0, 0))
+    assert after[closed + 1] == (-1, -1, 1, 0, -1)
+
+
+@cache
+def full_cut() -> tuple[Problem, Any]:
+    contacts = [("a", "floor", "force: 0.2, static: 1"), ("b", "floor", "force: 1, static: 2"),
+                ("a", "b", "force: 1, static: 1.9")]  # fmt: skip
+    problem = scene(AB, contacts, {"a": "t"}, "5")
+    return problem, simulate(problem, 256)
+
+
+@ALL_LIBRARIES
+def test_what_a_full_cut_parts_slips_and_the_rest_holds(name, options, bound) -> None:  # type: ignore[no-untyped-def]
+    """Around a: t = 1 + 1.9. The contact of b with the floor, which holds 2, then carries 1."""
+    problem, truth = full_cut()
+    run = solver(name).prepare(problem, **options)()
+    assert [(t.surface, t.to_mode) for t in run.transitions] == [(0, (1, 0, 1)), (2, (1, 0, 1))], run.reason
+    assert [t.time for t in run.transitions] == pytest.approx([2.9, 2.9], abs=bound, rel=0)
+    assert [e.after for e in truth.events] == [(1, 0, 1)]
+
+
+def random_contacts(generator: np.random.Generator) -> tuple[int, list[tuple[int, int]]]:
+    """2 to 4 blocks and a floor (the last), and 3 to 7 contacts of them, each pair at most once."""
+    count = int(generator.integers(2, 5))
+    pairs = list(combinations(range(count + 1), 2))
+    number = int(generator.integers(3, min(7, len(pairs)) + 1))
+    chosen = generator.choice(len(pairs), number, replace=False)
+    return count, [pairs[k] for k in sorted(chosen)]
+
+
+def carried(count: int, contacts: list[tuple[int, int]], static: np.ndarray, forces: np.ndarray) -> bool:
+    """Whether loads within the limits keep all bodies that the contacts join from moving beside each other."""
+    # Unknown: loads, then the blocks' accelerations. m a_k = f_k - loads that k is the first body of + the others.
+    balance = np.zeros((count + len(contacts), len(contacts) + count))
+    right = np.concatenate([forces, np.zeros(len(contacts))])
+    for j, (p, q) in enumerate(contacts):
+        for body, way in ((p, 1), (q, -1)):
+            if body < count:
+                balance[body, j] += way
+                balance[count + j, len(contacts) + body] += way
+    balance[:count, len(contacts) :] = np.eye(count)
+    bounds = [(-limit, limit) for limit in static] + [(None, None)] * count
+    found = linprog(np.zeros(balance.shape[1]), A_eq=balance, b_eq=right, bounds=bounds)
+    return bool(found.status == 0)
+
+
+def test_the_cuts_say_what_a_linear_program_says() -> None:
+    generator, seen, looped = np.random.default_rng(35), set(), 0
+    for _ in range(24):
+        count, contacts = random_contacts(generator)
+        static = generator.integers(2, 12, len(contacts)) / 8
+        forces = generator.integers(-12, 13, count) / 8 + 1 / 64
+        names = [*"abcd"[:count], "floor"]
+        bodies = dict.fromkeys(names[:-1], ONE) | {"floor": "fixed"}
+        keys = [f"force: {limit / 2}, static: {limit}" for limit in static]
+        problem = scene(
+            bodies,
+            [(names[p], names[q], own) for (p, q), own in zip(contacts, keys, strict=True)],
+            {b: str(f) for b, f in zip(names, forces, strict=False)},
+            "1",
+        )
+        guards = problem.system.equations((0,) * len(contacts)).guards
+        at = {TIME: sp.Integer(0)} | dict(zip(problem.system.states, problem.initial, strict=True))
+        values = [float(g.expression.xreplace(at)) for g in guards]
+        expected = carried(count, contacts, static, forces)
+        assert (min(values) > 0) == expected, (contacts, static, forces, values)
+        mode = initial_mode(in_doubles(problem.system), problem.start, problem.initial, {}).mode
+        assert mode is not None
+        assert (not any(mode)) == expected  # the problem of Gauss's principle says the same
+        seen.add(expected)
+        looped += bool(problem.system.has_loops)
+    assert seen == {True, False}
+    assert looped > 8
+
+
+@pytest.mark.parametrize(
+    ("surfaces", "relation", "count"),
+    [
+        ("v w v-w", {0: -1, 1: 1, 2: 1}, 3),
+        ("v-w w-u u-v", {0: 1, 1: 1, 2: 1}, 3),
+        ("v 2*v", {0: -2, 1: 1}, 1),
+        ("v-sin(t) w-sin(t) 3*v-3*w", {0: -3, 1: 3, 2: 1}, 3),
+        ("v-1 w-2 v-w", None, 0),  # never zero at once
+        ("v*w w v", None, 0),
+        ("v w u", None, 0),
+    ],
+)
+def test_relations_and_cuts_of_surfaces(surfaces: str, relation: dict[int, int] | None, count: int) -> None:
+    states = sp.symbols("u v w", real=True)
+    names = dict(zip("uvw", states, strict=True)) | {"t": TIME}
+    written = tuple(sp.sympify(h, locals=names) for h in surfaces.split())
+    system = SwitchedField(states, sp.symbols(f"s:{len(written)}"), written, (sp.S.Zero,) * 3)
+    found = relations(system, tuple(range(len(written))))
+    assert [dict(own) for own in found] == ([relation] if relation else [])
+    assert sum(1 for loop in loops(found) for _ in cuts(loop)) == count
+    assert len(independent(system, range(len(written)))) == len(written) - bool(relation)
+
+
+def test_the_cuts_of_four_bodies_that_all_touch_are_those_into_two_parts() -> None:
+    states = sp.symbols("a b c d", real=True)
+    pairs = list(combinations(range(4), 2))
+    surfaces = tuple(states[p] - states[q] for p, q in pairs)
+    system = SwitchedField(states, sp.symbols("s:6"), surfaces, (sp.S.Zero,) * 4)
+    ((*found,),) = loops(relations(system, tuple(range(6))))
+    parts = [set(own) for size in (1, 2) for own in combinations(range(4), size) if size == 1 or 0 in own]
+    expected = {frozenset(j for j, (p, q) in enumerate(pairs) if (p in own) != (q in own)) for own in parts}
+    assert {frozenset(cut) for cut in cuts(found)} == expected
+    assert all(abs(y) == 1 for cut in cuts(found) for y in cut.values())
+    assert closed(system, frozenset({0, 1}), tuple(range(6))) == {0, 1, 3}
+
+
+SYSTEM = """\
+system:
+  state: [v, w]
+  surfaces: {{s: v, r: w, u: {surface}}}
+  field: [{fields}]
+initial: {{t: 0, v: 0, w: 0}}
+until: 5
+"""
+
+
+@pytest.mark.parametrize(
+    ("surface", "fields", "mode"),
+    [
+        ("v - w", '"t - s - u/2", "-r + u/2"', (1, 0, 1)),
+        ('"2*(w - v)"', '"t - s + u/2", "-r - u/2"', (1, 0, -1)),
+    ],
+)
+def test_surfaces_of_a_system_that_depend_on_each_other_are_a_loop(surface: str, fields: str, mode: object) -> None:
+    problem = parse_case(HEAD + SYSTEM.format(surface=surface, fields=fields)).readings[0].problem
+    run, truth = solver("henon").prepare(problem, rtol=1e-13)(), simulate(problem, 256)
+    assert [(t.to_mode, t.time) for t in run.transitions] == [(mode, pytest.approx(1.5, abs=1e-13))] * 2
+    assert [(e.after, float(e.time)) for e in truth.events] == [(mode, pytest.approx(1.5, abs=1e-30))]
+
+
+def test_signs_written_in_a_field_are_a_loop() -> None:
+    """With a drag beside the friction: its kink is one of the same argument, and is continuous."""
+    fields = '"t - sign(v) - sign(v - w)/2 - v*abs(v)", "-sign(w) + sign(v - w)/2"'
+    text = f"system:\n  state: [v, w]\n  field: [{fields}]\ninitial: {{t: 0, v: 0, w: 0}}\nuntil: 2\n"
+    problem = parse_case(HEAD + text).readings[0].problem
+    run, truth = solver("henon").prepare(problem, rtol=1e-13)(), simulate(problem, 256)
+    assert [(t.to_mode, t.time) for t in run.transitions] == [((1, 1, 0), pytest.approx(1.5, abs=1e-13))] * 2
+    assert [e.after for e in truth.events] == [(1, 1, 0)]
+
+
+def test_kinks_that_depend_on_each_other_are_no_contacts() -> None:
+    """Drags between three bodies at rest: nothing slides, and nothing moves."""
+    fields = '"-v*abs(v) - (v - w)*abs(v - w)", "-w*abs(w) - (w - v)*abs(v - w)"'
+    text = f"system:\n  state: [v, w]\n  field: [{fields}]\ninitial: {{t: 0, v: 0, w: 0}}\nuntil: 2\n"
+    problem = parse_case(HEAD + text).readings[0].problem
+    assert not problem.system.overrides
+    run, truth = solver("henon").prepare(problem, rtol=1e-13)(), simulate(problem, 256)
+    assert (run.status, run.transitions, truth.status, truth.events) == ("ok", (), "ok", [])
+
+
+def test_signs_that_are_no_force_and_counterforce_are_refused_with_their_surfaces() -> None:
+    """u pushes v and not w: no friction of one body on another."""
+    problem = parse_case(HEAD + SYSTEM.format(surface="v - w", fields='"t - s - u", "-r"')).readings[0].problem
+    words = r"the surfaces of s, r, u depend on each other, and their signs do not act on them as forces"
+    truth = simulate(problem, 256)
+    for run in [*(solver(name).prepare(problem, **options)() for name, options, _ in LIBRARIES), truth]:
+        assert run.status == "failed", (run.status, run.reason)
+        assert words in run.reason
+
+
+def test_masses_may_be_given_to_a_run(tmp_path: Path) -> None:
+    """One compiled system: without static friction what a contact adds to a cut is an acceleration times its mass."""
+    text = """scene:
+  parameters: {m: 1, n: 1}
+  bodies: {a: {mass: m}, b: {mass: n}, floor: fixed}
+  connections:
+    - friction: {between: [a, floor], law: coulomb, force: 1, static: 2}
+    - friction: {between: [b, floor], law: coulomb, force: 1}
+    - friction: {between: [a, b], law: coulomb, force: 0.5}
+    - force: {on: a, value: t}
+initial: {x_a: 0, v_a: 0, x_b: 0, v_b: 0}
+until: 5
+"""
+    (tmp_path / "loop.yaml").write_text(HEAD + text)
+    system = System.from_case(tmp_path / "loop.yaml")
+    for masses in ({"m": 2, "n": 3}, {"m": "1/3", "n": 7}):
+        run = simulate_run(system, system.initial, until=5, rtol=1e-13, parameters=masses)
+        assert run.status == "ok", run.message
+        assert run.transitions.time_s.tolist() == pytest.approx([2.5, 2.5], abs=1e-12)
+        assert run.final_mode == "s_a_floor=+1 s_b_floor=0 s_a_b=+1"
+
+
+def test_a_ring_of_nine_contacts_lets_go_at_the_cut_that_is_full() -> None:
+    """a is pulled and the others are not: around a and some neighbours beside it, t times what is left of 9 bodies."""
+    bodies = dict.fromkeys("abcdefghi", ONE)
+    contacts = [(p, q, "force: 1, static: 2") for p, q in zip("abcdefghi", "bcdefghia", strict=True)]
+    problem = scene(bodies, contacts, {"a": "t"}, "5")
+    run = solver("henon").prepare(problem, rtol=1e-13)()
+    # Around a alone: t - t/9 = 2 + 2. The others, pulled by 1 + 1, move as one.
+    assert [t.surface for t in run.transitions] == [0, 8], run.reason
+    assert [t.time for t in run.transitions] == pytest.approx([4.5, 4.5], abs=1e-12)
+    assert run.end_mode == (1, *(0,) * 7, -1)
+
+
+def test_double_precision_and_multiprecision_agree_at_rest() -> None:
+    generator, statuses = np.random.default_rng(36), set()
+    for _ in range(12):
+        static = generator.integers(2, 12, 3) / 8
+        kinetic = np.maximum(1, np.floor(8 * static * generator.uniform(0.4, 1, 3))) / 8
+        forces = generator.integers(-20, 21, 2) / 8 + 1 / 64
+        keys = [f"force: {low}, static: {high}" for low, high in zip(kinetic, static, strict=True)]
+        problem = scene(
+            AB,
+            [(p, q, own) for (p, q), own in zip([("a", "floor"), ("b", "floor"), ("a", "b")], keys, strict=True)],
+            {b: str(f) for b, f in zip("ab", forces, strict=True)},
+            "1",
+        )
+        at = problem.start, problem.initial, problem.initial_mode
+        with ctx.workprec(256):
+            one, other = (
+                initial_mode(in_doubles(problem.system), *at),
+                initial_mode(SeriesEvaluation(problem.system, 256), *at),
+            )
+        assert (one.status, one.mode) == (other.status, other.mode)
+        assert (one.mode == (0, 0, 0)) == carried(2, [(0, 2), (1, 2), (0, 1)], static, forces)
+        statuses.add(one.status)
+    assert "unique" in statuses
