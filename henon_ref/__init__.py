@@ -44,7 +44,7 @@ if TYPE_CHECKING:  # modules, too, under the names by which they go here
     from henon_ref.solver import Solver
     from henon_ref.trajectory import Counts, Trajectory, Transition
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 _HOME = {
     "Comparison": "harness.campaign.comparison",
