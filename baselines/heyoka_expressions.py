@@ -13,7 +13,8 @@ import sympy as sp
 
 from henon_ref.errors import UnsupportedError
 from henon_ref.modes.callables import rounded
-from henon_ref.taylor.fold import FUNCTIONS, Rules, Walk, fold, fraction
+from henon_ref.taylor.fold import Rules, Walk, fold, fraction
+from henon_ref.taylor.rules import FUNCTIONS
 from henon_ref.taylor.tape import TIME
 
 

@@ -46,7 +46,7 @@ from henon_ref.modes.kinks import visible
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.problem import Problem
 from henon_ref.solver import Run
-from henon_ref.taylor.fold import FUNCTIONS
+from henon_ref.taylor.rules import FUNCTIONS
 from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Trajectory
 

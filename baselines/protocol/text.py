@@ -14,7 +14,7 @@ from sympy.printing.str import StrPrinter
 
 from henon_ref.errors import UnsupportedError
 from henon_ref.modes.callables import rounded
-from henon_ref.taylor.fold import FUNCTIONS
+from henon_ref.taylor.rules import FUNCTIONS
 from henon_ref.text import spelled
 
 MULTIPLIED = 4

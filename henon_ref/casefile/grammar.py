@@ -13,7 +13,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from henon_ref.errors import ExpressionError
-from henon_ref.taylor.fold import FUNCTIONS as SMOOTH
+from henon_ref.taylor.rules import FUNCTIONS as SMOOTH
 from henon_ref.text import did_you_mean, listed, shortened
 
 MAX_LENGTH = 10_000

@@ -11,7 +11,8 @@ from flint import arb, fmpq, fmpz
 from henon_ref.errors import ModelError
 from henon_ref.modes.algebra import simplified
 from henon_ref.modes.bounds import terms
-from henon_ref.taylor.fold import FUNCTIONS, Rules, Walk, fold
+from henon_ref.taylor.fold import Rules, Walk, fold
+from henon_ref.taylor.rules import FUNCTIONS
 from henon_ref.taylor.size import size
 
 PATIENCE = 400

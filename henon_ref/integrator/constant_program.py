@@ -22,7 +22,8 @@ from henon_ref.errors import ModelError
 from henon_ref.kernel.shared import LEVELS, doubles, ffi, integers, kernel
 from henon_ref.modes.exact_numbers import double_double
 from henon_ref.precision import working_precision
-from henon_ref.taylor.fold import FUNCTIONS, Rule, Rules, Walk, fold
+from henon_ref.taylor.fold import Rule, Rules, Walk, fold
+from henon_ref.taylor.rules import FUNCTIONS
 
 ADD, MULTIPLY, POWER, SQRT = kernel.ADD, kernel.MULTIPLY, kernel.POWER, kernel.SQRT
 """Operations of the machine; POWER has a whole number in place of its second register."""

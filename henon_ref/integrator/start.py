@@ -195,7 +195,7 @@ def row_at_start(table: ModeTable, signs: Sequence[int]) -> tuple[int, int] | No
     on = [i for i, sign in enumerate(mode) if sign == 0]
     if kernel.UNCLEAR_SIGN in mode or len(on) > 1 or any(sign != 1 for sign in signs[count:]):
         return None
-    if on and table.system.overrides:
+    if on and (table.system.overrides or on[0] in table.system.resets):
         return None
     rows = [table.row(replaced(mode, i, entry)) for i in on for entry in (-1, 0, 1)]
     row = rows[0] if on else table.row(mode)

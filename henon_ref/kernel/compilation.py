@@ -51,9 +51,9 @@ _INCLUDE = re.compile(rb'\n[ \t]*#[ \t]*include[ \t]*"([^"]+)"')
 """It begins with a letter, not with ``^``, which is tried at every letter: 0.2 in place of 12 ms for the kernel."""
 
 
-def variants(machine: str = platform.machine()) -> tuple[Variant, ...]:
-    """The libraries that a source is compiled to for a kind of machine; ARM has fused operations anywhere."""
-    machine = machine.lower()
+def variants(machine: str | None = None) -> tuple[Variant, ...]:
+    """The libraries that a source is compiled to for a kind of machine, by default this one."""  # ARM fuses anywhere
+    machine = (machine or platform.machine()).lower()
     return X86_64 if machine in ("x86_64", "amd64") else (Variant(machine, None, frozenset()),)
 
 
@@ -88,7 +88,7 @@ def source_files(source: Path) -> dict[Path, bytes]:
     return found
 
 
-def sources_hash(source: Path, machine: str = platform.machine()) -> str:
+def sources_hash(source: Path, machine: str | None = None) -> str:
     """SHA-256 over a C file, all that it includes in quotes, and the flags for a kind of machine."""
     flags = " ".join((*FLAGS, *(str(variant.architecture) for variant in variants(machine))))
     parts = [flags.encode(), *source_files(source).values()]

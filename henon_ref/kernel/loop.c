@@ -211,6 +211,8 @@ HENON_EXPORT int64_t advance(struct run *run, const struct tables *tables, doubl
             if (code == ON && run->stopped != 0)
                 return STOPPED;
         }
+        if (code == HORIZON)
+            fill_samples_at_horizon(&work);
         if (code != ON)
             return code;
         code = look_ahead(&work, stop_at, &shrunk);

@@ -69,6 +69,24 @@ static void fill_samples(struct work *w, double part)
     }
 }
 
+/* Fill the samples that are left at the horizon, which an event next to it has brought the run to. */
+static void fill_samples_at_horizon(struct work *w)
+{
+    struct run *run = w->run;
+    int64_t n = run->states, words = w->words;
+    while (run->next_sample < w->sample_count) {
+        double *sample = w->samples + run->next_sample * (1 + n + (words ? words : 1));
+        if (sample[0] > run->horizon)
+            return;
+        memcpy(sample + 1, w->x, (size_t)n * sizeof(double));
+        if (words)
+            memcpy(sample + 1 + n, w->entries, (size_t)words * sizeof(int64_t));
+        else
+            sample[1 + n] = (double)run->mode;
+        run->next_sample += 1;
+    }
+}
+
 /* Write down the step that is about to be taken, of a length; whether there is no room for another one. */
 static bool record_step(struct work *w, double length)
 {

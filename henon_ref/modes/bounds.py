@@ -8,7 +8,7 @@ from math import comb
 import sympy as sp
 
 from henon_ref.errors import ExpressionError, ModelError
-from henon_ref.taylor.fold import FUNCTIONS
+from henon_ref.taylor.rules import FUNCTIONS
 from henon_ref.text import shortened
 
 MAX_BITS = 4_096

@@ -12,7 +12,7 @@ from henon_ref.modes.arithmetic import CLEAR
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.mode_evaluation import ModeEvaluation, ModeWithTape, mode_with_tape
 from henon_ref.modes.system import FilippovSystem
-from henon_ref.taylor.fold import FUNCTIONS
+from henon_ref.taylor.rules import FUNCTIONS
 from henon_ref.taylor.series import Ring, expand
 from henon_ref.taylor.tape import Tape, build_tape
 

@@ -22,7 +22,7 @@ import sympy as sp
 from henon_ref.simulation.dense_output import DenseOutput
 from henon_ref.sweeps.observations import rank_in_run
 from henon_ref.sweeps.runs import Vector
-from henon_ref.taylor.fold import FUNCTIONS
+from henon_ref.taylor.rules import FUNCTIONS
 from henon_ref.taylor.series import Ring, along
 from henon_ref.taylor.tape import build_tape
 

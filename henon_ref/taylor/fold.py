@@ -17,9 +17,6 @@ Walk = Callable[[sp.Expr], T]
 Rule = Callable[[sp.Expr, Walk[T]], T]
 """What a node becomes: it is given the node, and what turns a part of it."""
 
-FUNCTIONS = ("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log")
-"""Elementary functions of a field, by SymPy's names; a root is a power."""
-
 
 @dataclass(frozen=True)
 class Rules(Generic[T]):

@@ -14,6 +14,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+FUNCTIONS = ("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log")
+"""Elementary functions of a field, by SymPy's names; a root is a power."""
 SELF, ARGUMENT = "y", "a"
 
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from operator import add, mul, sub
 from typing import Any
 
-from henon_ref.taylor.fold import FUNCTIONS
 from henon_ref.taylor.rules import (
+    FUNCTIONS,
     RULES,
     SELF,
     IntegralOfProduct,

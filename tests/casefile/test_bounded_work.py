@@ -16,12 +16,12 @@ import pytest
 import sympy as sp
 
 from henon_ref.casefile import case as case_module
+from henon_ref.casefile import work as work_module
 from henon_ref.casefile.case import parse_case
 from henon_ref.casefile.syntax_walk import SyntaxWalk
 from henon_ref.errors import CaseError, ModelError
 from henon_ref.harness.report.text.model import as_written, general_form, mode_equations
 from henon_ref.harness.truth.proofs import prove
-from henon_ref.modes import work as work_module
 from henon_ref.modes.affine import coefficients
 from henon_ref.modes.algebra import expanded, known_positive, measured, simplified
 from henon_ref.modes.bounds import put

@@ -264,7 +264,7 @@ class Corner:
         hits[: len(guards)] = at_zero
         start = Start(
             time=(0.0, 0.0), until=(1.0, 0.0), x=tuple((v, 0.0) for v in x), refused=None, row=row,
-            zeros=self.integrator.no_zeros, order=8, tolerance=1e-6, landing=HENON, constants=self.constants,
+            zeros=self.constants.no_zeros, order=8, tolerance=1e-6, landing=HENON, constants=self.constants,
         )  # fmt: skip
         run = Run(self.integrator, start)
         run.hits[: len(hits)] = hits

@@ -48,7 +48,7 @@ def test_dense_output_leads_over_the_limit_of_impacts_to_the_rest(ball: hr.Syste
     heights, speeds = run.sol(times)
     assert np.all(heights >= -1e-15)
     assert np.all(heights[times < 4.02] <= 1e-3)
-    assert np.all(heights[times > 9 * FALL] == 0.0)
+    assert np.all(np.abs(heights[times > 9 * FALL]) <= 1e-24)  # where it was landed
     assert np.all(speeds[times > 9 * FALL] == 0.0)
     assert np.all(np.diff(run.t) >= 0.0)
 

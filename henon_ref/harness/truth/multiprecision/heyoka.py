@@ -13,7 +13,8 @@ from flint import arb
 
 from henon_ref.errors import ModelError
 from henon_ref.harness.truth.multiprecision.numbers import decimal_digits, exact_text
-from henon_ref.taylor.fold import FUNCTIONS, Rules, Walk, fold
+from henon_ref.taylor.fold import Rules, Walk, fold
+from henon_ref.taylor.rules import FUNCTIONS
 
 Number = Callable[[sp.Expr], Any]
 
