@@ -256,6 +256,8 @@ def test_a_load_at_its_limit_may_grow_or_fall_from_a_kink_on(
 
 PULLED = {"x": 0, "v": 0.5}
 """On the belt, which it sticks to: x = t / 2."""
+PULLED_TO_ITS_LIMIT = by_hand("-x - F*s + 2*max(0, x - 1)", "x - 2*max(0, x - 1)", "x - 1")
+"""Its load comes to its limit at the kink, and falls from there on."""
 
 
 @pytest.mark.parametrize(
@@ -265,11 +267,7 @@ PULLED = {"x": 0, "v": 0.5}
         (belt("-x - F*s + 2*max(0, x - 1)"), 6, 1),  # the force is x - 2 from x = 1 on
         (belt("-x - F*s/2 - sign(x - 0.4)/5"), 0.8, -1),  # it jumps from 0.4 - 0.2 to 0.6
         (by_hand("-x - F*s - 2*max(0, x - 1)", "x + 2*max(0, x - 1)", "x - 1"), 2, -1),
-        (
-            by_hand("-x - F*s + 2*max(0, x - 1)", "x - 2*max(0, x - 1)", "x - 1"),
-            2,
-            -1,
-        ),  # the load has come to its limit
+        (PULLED_TO_ITS_LIMIT, 2, -1),
         (by_hand("-x - F*s - sign(x - 0.9)/5", "x + sign(x - 0.9)/5", "x - 0.9"), 1.8, -1),
         (by_hand("-x - F*s - max(0, x - 0.5)", "x + max(0, x - 0.5)", "x - 0.5", surfaces={"p": "4*x - 3"}), 1.5, -1),
     ],
@@ -279,7 +277,8 @@ def test_a_slide_ends_at_kinks_where_the_force_says(system: hr.System, release: 
     for run in runs:
         found = [(t.time, t.to_mode[0]) for t in run.trajectory.transitions if t.kind == "release"]
         assert found == [(pytest.approx(release, abs=1e-14), to)]
-    assert runs[1].counts.decisions == Decisions()
+    at_its_limit = system is PULLED_TO_ITS_LIMIT  # Python decides that the load turns there
+    assert runs[1].counts.decisions == Decisions(mode_selections=int(at_its_limit))
 
 
 @pytest.mark.parametrize(
