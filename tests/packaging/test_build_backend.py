@@ -216,7 +216,7 @@ def test_a_wheel_is_for_any_python_and_the_same_bytes_from_tree_and_sdist(tmp_pa
         assert (unpacked / "henon_ref/baselines/__init__.py").is_file()  # for an editable installation
         libraries = {installed(file).as_posix() for file in library_files()}
         assert {name for name in packed.namelist() if name.endswith(".so")} == libraries
-        assert b"Root-Is-Purelib: false" in packed.read("henon_ref-0.2.0.dist-info/WHEEL")
+        assert b"Root-Is-Purelib: false" in packed.read("henon_ref-0.1.0.dist-info/WHEEL")
         for library in libraries:
             assert str(tmp_path).encode() not in packed.read(library)
 
