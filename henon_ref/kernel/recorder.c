@@ -49,42 +49,42 @@ HENON_EXPORT int64_t events_accumulate(struct run *run)
     return run->events_at_once >= MOST_AT_ONCE;
 }
 
-/* Fill the samples that lie on the step just taken, up to "part" (in the unit): states, mode. */
+/* The next sample that is wanted: its time, then room for states and mode; NULL where there is none. */
+static double *wanted_sample(const struct work *w)
+{
+    int64_t places = 1 + w->run->states + (w->words ? w->words : 1), next = w->run->next_sample;
+    return next < w->sample_count ? w->samples + next * places : NULL;
+}
+
+/* Write the mode behind a sample's states, and go on to the next one. */
+static void end_sample(struct work *w, double *sample)
+{
+    double *mode = sample + 1 + w->run->states;
+    if (w->words)
+        memcpy(mode, w->entries, (size_t)w->words * sizeof(int64_t));
+    else
+        *mode = (double)w->run->mode;
+    w->run->next_sample += 1;
+}
+
+/* Fill the samples that lie on the step just taken, up to "part" (in the unit). */
 static void fill_samples(struct work *w, double part)
 {
-    struct run *run = w->run;
-    int64_t n = run->states, words = w->words;
-    while (run->next_sample < w->sample_count) {
-        double *sample = w->samples + run->next_sample * (1 + n + (words ? words : 1));
+    const struct run *run = w->run;
+    for (double *sample; (sample = wanted_sample(w)) != NULL; end_sample(w, sample)) {
         double at = ((sample[0] - run->time) - run->time_low) / run->unit;
         if (at > part)
             return;
-        for (int64_t i = 0; i < n; i++)
+        for (int64_t i = 0; i < run->states; i++)
             sample[1 + i] = value(row_of(w, i), run->order, larger(at, 0.0));
-        if (words)
-            memcpy(sample + 1 + n, w->entries, (size_t)words * sizeof(int64_t));
-        else
-            sample[1 + n] = (double)run->mode;
-        run->next_sample += 1;
     }
 }
 
-/* Fill the samples that are left at the horizon, which an event next to it has brought the run to. */
+/* Fill those that are left at the horizon, which an event next to it has brought the run to, with the state there. */
 static void fill_samples_at_horizon(struct work *w)
 {
-    struct run *run = w->run;
-    int64_t n = run->states, words = w->words;
-    while (run->next_sample < w->sample_count) {
-        double *sample = w->samples + run->next_sample * (1 + n + (words ? words : 1));
-        if (sample[0] > run->horizon)
-            return;
-        memcpy(sample + 1, w->x, (size_t)n * sizeof(double));
-        if (words)
-            memcpy(sample + 1 + n, w->entries, (size_t)words * sizeof(int64_t));
-        else
-            sample[1 + n] = (double)run->mode;
-        run->next_sample += 1;
-    }
+    for (double *sample; (sample = wanted_sample(w)) != NULL && sample[0] <= w->run->horizon; end_sample(w, sample))
+        memcpy(sample + 1, w->x, (size_t)w->run->states * sizeof(double));
 }
 
 /* Write down the step that is about to be taken, of a length; whether there is no room for another one. */
