@@ -154,9 +154,11 @@ static bool change_mode(struct work *w, int64_t target)
             continue;
         int64_t surface = after->guard[g].index; /* left with a speed: the decision was a clear one */
         w->known_zeros[g] = before[surface] == 0 ? 1 : 0;
-        for (int64_t k = 0; k < w->mode->guards; k++)
-            if (w->hits[k] == 1 && w->mode->guard[k].index == surface)
-                w->known_zeros[g] = w->mode->guard[k].kind == RELEASE ? w->mode->guard[k].zeros_at_release : 1;
+        for (int64_t k = 0; k < w->mode->guards; k++) {
+            const struct guard *hit = &w->mode->guard[k];
+            if (w->hits[k] == 1 && hit->index == surface) /* a slide of which no force jumps at its end is left so */
+                w->known_zeros[g] = hit->kind == RELEASE && hit->zeros_at_release > 0 ? hit->zeros_at_release : 1;
+        }
     }
     run->mode = target;
     return true;
