@@ -26,7 +26,7 @@ copyright = "2026, the henon_ref authors"
 version = release = henon_ref.__version__
 
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "website.extension"]
-myst_enable_extensions = ["dollarmath", "deflist"]
+myst_enable_extensions = ["colon_fence", "dollarmath", "deflist"]
 myst_heading_anchors = 3
 nb_execution_mode = "force"
 nb_execution_raise_on_error = True
@@ -49,4 +49,4 @@ html_static_path = ["website/static"]
 html_css_files = ["site.css"]
 html_extra_path = ["website/top", "../cases/case.schema.json"]  # beside docs/
 html_copy_source = False
-html_search_scorer = str(HERE / "website/search_order.js")
+html_search_scorer = str(HERE / "website/search_page.js")

@@ -1,4 +1,4 @@
-"""The page of the gallery, ``docs/gallery.md``, and its pictures, made from the case files and their stored truths.
+"""The gallery: ``docs/gallery.md`` and a page and a picture a scene in ``docs/gallery/``, from case files and truths.
 
 Run ``python docs/gallery.py`` after a scene or its truth has changed.
 """
@@ -30,36 +30,45 @@ POINTS = 400
 """Points of a curve in a picture."""
 PLANES = {"burridge_knopoff": ("x_b34", "v_b34")}
 """States that a picture shows, where they are not those that a report would: the block that slips first."""
+_NEXT_EQUATION = re.compile(r"[,;] (?=[^,;()=]*(?:=|->))")
 HEADER = """\
 # A gallery of scenes
 
 <!-- Made by `python docs/gallery.py`; edit the case files in cases/scenes, not this page. -->
 
-Machines with friction and stops that many people have simulated, each with its equations, where they and their numbers
-come from, and the times of its first transitions as proven (`henon-ref truth`). Where a source prints a time, the text
-of the scene puts it beside the proven one and says why they differ. *Source not at hand* is said of a text that was not
-open when the scene was written: nothing is quoted from it. Run one with `henon-ref compare scenes/drill_string`, all of
-them with `henon-ref compare scenes`.
-
-<!-- made: cards of scenes -->
+Machines with friction and stops that many people have simulated. Each page has the equations, where they and their
+numbers come from, and the proven times of the first transitions (`henon-ref truth`). `henon-ref compare scenes` runs
+all of them.
+"""
+NOTE = """\
+*Source not at hand* says that the text was not open when the scene was written: nothing is quoted from it.
 """
 
 
 def cases() -> list[Case]:
-    """The scenes, in the order of the page."""
+    """The scenes, in the order of the gallery."""
     return [load_case(path) for path in sorted(SCENES.glob("*.yaml"))]
 
 
-def page() -> str:
-    """The page as Markdown."""
-    return HEADER + "".join("".join(_section(case)) for case in cases())
+def pages() -> dict[str, str]:
+    """The gallery's pages as Markdown: the path of each below ``docs/``, and its text."""
+    scenes = {f"gallery/{case.name}": case for case in cases()}
+    cards = [f"[![]({page}.svg) {markdown(case.title)}]({page}.md)" for page, case in scenes.items()]
+    contents = ["```{toctree}", ":hidden:", "", *scenes, "```"]
+    first = "\n\n".join([HEADER, ":::{container} cards", *cards, ":::\n"]) + "\n" + "\n".join(contents) + "\n"
+    return {"gallery.md": first, **{f"{page}.md": "".join(_scene(case)) for page, case in scenes.items()}}
 
 
-def _section(case: Case) -> Iterator[str]:
+def _scene(case: Case) -> Iterator[str]:
     first = case.readings[0]
-    yield f"\n## {markdown(case.title)}\n\n![Phase portrait of {case.name}](gallery/{case.name}.svg)\n\n"
-    yield f"[`scenes/{case.name}`](../cases/scenes/{case.name}.yaml). {_text(first.story)}\n\n"
-    yield f"    {_text(first.equations)}\n\n*Source.* {markdown(_text(first.source))}\n"
+    yield f"# {markdown(case.title)}\n\n<!-- Made by `python docs/gallery.py`. -->\n\n"
+    yield f"![Phase portrait of {case.name}]({case.name}.svg)\n\n{_text(first.story)}\n\n"
+    yield "    " + _NEXT_EQUATION.sub("\n    ", _text(first.equations)) + "\n\n"
+    yield f"*Case file:* [`scenes/{case.name}`](../../cases/scenes/{case.name}.yaml), run by "
+    yield f"`henon-ref compare scenes/{case.name}`.\n\n*Source.* {markdown(_text(first.source))}\n"
+    if "not at hand" in (first.source or ""):
+        yield f"\n{NOTE}"
+    yield "\n## Transitions\n"
     for reading in case.readings:
         if len(case.readings) > 1:
             own = _text(reading.story) if reading.story != first.story else ""
@@ -109,11 +118,12 @@ def _svg(figure: Figure) -> str:
 
 
 def main() -> None:
-    """Write the page and its pictures."""
+    """Write the pages and their pictures."""
     (DOCS / "gallery").mkdir(exist_ok=True)
     for case in cases():
         (DOCS / "gallery" / f"{case.name}.svg").write_text(picture(case), encoding="utf-8")
-    (DOCS / "gallery.md").write_text(page(), encoding="utf-8")
+    for path, text in pages().items():
+        (DOCS / path).write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ from urllib.parse import unquote, urlsplit
 
 import pytest
 import typer
+from html_pages import browser
 
 pytest.importorskip("sphinx", reason="the site is built where the extra docs is installed")
 
@@ -118,6 +119,15 @@ def test_the_search_index_is_a_file_and_knows_the_words(site: Path) -> None:
     index = (site / "searchindex.js").read_text(encoding="utf-8")
     for word in ("filippov", "graze", "bernstein"):
         assert f'"{word}"' in index or f"{word}:" in index
+
+
+def test_the_search_shows_excerpts_from_disk(site: Path) -> None:
+    with browser() as started:
+        page = started.new_page()
+        page.goto(f"{(site / 'search.html').as_uri()}?q=graze")
+        excerpts = page.locator("#search-results p.context")
+        excerpts.first.wait_for()
+        assert any("graze" in text for text in excerpts.all_inner_texts())
 
 
 def test_the_schema_is_published(site: Path) -> None:

@@ -13,26 +13,18 @@ NOTEBOOKS = (
     ("notebooks/score_my_solver.md", "../reports/stribeck_belt/default_cost.svg", "Score my solver"),
 )
 """Page, picture and title of each notebook."""
-_SCENE = re.compile(r"^## (?P<title>.+)\n\n!\[[^\]]*\]\((?P<picture>gallery/[^)]+)\)", re.MULTILINE)
+_CARD = re.compile(r"^\[!\[\]\(.+$", re.MULTILINE)
 
 
 def notebooks() -> str:
     """A card a notebook."""
-    return _cards([(page, picture, title) for page, picture, title in NOTEBOOKS])
+    return _cards([f"[![]({picture}) {title}]({page})" for page, picture, title in NOTEBOOKS])
 
 
 def scenes() -> str:
-    """A card a scene of the gallery."""
-    text = (DOCS / "gallery.md").read_text(encoding="utf-8")
-    found = [(own["title"], own["picture"]) for own in _SCENE.finditer(text)]
-    return _cards([(f"gallery.md#{_anchor(title)}", picture, title.replace("\\", "")) for title, picture in found])
+    """A card a scene, as the gallery has them."""
+    return _cards(_CARD.findall((DOCS / "gallery.md").read_text(encoding="utf-8")))
 
 
-def _cards(entries: list[tuple[str, str, str]]) -> str:
-    lines = [f"[![]({picture}) {title}]({page})" for page, picture, title in entries]
-    return "\n\n".join(["````{container} cards", *lines, "````"])
-
-
-def _anchor(title: str) -> str:
-    """The name of a heading's place in a page."""
-    return re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-")
+def _cards(cards: list[str]) -> str:
+    return "\n\n".join([":::{container} cards", *cards, ":::"])

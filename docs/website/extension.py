@@ -11,7 +11,16 @@ from pygments.lexers.special import TextLexer
 from sphinx.application import Sphinx
 from sphinx.errors import ExtensionError
 
-from website import cards, case_keys, command_reference, further_pages, solver_choice, solver_list, tolerance_table
+from website import (
+    cards,
+    case_keys,
+    command_reference,
+    further_pages,
+    page_texts,
+    solver_choice,
+    solver_list,
+    tolerance_table,
+)
 from website.mathml import visit_block, visit_inline
 
 DOCS = Path(__file__).resolve().parents[1]
@@ -73,4 +82,5 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.add_lexer("csv", TextLexer)  # which has no colours
     app.connect("source-read", _read)
     app.connect("env-get-outdated", _always_new)
+    app.connect("build-finished", page_texts.write)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,10 +1,11 @@
-"""Pages that the contents in index.md do not name: a new file in docs/ is found without an entry of its own."""
+"""Pages that no contents name: a new file in docs/ is found without an entry of its own."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-INDEX = "index.md"
+CONTENTS = ("index.md", "gallery.md")
+"""Pages with a list of others."""
 
 
 def entries(docs: Path) -> str:
@@ -15,6 +16,7 @@ def entries(docs: Path) -> str:
     docs : Path
         The folder of the pages.
     """
-    named = {line.strip() for line in (docs / INDEX).read_text(encoding="utf-8").splitlines()}
+    texts = [(docs / page).read_text(encoding="utf-8") for page in CONTENTS]
+    named = {"index", *(line.strip() for text in texts for line in text.splitlines())}
     pages = sorted(page.relative_to(docs).with_suffix("").as_posix() for page in docs.rglob("*.md"))
-    return "\n".join(page for page in pages if page not in {*named, Path(INDEX).stem})
+    return "\n".join(page for page in pages if page not in named)
