@@ -127,6 +127,15 @@ def test_there_is_one_version() -> None:
     assert f"## {henon_ref.__version__}\n" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
 
 
+def test_the_conda_recipe_asks_for_the_same() -> None:
+    recipe = YAML(typ="safe").load((ROOT / ".ci/conda/recipe.yaml").read_text(encoding="utf-8"))
+    assert recipe["context"]["version"] == henon_ref.__version__
+    run = [line["then"] if isinstance(line, dict) else line for line in recipe["requirements"]["run"]]
+    names = {"heyoka": "heyoka.py", "matplotlib": "matplotlib-base"}
+    asked = {f"{names.get(own.name, own.name)} {own.specifier}" for own in REQUIREMENTS}
+    assert set(run) == asked | {f"python {PROJECT['requires-python']}"}
+
+
 def citation() -> dict[str, Any]:
     return dict(YAML(typ="safe").load((ROOT / "CITATION.cff").read_text(encoding="utf-8")))
 
