@@ -14,7 +14,7 @@ from urllib.parse import unquote, urlsplit
 
 import pytest
 import typer
-from html_pages import browser
+from html_pages import browser, serious, sideways
 
 pytest.importorskip("sphinx", reason="the site is built where the extra docs is installed")
 
@@ -128,6 +128,15 @@ def test_the_search_shows_excerpts_from_disk(site: Path) -> None:
         excerpts = page.locator("#search-results p.context")
         excerpts.first.wait_for()
         assert any("graze" in text for text in excerpts.all_inner_texts())
+
+
+@pytest.mark.parametrize("name", ["index", "scenes", "gallery/drill_string", "notebooks/my_friction"])
+def test_a_page_has_no_serious_finding(site: Path, name: str) -> None:
+    with browser() as started:
+        page = started.new_page(viewport={"width": 400, "height": 900})
+        page.goto((site / f"docs/{name}.html").as_uri())
+        assert serious(page) == []
+        assert sideways(page) <= 0
 
 
 def test_the_schema_is_published(site: Path) -> None:

@@ -43,6 +43,7 @@ PAGES = "docs/"
 """Beginning of the names of the pages that the contents lead to."""
 _ANCHOR = re.compile(r'^<a id="([\w-]+)"></a>$', re.MULTILINE)
 """A place in a report that links lead to; it becomes a target of Sphinx, so that such links are checked."""
+_WIDE = re.compile(r'<pre(?=>)|<div class="table-wrapper[^"]*"')
 _MARK = re.compile(r"<!-- made: (?P<name>[^>]*?) -->")
 
 
@@ -76,11 +77,22 @@ def _always_new(app: Sphinx, *changes: object) -> list[str]:
     return [path.relative_to(DOCS.parent).with_suffix("").as_posix() for path in pages]
 
 
+def _accessible(app: Sphinx, name: str, template: str, context: dict[str, Any], tree: object) -> None:
+    """What axe-core asks of a page: keys scroll what is wide, and a heading has a level."""
+    if "body" in context:
+        context["body"] = _WIDE.sub(r'\g<0> tabindex="0"', context["body"])
+    if "furo_navigation_tree" in context:
+        context["furo_navigation_tree"] = context["furo_navigation_tree"].replace(
+            'role="heading"', 'role="heading" aria-level="2"'
+        )
+
+
 def setup(app: Sphinx) -> dict[str, Any]:
     """Called by Sphinx."""
     app.add_html_math_renderer("mathml", (visit_inline, None), (visit_block, None))
     app.add_lexer("csv", TextLexer)  # which has no colours
     app.connect("source-read", _read)
     app.connect("env-get-outdated", _always_new)
+    app.connect("html-page-context", _accessible, priority=900)  # behind the theme
     app.connect("build-finished", page_texts.write)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
