@@ -13,8 +13,8 @@ from henon_ref.casefile.case import Case
 from henon_ref.errors import CaseError
 from henon_ref.harness.campaign.results import ReadingResult
 from henon_ref.harness.campaign.rows import Record
-from henon_ref.harness.campaign.worker import Job
 from henon_ref.solver import Solver, fault
+from henon_ref.workers.worker import Job
 
 LEAST_TIMEOUT = 0.01
 """Shortest time that a run may be given [s]."""

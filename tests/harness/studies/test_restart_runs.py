@@ -12,7 +12,6 @@ from henon_ref.casefile.case import load_case
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.options import Options, Silent
 from henon_ref.harness.campaign.settings import Setting
-from henon_ref.harness.campaign.worker import WorkerState
 from henon_ref.harness.cli import study
 from henon_ref.harness.report.files.manifest import provenance
 from henon_ref.harness.report.text.restarts import SUITE, SuiteRow
@@ -21,6 +20,7 @@ from henon_ref.harness.studies.restarts import runs
 from henon_ref.harness.studies.restarts.page import run_restarts
 from henon_ref.harness.studies.restarts.runs import LIMIT, LONGER, Restarted, run_all
 from henon_ref.harness.studies.study import Asked
+from henon_ref.workers.worker import WorkerState
 
 CASES = Path(__file__).parents[3] / "cases"
 OPTIONS = Options(processes=1)
