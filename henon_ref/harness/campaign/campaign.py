@@ -14,7 +14,7 @@ from typing import Any
 from henon_ref.casefile.case import Case, Reading
 from henon_ref.harness import registry
 from henon_ref.harness.campaign import WORKERS_NEED
-from henon_ref.harness.campaign.options import TRUTH, Deliver, Draw, Observer, Options, Silent
+from henon_ref.harness.campaign.options import TRUTH, Deliver, Draw, Observer, Options
 from henon_ref.harness.campaign.plan import (
     SAMPLERS,
     PendingRuns,
@@ -64,7 +64,7 @@ class Campaign:
         self.options = options
         self.deliver = deliver
         self.draw = draw
-        self.observer: Observer = observer or Silent()
+        self.observer: Observer = observer or Observer()
         self._pool = WorkerPool(
             workers=options.processes, memory=options.memory, main=options.of_main, modules=WORKERS_NEED
         )

@@ -8,7 +8,7 @@ import time
 from contextlib import AbstractContextManager
 from typing import TextIO
 
-from henon_ref.harness.campaign.options import TRUTH, Silent
+from henon_ref.harness.campaign.options import TRUTH, Observer
 from henon_ref.harness.campaign.rows import Record
 from henon_ref.harness.campaign.settings import Setting
 from henon_ref.simulation.notice import Line, in_notebook, is_terminal
@@ -22,7 +22,7 @@ PATIENCE = 10.0
 """Seconds after which a command says that a truth is being computed, where it shows no line."""
 
 
-class ProgressLine(Silent, AbstractContextManager["ProgressLine"]):
+class ProgressLine(Observer, AbstractContextManager["ProgressLine"]):
     """How many rows are done, and which runs are at work. It never starts a thread, so that workers can be forked.
 
     Parameters
