@@ -12,23 +12,18 @@ import traceback
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from henon_ref.errors import ArgumentError, HenonRefError
-from henon_ref.workers.channel import new_token
+from henon_ref.workers.pool import Jobs, WorkerPool
 from henon_ref.workers.worker import Failure, Job, WorkerState
-from henon_ref.workers.worker_process import WorkerProcess, exchange
 
 AHEAD = 3
 """Tasks that are handed in to an executor, for each of its workers."""
-AT_ONCE = 2
-"""Tasks that a worker of our own has at once: the one that it does, and the next."""
 TRIES = 3
 """How often a task is begun whose worker ends in the middle of it."""
-LOOK = 1.0
-"""Seconds between two looks whether a worker has ended whose way another process holds open."""
 WORKERS_ASSUMED = 16
 """Workers of an executor that does not tell how many it has."""
 
@@ -178,83 +173,30 @@ def _sendable(error: Exception) -> Exception:
     return error
 
 
-class _TaskWorker(WorkerProcess):
-    """A worker, and the tasks that it has been handed by their jobs' tokens, the one that it is at first."""
+def _by_workers(function: Callable[..., Any], tasks: Iterator[Task], jobs: int) -> Iterator[tuple[int, Any]]:
+    """Do tasks in processes of our own. One whose worker has ended is done again by another one."""
+    results: deque[tuple[int, Any]] = deque()
 
-    def __init__(self, function: Callable[..., Any]) -> None:
-        super().__init__(modules=[function.__module__])
-        self.function = function
-        self.tasks: dict[bytes, Task] = {}
-
-    def hand(self, task: Task) -> None:
-        """Hand it a task. Of a worker that has ended this is not noticed here."""
-        token = new_token()
-        self.tasks[token] = task
-        self.channel.send(token, pickle.dumps(_Call(self.function, task.arguments), pickle.HIGHEST_PROTOCOL))
-
-    def results(self) -> Iterator[tuple[int, Any]]:
-        """Numbers and values of the tasks that it has finished by now."""
-        for token, pickled in self.channel.receive():
-            if token not in self.tasks:  # it begins
-                continue
-            _, result = pickle.loads(pickled)
-            if isinstance(result, Failure):
-                raise EndedError(f"a worker cannot do its task: {result.reason}")
+    def sequence() -> Jobs:
+        for task in tasks:
+            for _ in range(TRIES):
+                result = yield _Call(function, task.arguments)
+                if not isinstance(result, Failure):
+                    break
+            else:
+                raise EndedError(
+                    f"{TRIES} workers have ended while they were at chunk {task.number}: killed, or out of memory "
+                    f"(smaller chunks take less of it); the last one: {result.reason}"
+                )
             succeeded, value = result
             if not succeeded:
                 raise value
-            yield self.tasks.pop(token).number, value
+            results.append((task.number, value))
 
-
-def _by_workers(function: Callable[..., Any], tasks: Iterator[Task], jobs: int) -> Iterator[tuple[int, Any]]:
-    """Do tasks in processes of our own. A task whose worker has ended is done again by another one."""
-    tries: dict[int, int] = {}
-    again: deque[Task] = deque()
-    workers: list[_TaskWorker] = []
-    ended: list[_TaskWorker] = []
-    try:
-        while True:
-            _hand_out(function, again, tasks, workers, jobs)
-            busy = [worker for worker in workers if worker.tasks]
-            if not busy:
-                return
-            exchange(busy, LOOK)
-            for worker in busy:
-                yield from worker.results()
-                if worker.ended is not None:
-                    workers.remove(worker)
-                    ended.append(worker)
-                    left = list(worker.tasks.values())
-                    _count(left[:1], tries)
-                    again.extendleft(reversed(left))
-    finally:
-        for worker in (*workers, *ended):
-            worker.stop()
-        for worker in (*workers, *ended):
-            worker.join()
-
-
-def _hand_out(
-    function: Callable[..., Any], again: deque[Task], tasks: Iterator[Task], workers: list[_TaskWorker], jobs: int
-) -> None:
-    """Give each worker as many tasks as it may have, each of them one before any has two."""
-    for wanted in range(1, AT_ONCE + 1):
-        for place in range(jobs):
-            if place < len(workers) and len(workers[place].tasks) >= wanted:
-                continue
-            task = again.popleft() if again else next(tasks, None)
-            if task is None:
-                return
-            if place >= len(workers):
-                workers.append(_TaskWorker(function))
-            workers[place].hand(task)
-
-
-def _count(at_work: list[Task], tries: dict[int, int]) -> None:
-    for task in at_work:
-        tries[task.number] = tries.get(task.number, 0) + 1
-        if tries[task.number] == TRIES:
-            raise EndedError(
-                f"{TRIES} workers have ended while they were at chunk {task.number}: killed, or out of memory (smaller "
-                "chunks take less of it)"
-            )
+    pool = WorkerPool(workers=jobs, modules=[function.__module__])
+    for _ in range(jobs):
+        pool.add("tasks", sequence())
+    with closing(pool.turns()) as turns:
+        for _ in turns:  # who has done a task is at the next one by now
+            while results:
+                yield results.popleft()

@@ -18,10 +18,12 @@ a worker has started, no job for the one worker that holds its prepared run.
 
 from __future__ import annotations
 
+import math
 import pickle
 import time
 from collections import deque
 from collections.abc import Callable, Generator, Sequence
+from contextlib import closing
 from importlib import import_module
 from typing import Any
 
@@ -82,7 +84,8 @@ class _Task:
 
     def is_late(self, worker: WorkerProcess) -> bool:
         """Whether the job is past its deadline."""
-        assert self.job is not None
+        if self.job is None or self.job.seconds == math.inf:
+            return False
         used, now = worker.used, worker.clock
         if self.compiling_since is not None:
             since, before = self.compiling_since
@@ -99,15 +102,17 @@ class WorkerPool:
     ----------
     workers : int
         How many are at work at once.
-    memory : int
-        Bytes that one worker may hold, with all that it has started.
+    memory : int, optional
+        Bytes that one worker may hold, with all that it has started; None: as many as there are.
     main : bool
         Whether jobs hold objects of the caller's main module.
     modules : sequence of str
         What workers need to have imported.
     """
 
-    def __init__(self, *, workers: int, memory: int, main: bool = False, modules: Sequence[str] = ()) -> None:
+    def __init__(
+        self, *, workers: int, memory: int | None = None, main: bool = False, modules: Sequence[str] = ()
+    ) -> None:
         self.workers, self.memory = workers, memory
         self._main, self._modules = main, modules
         self._waiting: dict[str, deque[Jobs]] = {}
@@ -124,6 +129,12 @@ class WorkerPool:
 
     def run(self, tick: Callable[[], None] = lambda: None) -> None:
         """Do all that has been added, and is added meanwhile; ``tick`` is called several times a second."""
+        with closing(self.turns()) as turns:
+            for _ in turns:
+                tick()
+
+    def turns(self) -> Generator[None, None, None]:
+        """The same for who has something to do several times a second: that is done between two turns."""
         self._looked = time.monotonic()
         try:
             while self._waiting or self._tasks:
@@ -135,7 +146,7 @@ class WorkerPool:
                 for task in list(self._tasks):
                     self._receive(task)
                 self._enforce()
-                tick()
+                yield
         finally:
             for task in self._tasks:
                 self._without_worker(task)
@@ -172,7 +183,8 @@ class WorkerPool:
         if worker is None:
             return
         grown = worker.resident - (worker.began_with or 0)
-        if task.queue in self._waiting and worker.ended is None and grown <= REUSED * self.memory:
+        few = self.memory is None or grown <= REUSED * self.memory
+        if task.queue in self._waiting and worker.ended is None and few:
             self._begin(task.queue, worker)
         else:
             self._without_worker(task)
@@ -246,8 +258,9 @@ class WorkerPool:
         """Why a job has to be ended; None where it has not."""
         if worker.ended is not None:
             return worker.crash()
-        if worker.resident > self.memory and (held := worker.own) > self.memory:
-            return Failure("failed", f"memory: {held / 2**30:.1f} GiB held, {self.memory / 2**30:.1f} GiB allowed")
+        most = self.memory
+        if most is not None and worker.resident > most and (held := worker.own) > most:
+            return Failure("failed", f"memory: {held / 2**30:.1f} GiB held, {most / 2**30:.1f} GiB allowed")
         if task.is_late(worker):
             return Failure("timeout", "stopped from outside: no answer within the time allowed", ignored=True)
         return None
