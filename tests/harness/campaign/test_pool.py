@@ -14,7 +14,7 @@ import pytest
 from jobs import Act, Collector, Stuck, crowd, memory, noted, run
 
 from henon_ref.errors import HenonRefError
-from henon_ref.workers import pool
+from henon_ref.workers import pool, worker_process
 from henon_ref.workers.pool import WorkerPool
 from henon_ref.workers.procfs import family
 
@@ -300,6 +300,19 @@ def test_a_caller_with_threads_has_workers_of_a_fresh_process():
     assert seen.results == {"a": "aa", "b": "bb"}
     assert "SIGKILL" in seen.failures["kill"].reason
     assert seen.failures["abort"].reason.endswith("SIGABRT: LLVM ERROR: out of registers")
+
+
+def test_workers_that_begin_afresh_are_killed_and_bounded_as_well(monkeypatch, tmp_path):
+    """As where there is no fork: what ends with a worker then is its process group."""
+    monkeypatch.setattr(worker_process, "start_method", lambda: worker_process.SPAWN)
+    notes = tmp_path / "pids"
+    seen = run(["keep", "kept", "eat", "after"], [Act("children", 0.5, str(notes)), "kill", "stray_done"])
+    assert seen.results == {"keep": "keepkeep", "kept": "kept", "after": "afterafter"}
+    assert seen.failures["children"].status == "timeout"
+    assert seen.failures["eat"].reason.startswith("memory")
+    assert "SIGKILL" in seen.failures["kill"].reason
+    assert "no reply" in seen.failures["stray_done"].reason
+    wait_until(lambda: all(map(gone, noted(notes))))
 
 
 def test_a_script_that_compares_where_it_is_imported_is_told_so_and_leaves_nothing_behind(tmp_path):
