@@ -22,10 +22,10 @@ from problems import make_problem
 from henon_ref.errors import UnavailableError
 from henon_ref.harness import registry
 from henon_ref.harness.campaign import truth_job
-from henon_ref.harness.campaign.fork_server import collect_seldom
 from henon_ref.harness.cli import compare_cases
 from henon_ref.harness.truth import store
 from henon_ref.jit.cache_folder import VARIABLE, cache_root
+from henon_ref.workers.worker import collect_seldom
 
 LIBRARIES = {"heyoka": "heyoka", "scikit-sundae": "sksundae"}
 """Packages that a machine may be without, and their modules."""
@@ -88,7 +88,6 @@ def problem():
 def made_up_solvers(monkeypatch, tmp_path):
     """In place of real ones in the command, whose folder is a temporary one."""
     monkeypatch.setattr(compare_cases, "figure_job", lambda result, records: Drawing(result.reading.name))
-    monkeypatch.setattr(compare_cases, "preload", lambda: None)
     monkeypatch.setattr(truth_job, "statement_of", statement)
     monkeypatch.setattr(registry, "solver", SOLVERS.__getitem__)
     monkeypatch.chdir(tmp_path)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import os
 import subprocess
 import sys
@@ -57,6 +58,17 @@ def test_a_run_and_a_sweep_without_home_and_locale_in_a_folder_that_cannot_be_wr
 
 def test_a_sweep_whose_workers_are_spawned(program: Path, tmp_path: Path) -> None:
     assert python(tmp_path, str(program), HENON_REF_START="spawn") == "True\n"
+
+
+def test_a_comparison_whose_workers_are_spawned(tmp_path: Path) -> None:
+    """As on Windows, where there is no fork; the figures are drawn by a worker, too."""
+    case = CHECKOUT / "cases" / "leaving_slide.yaml"
+    line = ["-m", "henon_ref.compare", str(case), "--solvers", "henon,scipy-dop853", "--tolerances", "1e-6"]
+    python(tmp_path, *line, "--repeats", "1", "--out", "out", HENON_REF_START="spawn")
+    text = (tmp_path / "out" / "leaving_slide" / "runs.csv").read_text(encoding="utf-8")
+    rows = list(csv.DictReader(text.splitlines()))
+    assert [row["verdict"] for row in rows] == ["right", "right"]
+    assert list((tmp_path / "out" / "leaving_slide").glob("*.svg"))
 
 
 def test_a_comparison_in_a_folder_with_spaces_and_unicode(program: Path, tmp_path: Path) -> None:

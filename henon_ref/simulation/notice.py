@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from threading import Timer
-from typing import Any
+from typing import Any, TextIO
 
+from henon_ref.text import message
+
+_ERASED = "\r\x1b[2K"
+"""The cursor goes to the line's start, and what stands in the line goes away."""
 PATIENCE = 1.0
 """Seconds after which the line is written."""
 
@@ -47,17 +53,54 @@ def in_notebook() -> bool:
     return getattr(instance, "kernel", None) is not None
 
 
-class NotebookLine:
-    """A line among a notebook's outputs that is written over, by what every notebook has: no widgets are needed."""
+def is_terminal(stream: TextIO | None) -> bool:
+    """Whether a stream is a terminal on which a line can be taken back."""
+    return stream is not None and stream.isatty() and os.environ.get("TERM") not in ("dumb", "unknown")
 
-    def __init__(self) -> None:
+
+class Line:
+    """A line that is written over, on a terminal or among a notebook's outputs; elsewhere nothing is shown.
+
+    It needs no thread, so that workers can be forked, and in a notebook no widgets.
+
+    Parameters
+    ----------
+    stream : TextIO, optional
+        None: standard error, as it is whenever something is shown.
+
+    Attributes
+    ----------
+    shown : bool
+        Whether it stands there.
+    """
+
+    def __init__(self, stream: TextIO | None = None) -> None:
+        self._stream = stream
         self._handle: Any = None
+        self.shown = False
 
     def show(self, words: str) -> None:
-        """Show a line in the place of the last one."""
-        if self._handle is None:
-            from IPython.display import display
+        """Show what is being done, in the place of what was shown before."""
+        stream = self._stream or sys.stderr
+        if in_notebook():
+            if self._handle is None:
+                from IPython.display import display
 
-            self._handle = display({"text/plain": words}, raw=True, display_id=True)
-        else:
-            self._handle.update({"text/plain": words}, raw=True)
+                self._handle = display({"text/plain": message(words)}, raw=True, display_id=True)
+            else:
+                self._handle.update({"text/plain": message(words)}, raw=True)
+        elif is_terminal(stream):
+            room = shutil.get_terminal_size().columns - 1
+            self._write(f"{_ERASED if self.shown else ''}{message(words)[:room]}")
+            self.shown = True
+
+    def end(self, words: str = "") -> None:
+        """Take the line back, or leave these words there."""
+        if words:
+            self.show(words)
+        if self.shown:
+            self._write("\n" if words else _ERASED)
+            self.shown = False
+
+    def _write(self, text: str) -> None:
+        print(text, end="", file=self._stream or sys.stderr, flush=True)

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from henon_ref.atomic_write import replace_file
 from henon_ref.casefile.tree import MappingNode, as_written
 from henon_ref.errors import ArgumentError
 from henon_ref.integrator.records import LANDINGS, TRANSITION, TRANSITION_PLACES, transition_dtype
@@ -53,7 +54,7 @@ def write_run(path: Path, run: RunRecord) -> None:
     buffer = io.BytesIO()
     np.savez_compressed(buffer, allow_pickle=False, **_arrays(run))  # to memory: to a path it would add an ending
     try:
-        path.write_bytes(buffer.getvalue())
+        replace_file(path, buffer.getvalue())
     except OSError as error:
         raise ArgumentError(f"cannot write {path}: {error.strerror or error}") from None
 

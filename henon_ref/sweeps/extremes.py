@@ -1,24 +1,262 @@
-"""The least and the largest value of an expression along a run."""
+"""The least and the largest value of an expression along runs, from the Taylor polynomials of their steps.
+
+On a step the states are polynomials in time, and the expression has a Taylor series, which the recurrences give. The
+Bernstein coefficients of its polynomial bound it between them (Farouki, *Computer Aided Geometric Design* 29 (2012)
+379-419, Sec. 3); pieces whose bounds do not reach beyond what has been found are left out, the others are halved. Where
+the coefficients turn once, so does the polynomial, and Newton's method finds where. Values themselves are never those
+of a series: the expression is evaluated at the states.
+
+All of it is done for each run by itself, entry by entry, so that no digit depends on what runs are done together.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import ClassVar
+from math import comb
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import sympy as sp
 
 from henon_ref.errors import ArgumentError, HenonRefError
+from henon_ref.simulation.dense_output import DenseOutput
 from henon_ref.simulation.simulate import simulate
 from henon_ref.simulation.system import System
-from henon_ref.sweeps.observations import Observation
-from henon_ref.sweeps.runs import Columns, Runs
-from henon_ref.sweeps.step_extremes import Pieces, along_steps, joined_pieces, pieces_of
-from henon_ref.taylor.tape import TIME
+from henon_ref.sweeps.observations import Observation, rank_in_run
+from henon_ref.sweeps.runs import Columns, Runs, Vector
+from henon_ref.taylor.rules import FUNCTIONS
+from henon_ref.taylor.series import Ring, along
+from henon_ref.taylor.tape import TIME, build_tape
 
-KEPT = 16
-"""Expressions that are kept once they are read: checked, and needed again for each chunk."""
+ROUNDING = 2.0**-49
+"""What values, and bounds, are off by, beside the largest number on the way to them."""
+KEPT = 64
+"""Expressions that are kept once they are read, and as tapes: chunks of a sweep ask for them again."""
+MOST_HALVINGS = 50
+NEWTON = 8
+"""Steps of Newton's method, from the middle of a piece."""
+MOST_PIECES = 4096
+"""Pieces of one run that are halved at a time; there are more only where an expression is rounding alone."""
+_NAMES = {"asin": "arcsin", "acos": "arccos", "atan": "arctan"}
+NUMPY = Ring({name: getattr(np, _NAMES.get(name, name)) for name in (*FUNCTIONS, "sqrt")}, np.power)
+"""Arrays of doubles."""
+
+
+class Pieces(NamedTuple):
+    """Parts of steps: the states as polynomials in the part of it that has passed, from 0 to 1."""
+
+    run: Any
+    """Number of the run that each belongs to, shape (S,); those of a run stand together."""
+    begin: Vector
+    """Where it begins [s], shape (S,)."""
+    length: Vector
+    """How long it is [s], shape (S,)."""
+    states: Vector
+    """Coefficients, shape (n, order + 1, S)."""
+
+    def chosen(self, rows: Any) -> Pieces:
+        """Some of them."""
+        return Pieces(self.run[rows], self.begin[rows], self.length[rows], self.states[:, :, rows])
+
+    def part(self, first: Vector, width: Vector) -> Pieces:
+        """A part of each, from ``first`` on (0 to 1)."""
+        order = self.states.shape[1] - 1
+        binomials = _binomials(order)
+        powers, scale = (np.cumprod([np.ones_like(a), *[a] * order], axis=0) for a in (first, width))
+        moved = np.zeros_like(self.states)
+        for k in range(order + 1):
+            moved[:, : k + 1] += binomials[k, : k + 1] * powers[k::-1] * self.states[:, k, None]
+        return Pieces(self.run, self.begin + first * self.length, self.length * width, moved * scale)
+
+
+def pieces_of(run: int, sol: DenseOutput, after: float) -> Pieces:
+    """The steps of a run that end at ``after`` or later; its end is a step without length."""
+    ends, lows = np.append(sol.begin[1:], sol.begin[-1]), np.append(sol.begin_low[1:], sol.begin_low[-1])
+    kept = np.flatnonzero(ends >= after)
+    length = (ends - sol.begin)[kept] + (lows - sol.begin_low)[kept]
+    order = sol.coefficients.shape[2] - 1
+    scale = np.cumprod([np.ones_like(length), *[length / sol.unit[kept]] * order], axis=0)
+    states = sol.coefficients[kept].transpose(1, 2, 0) * scale
+    return Pieces(np.full(len(kept), run), sol.begin[kept], length, states)
+
+
+def joined_pieces(parts: Sequence[Pieces], after: float = -np.inf) -> Pieces:
+    """Pieces of several runs, or several of the same, from some time on."""
+    found = Pieces(*(np.concatenate(own, axis=-1) for own in zip(*parts, strict=True)))
+    early = found.begin < after
+    if not early.any():
+        return found
+    first = np.where(early, (after - found.begin) / np.where(early, found.length, 1.0), 0.0)
+    return found.part(first, 1.0 - first)
+
+
+@lru_cache
+def _binomials(order: int) -> Vector:
+    """Binomial coefficients of j over k, shape (order + 1, order + 1, 1)."""
+    return np.array([[[comb(j, k)] for k in range(order + 1)] for j in range(order + 1)], dtype=np.float64)
+
+
+class AlongSteps:
+    """An expression along the steps of runs.
+
+    Parameters
+    ----------
+    states : sequence of Symbol
+    expression : Expr
+        In time, states and parameters.
+    """
+
+    def __init__(self, states: Sequence[sp.Symbol], expression: sp.Expr) -> None:
+        self._tape = build_tape(states, (), [expression])
+        self._symbols = sorted(set().union(*(c.free_symbols for c in self._tape.constants)), key=lambda s: s.name)
+        self._constants = sp.lambdify(self._symbols, list(self._tape.constants), "numpy")
+
+    def extremes(self, pieces: Pieces, parameters: Mapping[str, Vector], count: int) -> tuple[Vector, Vector]:
+        """The least and the largest value on the pieces of each of ``count`` runs; infinite where it has none.
+
+        Parameters
+        ----------
+        pieces : Pieces
+        parameters : mapping
+            Parameter -> its value in each run, shape (count,).
+        count : int
+        """
+        with np.errstate(all="ignore"):
+            numbers = [np.broadcast_to(c, count) for c in self._constants(*(parameters[s.name] for s in self._symbols))]
+            return _searched(self, pieces, numbers, count)
+
+    def series(self, pieces: Pieces, numbers: Sequence[Vector], order: int) -> tuple[Vector, Vector]:
+        """Coefficients on each piece, shape (order + 1, S), and the size of the numbers on the way to the first."""
+        constants = [c[pieces.run] for c in numbers]
+        states = [list(own) for own in pieces.states]
+        (found,), sizes = along(self._tape, constants, pieces.begin, states, order, NUMPY, pieces.length)
+        nothing = np.zeros(len(pieces.run))
+        return np.array([nothing + c for c in found]), np.max([nothing, *map(np.abs, sizes)], axis=0)
+
+    def value(self, pieces: Pieces, numbers: Sequence[Vector], at: Vector | float) -> Vector:
+        """The expression at a part of each piece (0 to 1), shape (S,)."""
+        x = pieces.states[:, -1]
+        for k in range(pieces.states.shape[1] - 2, -1, -1):
+            x = x * at + pieces.states[:, k]
+        there = Pieces(pieces.run, pieces.begin + at * pieces.length, pieces.length, x[:, None])
+        return self.series(there, numbers, 0)[0][0]
+
+
+@lru_cache(maxsize=KEPT)
+def along_steps(states: tuple[sp.Symbol, ...], expression: sp.Expr) -> AlongSteps:
+    """The same for the same expression: chunks of a sweep ask for it again."""
+    return AlongSteps(states, expression)
+
+
+class _Bounds(NamedTuple):
+    """Bernstein coefficients of an expression on pieces, shape (order + 1, S), and what they may be off by, (S,)."""
+
+    coefficients: Vector
+    error: Vector
+    size: Vector
+
+    def chosen(self, rows: Any) -> _Bounds:
+        return _Bounds(self.coefficients[:, rows], self.error[rows], self.size[rows])
+
+    def halves(self) -> tuple[_Bounds, _Bounds]:
+        """The same on both halves (de Casteljau)."""
+        rows, lower, upper = self.coefficients, [self.coefficients[0]], [self.coefficients[-1]]
+        while len(rows) > 1:
+            rows = 0.5 * (rows[1:] + rows[:-1])
+            lower.append(rows[0])
+            upper.append(rows[-1])
+        return self._replace(coefficients=np.array(lower)), self._replace(coefficients=np.array(upper[::-1]))
+
+    @property
+    def turns(self) -> Any:
+        """How often the coefficients turn from rising to falling or back; the polynomial does so no more often."""
+        slopes = np.diff(self.coefficients, axis=0)
+        rising = np.where(slopes > 0, 1, -1)
+        rising[slopes == 0] = 0
+        for k in range(1, len(rising)):  # a difference of 0 is no turn
+            rising[k] = np.where(rising[k] == 0, rising[k - 1], rising[k])
+        return np.sum(rising[1:] * rising[:-1] < 0, axis=0)
+
+    def stationary(self) -> tuple[Vector, Any]:
+        """Where the derivative is zero by Newton's method, and whether that is within rounding of the value."""
+        rows, order = self.coefficients, len(self.coefficients) - 1
+        at = np.full(rows.shape[1], 0.5)
+        for _ in range(NEWTON):
+            three = rows
+            while len(three) > 3:
+                three = three[:-1] + at * (three[1:] - three[:-1])
+            two = three[:-1] + at * (three[1:] - three[:-1])
+            slope, curvature = order * (two[1] - two[0]), order * (order - 1) * (three[2] - 2 * three[1] + three[0])
+            step = np.clip(at - slope / curvature, 0.0, 1.0) - at
+            at = at + step
+        return np.where(np.isfinite(at), at, 0.5), np.abs(curvature) * step * step <= ROUNDING * self.size
+
+
+def _searched(of: AlongSteps, pieces: Pieces, numbers: Sequence[Vector], count: int) -> tuple[Vector, Vector]:
+    least, largest = np.full(count, np.inf), np.full(count, -np.inf)
+    ends = of.value(pieces, numbers, 0.0), of.value(pieces, numbers, 1.0)
+
+    def found(run: Any, values: Vector) -> None:
+        np.minimum.at(least, run, values)
+        np.maximum.at(largest, run, values)
+
+    def beyond(run: Any, bounds: _Bounds) -> Any:
+        """Pieces on which there may be more, by more than rounding."""
+        slack = 2.0 * ROUNDING * bounds.size - bounds.error
+        rows = bounds.coefficients.min(axis=0) < least[run] - slack
+        rows |= bounds.coefficients.max(axis=0) > largest[run] + slack
+        rows |= np.isinf(bounds.error)
+        rows = np.flatnonzero(rows & ((bounds.error != 0) | (bounds.turns > 0)))
+        return rows[rank_in_run(run[rows]) < MOST_PIECES]
+
+    for values in ends:
+        found(pieces.run, values)
+    bounds = _bounds(of, pieces, numbers)
+    for _ in range(MOST_HALVINGS):
+        rows = beyond(pieces.run, bounds)
+        if not len(rows):
+            break
+        pieces, bounds = pieces.chosen(rows), bounds.chosen(rows)
+        at, settled = bounds.stationary()
+        found(pieces.run, of.value(pieces, numbers, at))
+        rows = np.flatnonzero(~(settled & (bounds.error == 0) & (bounds.turns == 1)))
+        pieces, bounds = pieces.chosen(rows), bounds.chosen(rows)
+        found(pieces.run, of.value(pieces, numbers, 0.5))
+        order = np.argsort(np.tile(np.arange(len(rows)), 2), kind="stable")  # halves of one piece stand together
+        half = np.full(len(rows), 0.5)
+        pieces = joined_pieces([pieces.part(first, half) for first in (0.0 * half, half)]).chosen(order)
+        bounds = _Bounds(*(np.concatenate(pair, axis=-1) for pair in zip(*bounds.halves(), strict=True))).chosen(order)
+        loose = np.flatnonzero(bounds.error)
+        if len(loose):
+            again = _bounds(of, pieces.chosen(loose), numbers)
+            for own, other in zip(bounds, again, strict=True):
+                own[..., loose] = other
+    return least, largest
+
+
+def _bounds(of: AlongSteps, pieces: Pieces, numbers: Sequence[Vector]) -> _Bounds:
+    """Bounds from the series, which is off by what its last terms, its middle and its end show."""
+    order = pieces.states.shape[1] - 1
+    series, size = of.series(pieces, numbers, order)
+    error = np.abs(series[-1]) + np.abs(series[-2])
+    somewhere = np.isfinite(series[0])
+    for at in (0.5, 1.0):
+        polynomial, value = series[-1], of.value(pieces, numbers, at)
+        for k in range(order - 1, -1, -1):
+            polynomial = polynomial * at + series[k]
+        error = error + np.abs(polynomial - value)
+        somewhere |= np.isfinite(value)
+    coefficients, binomials = np.zeros_like(series), _binomials(order)
+    for k in range(order + 1):
+        coefficients += binomials[:, k] / binomials[order, k] * series[k]
+    error = np.where(np.isfinite(error), error, np.where(somewhere, np.inf, np.nan))
+    size = np.maximum(size, np.abs(series).sum(axis=0))
+    error[error <= ROUNDING * size] = 0.0
+    return _Bounds(coefficients, error, size)
+
+
 MOST_NUMBERS = 1 << 22
 """Coefficients of steps that are in memory at one time, but for those of one run."""
 
@@ -32,7 +270,7 @@ def _read(system: System, text: str) -> sp.Expr:
 class Extremes(Observation):
     """See :func:`henon_ref.sweeps.observe.extremes`.
 
-    Each run is done once more by itself, with its steps (:mod:`henon_ref.sweeps.step_extremes`).
+    Each run is done once more by itself, with its steps.
     """
 
     of: str

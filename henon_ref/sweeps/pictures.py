@@ -8,10 +8,11 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from henon_ref.atomic_write import replace_file
 from henon_ref.figures import style
 from henon_ref.figures.sweeps import HEIGHT, MOST_BASINS, basins, bifurcation, histogram, plane
 from henon_ref.sweeps.plan import FIGURES, Plan
-from henon_ref.sweeps.storage import SweepFolder, put
+from henon_ref.sweeps.storage import SweepFolder
 from henon_ref.sweeps.table import SweepTable, assembled
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ def draw(plan: Plan, folder: Path) -> list[Path]:
             written.append(folder / FIGURES / f"{name}.svg")
             content = io.BytesIO()
             style.save(figure, content)
-            put(written[-1], content.getvalue())
+            replace_file(written[-1], content.getvalue())
     return written
 
 

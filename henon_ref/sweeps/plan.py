@@ -23,7 +23,7 @@ from henon_ref.sweeps.points import OWN_COLUMNS, Points, check_names, points_of
 from henon_ref.sweeps.refusals import exact_refusal, point_problem
 from henon_ref.sweeps.run_by_run import with_columns
 from henon_ref.sweeps.runs import Columns, Settings
-from henon_ref.workers.processes import Task
+from henon_ref.workers.executors import Task
 
 MOST_CHUNK, CHUNKS = 2000, 64
 """Without a size of one's own a chunk has so many points at most; a sweep is cut into so many chunks where its size

@@ -2,23 +2,63 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.integrator.start import MOST_STEPS
+from henon_ref.modes.algebra import signed_form
 from henon_ref.modes.exact_numbers import double_double
 from henon_ref.modes.kinks import HiddenKinks, hidden_kinks
 from henon_ref.modes.mode import Mode, mode_text
 from henon_ref.simulation.system import System
 from henon_ref.simulation.written import python_number
-from henon_ref.sweeps.sections import Section
 from henon_ref.text import listed
+
+
+class Section(NamedTuple):
+    """Where an expression stands among the surfaces of a system."""
+
+    surface: int
+    orientation: int
+    """+1 or -1: the sign of the expression is that of the surface's, times this."""
+
+
+def with_sections(system: System, expressions: Sequence[sp.Expr]) -> tuple[System, dict[sp.Expr, Section]]:
+    """A system that has some expressions among its surfaces, and where each stands.
+
+    An expression that is a surface times a factor which always has one sign is that surface. Fields do not depend on
+    the sign of one that is added: its normal velocity is the same on both sides, and it is always crossed.
+
+    Parameters
+    ----------
+    system : System
+    expressions : sequence of Expr
+        In time, states and parameters.
+    """
+    model = system.model
+    added: dict[sp.Symbol, sp.Expr] = {}
+    known: dict[object, tuple[int, int]] = {}
+    for index, surface in enumerate(model.surfaces):
+        form, way = signed_form(surface, model.parameters)
+        known.setdefault(form, (index, way))
+    found: dict[sp.Expr, Section] = {}
+    for expression in expressions:
+        if expression in found:
+            continue
+        form, way = signed_form(expression, model.parameters)
+        if form not in known:
+            known[form] = len(model.surfaces) + len(added), way
+            added[sp.Symbol(f"section {len(added) + 1}", real=True)] = expression  # no name has a blank
+        index, own = known[form]
+        found[expression] = Section(index, way * own)
+    return (system.with_surfaces(added) if added else system), found
+
 
 Vector = NDArray[np.float64]
 Columns = dict[str, NDArray[Any]]

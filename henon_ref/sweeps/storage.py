@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 
+from henon_ref.atomic_write import replace_file
 from henon_ref.errors import CaseError
 from henon_ref.sweeps.chunk import POINTS, Tables
 from henon_ref.sweeps.plan import Plan
@@ -134,7 +135,7 @@ class SweepFolder:
             self.path.mkdir(parents=True, exist_ok=True)
             text = json.dumps({**manifest, KEY: asdict(own)}, indent=1, ensure_ascii=False)
             for name, content in {MANIFEST: (text + "\n").encode(), **files}.items():
-                put(self.path / name, content)
+                replace_file(self.path / name, content)
         except OSError as error:
             raise _unwritten(error, self.path, "") from error
 
@@ -163,7 +164,7 @@ class SweepFolder:
             for name, columns in {**tables.ragged, POINTS: points}.items():
                 folder = self.path / name
                 folder.mkdir(exist_ok=True)
-                put(folder / _file(number), parquet(columns))
+                replace_file(folder / _file(number), parquet(columns))
         except OSError as error:
             raise _unwritten(error, self.path, KEPT) from error
 
@@ -220,22 +221,6 @@ def _numbered(folder: Path, chunks: int) -> Iterator[tuple[int, Path]]:
     for path in sorted(folder.iterdir()):
         if path.stem.isdecimal() and path.name == _file(int(path.stem)) and int(path.stem) < chunks:
             yield int(path.stem), path
-
-
-def put(path: Path, content: bytes) -> None:
-    """Write a file under another name, and give it its own once it is whole on the disk."""
-    part = path.with_name(f".{path.name}.part")
-    try:
-        part.unlink(missing_ok=True)  # what a process that was killed has left
-        with part.open("xb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        part.replace(path)
-    except BaseException:
-        with suppress(OSError):
-            part.unlink()
-        raise
 
 
 def parquet(columns: Columns) -> bytes:

@@ -8,24 +8,73 @@ from dataclasses import dataclass
 from decimal import Decimal
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
+
+from pydantic import BeforeValidator, Field
 
 from henon_ref.casefile.case import check_model, check_surfaces
 from henon_ref.casefile.problem import build_problem
+from henon_ref.casefile.schema import (
+    CaseName,
+    Expression,
+    Form,
+    InitialForm,
+    OneLine,
+    ResetForm,
+    SceneForm,
+    SlidingForm,
+    SystemForm,
+    Text,
+    Tolerance,
+)
 from henon_ref.casefile.source import Path as KeyPath
 from henon_ref.casefile.source import Source
 from henon_ref.casefile.tree import MappingNode, Node, ScalarNode, SequenceNode, child
 from henon_ref.casefile.validation import validated, validated_as
 from henon_ref.casefile.yaml_file import read_yaml
 from henon_ref.errors import ArgumentError, CaseError
+from henon_ref.integrator.start import MOST_STEPS
 from henon_ref.simulation.system import System
-from henon_ref.sweeps.draws import random
 from henon_ref.sweeps.observations import Observation
 from henon_ref.sweeps.observe import KINDS
-from henon_ref.sweeps.plan import Plan, planned
+from henon_ref.sweeps.plan import RTOL, Plan, planned
+from henon_ref.sweeps.point_sets import random
 from henon_ref.sweeps.points import Points, check_names, continuation, grid, numbers, table
-from henon_ref.sweeps.sweep_form import SweepForm
 from henon_ref.text import did_you_mean, listed
+
+
+def _version(value: Any) -> int:
+    if type(value) is not int or value != 1:
+        raise ValueError("must be 1, the version of the sweep file's form")
+    return value
+
+
+def _size(value: Any) -> int:
+    if type(value) is not int or value < 1:
+        raise ValueError("must be a whole number from 1 on")
+    return value
+
+
+class SweepForm(Form):
+    """A sweep file, schema 1."""
+
+    schema_: Annotated[Literal[1], BeforeValidator(_version)] = Field(alias="schema")
+    name: CaseName
+    title: OneLine
+    source: OneLine | None = None
+    story: Text | None = None
+    system: SystemForm | None = None
+    scene: SceneForm | None = None
+    sliding: dict[str, SlidingForm] = Field({})
+    resets: dict[str, ResetForm] = Field({})
+    initial: InitialForm
+    until: Expression
+    points: Annotated[dict[str, Any], Field(min_length=1, max_length=1)]
+    observe: Annotated[list[Annotated[dict[str, Any], Field(min_length=1, max_length=1)]], Field(min_length=1)]
+    rtol: Tolerance = RTOL
+    chunk: Annotated[int, BeforeValidator(_size)] | None = None
+    max_steps: Annotated[int, BeforeValidator(_size)] = MOST_STEPS
+
 
 T = TypeVar("T")
 CASE_KEYS = ("schema", "name", "title", "source", "system", "scene", "sliding", "resets", "initial", "until")

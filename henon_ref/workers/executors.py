@@ -5,19 +5,38 @@ A task is a pure function of what it is given, so that one whose worker has died
 
 from __future__ import annotations
 
+import math
 import os
+import pickle
+import traceback
+from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
-from contextlib import ExitStack, contextmanager
-from typing import Any
+from contextlib import ExitStack, closing, contextmanager
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
-from henon_ref.errors import ArgumentError
-from henon_ref.workers.processes import EndedError, Task, finished_by_workers
+from henon_ref.errors import ArgumentError, HenonRefError
+from henon_ref.workers.pool import Jobs, WorkerPool
+from henon_ref.workers.worker import Failure, Job, WorkerState
 
 AHEAD = 3
-"""Tasks that are handed in, for each worker."""
+"""Tasks that are handed in to an executor, for each of its workers."""
+TRIES = 3
+"""How often a task is begun whose worker ends in the middle of it."""
 WORKERS_ASSUMED = 16
 """Workers of an executor that does not tell how many it has."""
+
+
+class EndedError(HenonRefError):
+    """Whoever does the tasks has ended before they were done."""
+
+
+class Task(NamedTuple):
+    """A number that it goes by, and what its function is called with."""
+
+    number: int
+    arguments: tuple[Any, ...]
 
 
 def processors() -> int:
@@ -68,7 +87,7 @@ def finished(
         for task in tasks:
             yield task.number, function(*task.arguments)
     else:
-        yield from finished_by_workers(function, iter(tasks), jobs)
+        yield from _by_workers(function, iter(tasks), jobs)
 
 
 def _on_executor(function: Callable[..., Any], tasks: Iterator[Task], executor: Any) -> Iterator[tuple[int, Any]]:
@@ -127,3 +146,57 @@ def _done(running: dict[Future[Any], Task]) -> Iterator[tuple[int, Any]]:
     for future in sorted(wait(running, return_when=FIRST_COMPLETED).done, key=lambda f: running[f].number):
         found = future.result()
         yield running.pop(future).number, found
+
+
+@dataclass(frozen=True)
+class _Call(Job):
+    """A task as a worker's job; the result is whether it has succeeded, and its value or error."""
+
+    function: Callable[..., Any]
+    arguments: tuple[Any, ...]
+    seconds: float = math.inf
+
+    def run(self, state: WorkerState) -> tuple[bool, Any]:
+        try:
+            return True, self.function(*self.arguments)
+        except Exception as error:  # noqa: BLE001 - whatever it is, it is the caller's to raise
+            return False, _sendable(error)
+
+
+def _sendable(error: Exception) -> Exception:
+    """The error with a note of where it arose, or its text where it cannot be pickled."""
+    error.add_note("In a worker process:\n" + "".join(traceback.format_exception(error)))
+    try:
+        pickle.loads(pickle.dumps(error))
+    except Exception:  # noqa: BLE001 - whatever its own pickling raises
+        return HenonRefError(f"{type(error).__name__} in a worker process: {error}")
+    return error
+
+
+def _by_workers(function: Callable[..., Any], tasks: Iterator[Task], jobs: int) -> Iterator[tuple[int, Any]]:
+    """Do tasks in processes of our own. One whose worker has ended is done again by another one."""
+    results: deque[tuple[int, Any]] = deque()
+
+    def sequence() -> Jobs:
+        for task in tasks:
+            for _ in range(TRIES):
+                result = yield _Call(function, task.arguments)
+                if not isinstance(result, Failure):
+                    break
+            else:
+                raise EndedError(
+                    f"{TRIES} workers have ended while they were at chunk {task.number}: killed, or out of memory "
+                    f"(smaller chunks take less of it); the last one: {result.reason}"
+                )
+            succeeded, value = result
+            if not succeeded:
+                raise value
+            results.append((task.number, value))
+
+    pool = WorkerPool(workers=jobs, modules=[function.__module__])
+    for _ in range(jobs):
+        pool.add("tasks", sequence())
+    with closing(pool.turns()) as turns:
+        for _ in turns:  # who has done a task is at the next one by now
+            while results:
+                yield results.popleft()

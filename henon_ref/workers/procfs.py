@@ -16,8 +16,8 @@ from pathlib import Path
 
 KNOWN = sys.platform == "linux" and Path("/proc/self/stat").exists()
 """Whether the system tells what is asked for here."""
-_STATE, _TIMES, _RESIDENT = 0, slice(11, 15), 21
-"""Fields of ``/proc/PID/stat`` behind the name: state; time of the process, and of children that it has waited for."""
+_TIMES, _RESIDENT = slice(11, 15), 21
+"""Fields of ``/proc/PID/stat`` behind the name: time of the process, and of children that it has waited for."""
 _DEATH_SIGNAL, _SUBREAPER = 1, 36
 """Numbers of requests to the kernel (``prctl``)."""
 
@@ -47,13 +47,13 @@ def children(pid: int) -> list[int]:
 def processor_seconds(pids: Iterable[int]) -> float:
     """Processor time that processes have used, with children that they have waited for [s]."""
     ticks = sum(sum(map(int, fields[_TIMES])) for pid in pids if (fields := _stat(pid)))
-    return ticks / os.sysconf("SC_CLK_TCK")
+    return ticks / os.sysconf("SC_CLK_TCK") if KNOWN else 0.0
 
 
 def resident_bytes(pids: Iterable[int]) -> int:
     """Memory that processes hold; what they share counts for each."""
     pages = sum(int(fields[_RESIDENT]) for pid in pids if (fields := _stat(pid)))
-    return pages * os.sysconf("SC_PAGE_SIZE")
+    return pages * os.sysconf("SC_PAGE_SIZE") if KNOWN else 0
 
 
 def data_bytes() -> int:
@@ -72,14 +72,6 @@ def own_bytes(pids: Iterable[int]) -> int:
             lines = Path(f"/proc/{pid}/smaps_rollup").read_text(encoding="ascii").splitlines()
             total += 1024 * int(next(line for line in lines if line.startswith("Pss:")).split()[1])
     return total
-
-
-def is_at_work(pid: int) -> bool:
-    """Whether a process is there, and neither stopped nor dead."""
-    if not KNOWN:
-        return True
-    fields = _stat(pid)
-    return bool(fields) and fields[_STATE] not in "TtZXx"
 
 
 def _stat(pid: int) -> list[str]:

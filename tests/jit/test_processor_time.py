@@ -9,11 +9,11 @@ from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.baselines.work import DeadlinePassed, Work
 from henon_ref.casefile.case import parse_case
 from henon_ref.harness.campaign.run_jobs import KEPT, RunJob
-from henon_ref.harness.campaign.worker import COMPILING, WorkerState
 from henon_ref.integrator.mode_table import ModeTable
 from henon_ref.integrator.run import Run
 from henon_ref.jit import processor_time
 from henon_ref.jit.processor_time import Deadline, compile_listener, compiling, run_time
+from henon_ref.workers.worker import COMPILING, WorkerState
 
 
 class Clocks:

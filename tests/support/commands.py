@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from fakes import Fake
 
-from henon_ref.harness.campaign.worker import Job
 from henon_ref.harness.cli import compare
+from henon_ref.workers.worker import Job
 
 SOLVERS = {"henon": Fake("henon"), "heyoka": Fake("heyoka", "misses"), "scipy-dop853": Fake("scipy-dop853")}
 

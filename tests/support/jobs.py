@@ -17,11 +17,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from henon_ref.errors import UnavailableError, UnsupportedError
-from henon_ref.harness.campaign.channel import LARGEST, MAGIC
-from henon_ref.harness.campaign.pool import Jobs, WorkerPool
-from henon_ref.harness.campaign.worker import REPLY, Failure, Job, WorkerState
 from henon_ref.jit.processor_time import compiling
+from henon_ref.workers.channel import LARGEST, MAGIC
+from henon_ref.workers.pool import Jobs, WorkerPool
 from henon_ref.workers.procfs import resident_bytes
+from henon_ref.workers.worker import REPLY, Failure, Job, WorkerState
 
 
 def memory() -> int:
@@ -284,29 +284,18 @@ class Act(Job):
         with multiprocessing.get_context("fork").Pool(2) as pool:
             return sum(pool.map(square, range(4)))
 
-    def do_stop_server_once(self, state):
-        if len(noted(Path(self.notes))) == 1:
-            self.do_stop_server(state)
-
-    def do_stop_server(self, state):
+    def do_stop_guard(self, state):
         os.kill(os.getppid(), signal.SIGSTOP)
-        time.sleep(0.5)
+
+    def do_kill_guard(self, state):
+        os.kill(os.getppid(), signal.SIGKILL)
+        time.sleep(60)
 
     def do_close(self, state):
         for descriptor in way_out():
             os.close(descriptor)
         os.closerange(0, 3)
         time.sleep(60)
-
-
-@dataclass(frozen=True)
-class Keep(Act):
-    prepares = True
-
-
-@dataclass(frozen=True)
-class Kept(Act):
-    rests = True
 
 
 def spring():

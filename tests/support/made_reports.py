@@ -11,9 +11,9 @@ from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.campaign.results import ReadingResult
 from henon_ref.harness.campaign.rows import Outcome, Record, record, scored
 from henon_ref.harness.campaign.settings import Setting
-from henon_ref.harness.campaign.worker import Failure
 from henon_ref.harness.report.files.manifest import Provenance
 from henon_ref.harness.table import Table
+from henon_ref.workers.worker import Failure
 
 ORIGIN = Provenance(
     "python -m henon_ref.compare made_up.yaml",

@@ -18,8 +18,7 @@ import numpy as np
 import henon_ref as hr
 from henon_ref.sweeps.chunk import execute
 from henon_ref.sweeps.plan import planned
-from henon_ref.workers.executors import finished
-from henon_ref.workers.processes import Task
+from henon_ref.workers.executors import Task, finished
 
 FRICTION = {"xi": "1/20", "musd": 2, "mud": 0.5, "v0": 0.5, "vd": 1.5}
 LAW = "-x - 2*xi*v - s*(mud + mud*(musd - 1)*exp(-s*(v - vd)/v0))"

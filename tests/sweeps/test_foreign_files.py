@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -139,7 +140,7 @@ def test_nothing_is_written_through_a_link(tmp_path: Path, name: str) -> None:
 
 def test_a_half_written_file_that_is_a_link_is_not_written_through(tmp_path: Path) -> None:
     (tmp_path / "precious").write_text("precious")
-    for name in (".sweep.yaml.part", ".manifest.json.part", ".index.html.new"):
+    for name in (f".{name}.{os.getpid()}.part" for name in ("sweep.yaml", "manifest.json", "index.html")):
         (tmp_path / "out").mkdir(exist_ok=True)
         (tmp_path / "out" / name).symlink_to(tmp_path / "precious")
     swept(tmp_path / "out")

@@ -13,8 +13,8 @@ import pytest
 
 from henon_ref.errors import ArgumentError
 from henon_ref.sweeps import point_files
-from henon_ref.sweeps.draws import random
 from henon_ref.sweeps.point_files import MOST_NUMBERS
+from henon_ref.sweeps.point_sets import random
 from henon_ref.sweeps.points import Points, continuation, grid, points_of, table
 
 

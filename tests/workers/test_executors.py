@@ -26,9 +26,8 @@ from henon_ref.sweeps import observe
 from henon_ref.sweeps.points import continuation
 from henon_ref.sweeps.sweep import sweep
 from henon_ref.sweeps.table import SweepTable
-from henon_ref.workers import processes as worker_processes
-from henon_ref.workers.executors import finished
-from henon_ref.workers.processes import Task
+from henon_ref.workers import worker_process
+from henon_ref.workers.executors import TRIES, Task, finished
 
 WANTED = [
     observe.sticks(after=20, each=True),
@@ -51,12 +50,12 @@ def whole() -> SweepTable:
     return swept(jobs=1, chunk=24)
 
 
-@pytest.fixture(params=["forked", "fresh"])
+@pytest.fixture(params=["fork", "forkserver", "spawn"])
 def processes(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
-    """How worker processes begin: as copies of this one, or afresh."""
-    if request.param == "forked" and sys.platform != "linux":
+    """How worker processes begin: as copies of this one, of the fork server, or afresh."""
+    if request.param != "spawn" and sys.platform != "linux":
         pytest.skip("only Linux forks")
-    monkeypatch.setattr(worker_processes, "may_fork", lambda: request.param == "forked")
+    monkeypatch.setattr(worker_process, "start_method", lambda: request.param)
     return str(request.param)
 
 
@@ -75,7 +74,7 @@ def test_beside_another_thread_nothing_is_forked() -> None:
     other.start()
     began.wait()
     try:
-        assert not worker_processes.may_fork()
+        assert worker_process.start_method() != "fork"
     finally:
         ends.set()
         other.join()
@@ -198,7 +197,7 @@ def _dies(number: int) -> int:
     return number
 
 
-@pytest.mark.parametrize("processes", daily(["forked", "fresh"], some=["forked"]), indirect=True)  # daily: a copy
+@pytest.mark.parametrize("processes", daily(["fork", "forkserver", "spawn"], some=["fork"]), indirect=True)
 def test_a_task_whose_worker_is_killed_is_done_again(processes: str, tmp_path: Path) -> None:
     tasks = (Task(k, (str(tmp_path / "mark"), k)) for k in range(60))
     assert dict(finished(_dies_once, tasks, jobs=2)) == {k: k * k for k in range(60)}
@@ -206,8 +205,8 @@ def test_a_task_whose_worker_is_killed_is_done_again(processes: str, tmp_path: P
 
 def test_a_task_that_kills_every_worker_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     """However they begin; a copy of this process begins sooner."""
-    monkeypatch.setattr(worker_processes, "may_fork", lambda: sys.platform == "linux")
-    with pytest.raises(HenonRefError, match=f"{worker_processes.TRIES} workers have ended"):
+    monkeypatch.setattr(worker_process, "start_method", lambda: "fork" if sys.platform == "linux" else "spawn")
+    with pytest.raises(HenonRefError, match=f"{TRIES} workers have ended"):
         dict(finished(_dies, [Task(0, (0,))], jobs=2))
 
 

@@ -7,13 +7,14 @@ scored before it is timed, and each finished row goes to the journal before the 
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
 from henon_ref.casefile.case import Case, Reading
 from henon_ref.harness import registry
-from henon_ref.harness.campaign.options import TRUTH, Deliver, Draw, Observer, Options, Silent
+from henon_ref.harness.campaign import WORKERS_NEED
+from henon_ref.harness.campaign.options import TRUTH, Deliver, Draw, Observer, Options
 from henon_ref.harness.campaign.plan import (
     SAMPLERS,
     PendingRuns,
@@ -24,14 +25,14 @@ from henon_ref.harness.campaign.plan import (
     reading_is_drawn,
     sample_job,
 )
-from henon_ref.harness.campaign.pool import Jobs, WorkerPool
 from henon_ref.harness.campaign.results import CaseState, ReadingResult
 from henon_ref.harness.campaign.rows import Outcome, record, scored
 from henon_ref.harness.campaign.run_jobs import TOO_LONG_TO_PREPARE, PrepareJob, RunJob, TimeJob, most_transitions
 from henon_ref.harness.campaign.settings import Setting
 from henon_ref.harness.campaign.truth_job import Statement, TruthJob, stored_statement
-from henon_ref.harness.campaign.worker import Failure, Job
 from henon_ref.harness.score.verdict import RIGHT
+from henon_ref.workers.pool import Jobs, WorkerPool
+from henon_ref.workers.worker import Failure, Job
 
 _LOG = logging.getLogger(__name__)
 
@@ -47,8 +48,6 @@ class Campaign:
         Called with the case, its readings' results and its rows.
     draw : callable, optional
         Makes the job that draws a reading's figures, once its rows are in; None: no figures, and no samples.
-    ready : callable, optional
-        Imports what such a job needs; called beside the runs, where workers are forked. A function of a module.
     observer : Observer, optional
     """
 
@@ -59,16 +58,16 @@ class Campaign:
         deliver: Deliver,
         *,
         draw: Draw | None = None,
-        ready: Callable[[], None] | None = None,
         observer: Observer | None = None,
     ) -> None:
         self.cases = cases
         self.options = options
         self.deliver = deliver
         self.draw = draw
-        self.ready = ready
-        self.observer: Observer = observer or Silent()
-        self._pool = WorkerPool(workers=options.processes, memory=options.memory, main=options.of_main)
+        self.observer: Observer = observer or Observer()
+        self._pool = WorkerPool(
+            workers=options.processes, memory=options.memory, main=options.of_main, modules=WORKERS_NEED
+        )
         self._statements: dict[tuple[str, str], Statement] = {}
 
     def run(self) -> None:
@@ -82,8 +81,6 @@ class Campaign:
         check_solvers(self.cases, self.options)
         self._fetch_truths()
         states = [case_state(case, self._statements, self.options) for case in self.cases]
-        if self.draw is not None and self.ready is not None:
-            self._pool.preload(self.ready)
         waiting = sum(self._queue_runs(state) for state in states)
         kept = sum(len(state.rows) for state in states)
         self.observer.runs(waiting + kept, kept)

@@ -215,7 +215,6 @@ def compare_all(
     deliver: Callable[[Comparison], None],
     *,
     draw: Draw | None = None,
-    ready: Callable[[], None] | None = None,
     observer: Observer | None = None,
 ) -> None:
     """Compare several cases; each one's comparison is delivered as soon as its last run is in.
@@ -227,8 +226,6 @@ def compare_all(
     deliver : callable
     draw : callable, optional
         Makes the job that draws a reading's figures; None: no figures.
-    ready : callable, optional
-        Imports what such a job needs, see :class:`henon_ref.harness.campaign.campaign.Campaign`.
     observer : Observer, optional
         Is told how it gets on.
     """
@@ -237,7 +234,7 @@ def compare_all(
         deliver(Comparison(case, readings, records, options))
 
     cache_root()  # workers use the folder that is found usable here
-    Campaign(cases, options, hand_over, draw=draw, ready=ready, observer=observer).run()
+    Campaign(cases, options, hand_over, draw=draw, observer=observer).run()
 
 
 def _frame(kind: type[AnyRow], rows: Sequence[AnyRow], states: Sequence[str] = ()) -> pd.DataFrame:

@@ -16,8 +16,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from henon_ref.atomic_write import replace_file
 from henon_ref.casefile.case import Reading
-from henon_ref.harness.atomic_write import replace_file
 from henon_ref.harness.campaign.code_version import code_version
 from henon_ref.harness.campaign.rows import Record
 from henon_ref.harness.campaign.settings import Setting

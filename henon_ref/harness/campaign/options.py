@@ -7,14 +7,13 @@ import pickle
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 from henon_ref.casefile.case import Case
 from henon_ref.errors import CaseError
 from henon_ref.harness.campaign.results import ReadingResult
 from henon_ref.harness.campaign.rows import Record
-from henon_ref.harness.campaign.worker import Job
 from henon_ref.solver import Solver, fault
+from henon_ref.workers.worker import Job
 
 LEAST_TIMEOUT = 0.01
 """Shortest time that a run may be given [s]."""
@@ -110,19 +109,8 @@ TRUTH = "truth"
 """What is said to be begun of a reading whose truth is computed, behind its name."""
 
 
-class Observer(Protocol):
-    """Is told how a campaign gets on."""
-
-    def truths(self, readings: int) -> None: ...
-    def truth(self, name: str) -> None: ...
-    def runs(self, rows: int, kept: int) -> None: ...
-    def begun(self, case: str, what: str) -> None: ...
-    def row(self, finished: Record) -> None: ...
-    def tick(self) -> None: ...
-
-
-class Silent:
-    """An observer that shows nothing."""
+class Observer:
+    """Is told how a campaign gets on; this one shows nothing."""
 
     def truths(self, readings: int) -> None:
         """The truths of so many readings are being read or computed."""

@@ -8,8 +8,8 @@ from importlib.metadata import EntryPoint
 
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.options import Options
-from henon_ref.harness.campaign.pool import Jobs, WorkerPool
-from henon_ref.harness.campaign.worker import Failure, Job, WorkerState
+from henon_ref.workers.pool import Jobs, WorkerPool
+from henon_ref.workers.worker import Failure, Job, WorkerState
 
 LOADING_SECONDS = 60.0
 """Processor time that importing a stranger's solver may take [s]."""

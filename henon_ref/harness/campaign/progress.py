@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import math
-import os
-import shutil
 import sys
 import time
 from contextlib import AbstractContextManager
 from typing import TextIO
 
-from henon_ref.harness.campaign.options import TRUTH, Silent
+from henon_ref.harness.campaign.options import TRUTH, Observer
 from henon_ref.harness.campaign.rows import Record
 from henon_ref.harness.campaign.settings import Setting
-from henon_ref.simulation.notice import NotebookLine, in_notebook
+from henon_ref.simulation.notice import Line, in_notebook, is_terminal
 from henon_ref.text import message
 
 PERIOD = 0.2
@@ -24,7 +22,7 @@ PATIENCE = 10.0
 """Seconds after which a command says that a truth is being computed, where it shows no line."""
 
 
-class ProgressLine(Silent, AbstractContextManager["ProgressLine"]):
+class ProgressLine(Observer, AbstractContextManager["ProgressLine"]):
     """How many rows are done, and which runs are at work. It never starts a thread, so that workers can be forked.
 
     Parameters
@@ -39,7 +37,7 @@ class ProgressLine(Silent, AbstractContextManager["ProgressLine"]):
     def __init__(self, stream: TextIO | None = None, name: str | None = None) -> None:
         self._stream = stream or sys.stderr
         self._name = name
-        self._notebook = NotebookLine() if in_notebook() else None
+        self._line = Line(self._stream)
         self.seen = is_seen(self._stream)
         """Whether the line is written over."""
         self._what, self._done, self._total = "truths", 0, 0
@@ -47,14 +45,14 @@ class ProgressLine(Silent, AbstractContextManager["ProgressLine"]):
         """What was begun, and when."""
         self._began = time.monotonic()
         self._shown = -SELDOM
-        self._written = 0
         self._wait_is_said = self.seen or name is not None
 
     def __exit__(self, *exception: object) -> None:
-        if self._name is not None:
-            self._show(f"{self._counted()}, {time.monotonic() - self._began:.1f} s", "\n")
-        elif self._written:
-            self._show("", "\r")
+        words = "" if self._name is None else f"{self._counted()}, {time.monotonic() - self._began:.1f} s"
+        if self.seen:
+            self._line.end(words)
+        elif words:
+            self._tell(words)
 
     def truths(self, readings: int) -> None:
         """The truths of so many readings are being computed."""
@@ -83,8 +81,7 @@ class ProgressLine(Silent, AbstractContextManager["ProgressLine"]):
         if not self.seen and self._name is None:
             right = run.verdict == "right" and run.digits is not None
             found = f", {math.floor(10 * (run.digits or 0)) / 10} digits" if right else ""
-            words = f"{self._done} of {self._total}: {what}: {run.verdict or run.status}{found}"
-            print(message(words), file=self._stream, flush=True)
+            self._tell(f"{self._done} of {self._total}: {what}: {run.verdict or run.status}{found}")
 
     def tick(self) -> None:
         """Some time has passed: show the line, now and then."""
@@ -95,7 +92,7 @@ class ProgressLine(Silent, AbstractContextManager["ProgressLine"]):
             self._shown = now
             work = ", ".join(f"{what} ({now - since:.0f} s)" for what, since in self._at_work.items())
             words = f"{self._counted()}, {now - self._began:.0f} s{'; at work: ' if work else ''}{work}"
-            self._show(words, "" if self.seen else "\n")
+            (self._line.show if self.seen else self._tell)(words)
 
     def _begin(self, what: str, total: int, done: int) -> None:
         self._at_work.clear()
@@ -106,28 +103,17 @@ class ProgressLine(Silent, AbstractContextManager["ProgressLine"]):
         late = [what for what, since in self._at_work.items() if what.endswith(f" {TRUTH}") and now - since > PATIENCE]
         if late:
             self._wait_is_said = True
-            words = (
-                f"computing what is not stored: {late[0]} (at most some minutes; `truth` computes it without a limit)"
-            )
-            print(message(words), file=self._stream, flush=True)
+            how_long = "(at most some minutes; `truth` computes it without a limit)"
+            self._tell(f"computing what is not stored: {late[0]} {how_long}")
 
     def _counted(self) -> str:
         name = "" if self._name is None else f"{self._name}: "
         return f"{name}{self._done} of {self._total} {self._what}"
 
-    def _show(self, line: str, end: str) -> None:
-        if self._notebook is not None:
-            self._notebook.show(message(line))
-            return
-        line = message(line)[: shutil.get_terminal_size().columns - 1]
-        padded = line.ljust(self._written)  # what was longer is written over
-        self._stream.write(f"\r{padded}{end}" if self.seen else f"{line}{end}")
-        self._stream.flush()
-        self._written = len(line)
+    def _tell(self, words: str) -> None:
+        print(message(words), file=self._stream, flush=True)
 
 
 def is_seen(stream: TextIO | None) -> bool:
     """Whether somebody watches a stream and a line of it can be written over: a terminal, or a notebook."""
-    if stream is None:
-        return False
-    return in_notebook() or (stream.isatty() and os.environ.get("TERM") not in ("dumb", "unknown"))
+    return stream is not None and (in_notebook() or is_terminal(stream))

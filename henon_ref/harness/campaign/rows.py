@@ -9,7 +9,6 @@ from henon_ref.casefile.case import Reading
 from henon_ref.harness.campaign.causes import cause_of
 from henon_ref.harness.campaign.settings import Setting
 from henon_ref.harness.campaign.timing import summarise
-from henon_ref.harness.campaign.worker import Failure
 from henon_ref.harness.rows import REPEATED, RunRow, StickRow, TransitionRow
 from henon_ref.harness.score.errors import Score, score
 from henon_ref.harness.score.matching import Matching
@@ -19,6 +18,7 @@ from henon_ref.harness.score.verdict import granted_error, graze_distance, misse
 from henon_ref.modes.mode import Mode, mode_text
 from henon_ref.text import short_line
 from henon_ref.trajectory import Counts, Stick, Trajectory, sticks
+from henon_ref.workers.worker import Failure
 
 FAILURES = {"unsupported": "not run", "unavailable": "not run", "timeout": "not judged"}
 """Verdicts on runs without an answer, by status; any other is the solver's fault, and so is an ignored deadline."""

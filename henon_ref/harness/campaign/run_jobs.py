@@ -18,11 +18,11 @@ from henon_ref.harness import registry
 from henon_ref.harness.campaign.contract_check import check_prepared, check_trajectory
 from henon_ref.harness.campaign.settings import Setting
 from henon_ref.harness.campaign.timing import repeat
-from henon_ref.harness.campaign.worker import Job, WorkerState
 from henon_ref.jit.processor_time import run_time
 from henon_ref.modes.problem import Problem
 from henon_ref.solver import Run, SelfTimedRun, Solver
 from henon_ref.trajectory import Samples, Trajectory
+from henon_ref.workers.worker import Job, WorkerState
 
 PREPARE_SECONDS = 240.0
 """Processor time that the preparation of a run may take [s]: diffrax took 108 s for the 42 modes of block_chain,

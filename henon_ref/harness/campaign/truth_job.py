@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from henon_ref.casefile.case import Case, Reading
-from henon_ref.harness.campaign.worker import Job, WorkerState
 from henon_ref.harness.score.reference import Expected
+from henon_ref.workers.worker import Job, WorkerState
 
 if TYPE_CHECKING:
     from henon_ref.harness.truth import Truth

@@ -9,7 +9,7 @@ from __future__ import annotations
 import gc
 import os
 from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING
 
 from henon_ref.commands import status_line
@@ -26,30 +26,31 @@ KEPT = "finished rows are kept, --resume goes on from them"
 
 def command(arguments: Sequence[str] | None = None) -> int:
     """Run the command; the exit status. Whatever goes wrong is one message on standard error."""
-    return exit_status(lambda: _act(arguments, nullcontext()), name="compare", arguments=arguments, kept=KEPT)
+    return exit_status(lambda: _act(arguments, served=False), name="compare", arguments=arguments, kept=KEPT)
 
 
 def program(arguments: Sequence[str] | None = None) -> int:
     """The command as a process of its own: the exit status."""
     for name in ONE_THREAD:  # read when numpy is imported, which it has not been yet
         os.environ.setdefault(name, "1")
-    status = exit_status(lambda: _act(arguments, _processes()), name="compare", arguments=arguments, kept=KEPT)
+    status = exit_status(lambda: _act(arguments, served=True), name="compare", arguments=arguments, kept=KEPT)
     gc.freeze()  # nor is it looked through once more on the way out: a tenth of a short comparison
     return status
 
 
 @contextmanager
-def _processes() -> Iterator[None]:
-    """Workers' processes that are begun now: while they are, this process imports what the command needs."""
-    from henon_ref.harness.campaign.fork_server import begin_server
+def _processes(*, figures: bool) -> Iterator[None]:
+    """A server of worker processes that is begun now: meanwhile this process imports what the command needs."""
+    from henon_ref.harness.campaign import DRAWING_NEEDS, WORKERS_NEED
     from henon_ref.jit.cache_folder import watched_cache
+    from henon_ref.workers.worker_process import begin_server
 
-    with watched_cache():  # they use the folder that is found usable here
-        begin_server()
+    with watched_cache():  # workers use the folder that is found usable here
+        begin_server(*WORKERS_NEED, *(DRAWING_NEEDS if figures else ()))
         yield
 
 
-def _act(arguments: Sequence[str] | None, processes: AbstractContextManager[None]) -> int:
+def _act(arguments: Sequence[str] | None, *, served: bool) -> int:
     from henon_ref.harness.cli.arguments import app
 
     # Run outside of typer, which has its own way with an interrupt.
@@ -59,11 +60,12 @@ def _act(arguments: Sequence[str] | None, processes: AbstractContextManager[None
     try:
         # Before anything that takes long is imported.
         status_line.show(f"reading {listed([str(path) for path in request.cases], 4)}")
-        from henon_ref.harness.campaign.fork_server import collect_seldom
+        from henon_ref.workers.worker import collect_seldom
 
         collect_seldom()
         if request.check:
             return _explain(request)
+        processes = _processes(figures=request.figures) if served else nullcontext()
         with processes, writing_into(request.out, kept=KEPT):
             return _run(request)
     finally:

@@ -19,7 +19,7 @@ from henon_ref.harness.campaign.progress import ProgressLine
 from henon_ref.harness.cli.end_output import EndTable, case_line, document, print_end
 from henon_ref.harness.cli.request import Request
 from henon_ref.harness.report.case_report import write_report
-from henon_ref.harness.report.files.figure_jobs import figure_job, preload
+from henon_ref.harness.report.files.figure_jobs import figure_job
 from henon_ref.harness.report.files.folder_lock import locked, locked_for_a_moment
 from henon_ref.harness.report.files.manifest import provenance
 from henon_ref.harness.report.files.write import check_writable, remove_if_empty
@@ -89,7 +89,7 @@ def _compared(cases: Sequence[Case], options: Options, request: Request) -> Unme
     status_line.clear()
     with ProgressLine() as shown:
         draw = figure_job if request.figures else None
-        compare_all(cases, options, deliver, draw=draw, ready=preload, observer=shown)
+        compare_all(cases, options, deliver, draw=draw, observer=shown)
     with locked_for_a_moment(request.out):
         index = write_folder_report(request.out)
     discard(request.out, cases)

@@ -15,10 +15,10 @@ from typing import Annotated
 
 import typer
 
+from henon_ref.atomic_write import replace_file
 from henon_ref.commands.exit_status import DONE, NOT_MET, exit_status, parsed, say
 from henon_ref.commands.typer_app import application, examples
 from henon_ref.errors import CaseError
-from henon_ref.harness.atomic_write import replace_file
 from henon_ref.harness.cli.arguments import names
 from henon_ref.harness.report.files.manifest import read_bounds
 from henon_ref.harness.report.files.write import MANIFEST, RUNS

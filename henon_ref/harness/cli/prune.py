@@ -14,8 +14,8 @@ from typing import Annotated
 
 import typer
 
+from henon_ref.atomic_write import replace_file
 from henon_ref.commands.exit_status import DONE, exit_status, parsed, say
-from henon_ref.harness.atomic_write import replace_file
 from henon_ref.harness.campaign.case_files import load_cases
 from henon_ref.harness.report.files.folder_lock import locked_for_a_moment
 from henon_ref.harness.report.files.links import without_dead_links

@@ -7,7 +7,7 @@ import shutil
 import tempfile
 from pathlib import Path
 
-from henon_ref.harness.atomic_write import write_through
+from henon_ref.atomic_write import write_through
 from henon_ref.harness.campaign.comparison import Comparison
 from henon_ref.harness.report.files.figure_jobs import READINGS
 from henon_ref.harness.report.files.folder_lock import locked_for_a_moment

@@ -15,9 +15,9 @@ if TYPE_CHECKING:  # the command's help imports this module, and nothing that co
 
 
 def _silent() -> Observer:
-    from henon_ref.harness.campaign.options import Silent
+    from henon_ref.harness.campaign.options import Observer
 
-    return Silent()
+    return Observer()
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from typing import Any
 
 import platformdirs
 
-from henon_ref.harness.atomic_write import replace_file
+from henon_ref.atomic_write import replace_file
 from henon_ref.harness.truth.reference import ReferenceTransition, Truth, TruthError
 from henon_ref.harness.truth.stored_form import SCHEMA, parse
 

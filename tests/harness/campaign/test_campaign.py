@@ -19,9 +19,9 @@ from henon_ref.harness.campaign.comparison import Comparison, compare, compare_a
 from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.campaign.run_jobs import TimeJob
 from henon_ref.harness.campaign.truth_job import Statement
-from henon_ref.harness.campaign.worker import Job
 from henon_ref.harness.rows import JUDGED_COLUMNS, RUN_COLUMNS, STICK_COLUMNS, TRANSITION_COLUMNS, RunRow
 from henon_ref.harness.score.gate import Demand, bounds_of, demand, gate
+from henon_ref.workers.worker import Job
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="made-up truths reach workers by fork")
 

@@ -13,9 +13,9 @@ from fakes import case, found, trajectory
 from henon_ref.baselines.record import Transitions
 from henon_ref.errors import ContractError
 from henon_ref.harness.campaign.contract_check import check_prepared, check_trajectory
-from henon_ref.harness.campaign.worker import failure_of
 from henon_ref.text import LONGEST_REASON, short_line
 from henon_ref.trajectory import Counts, Trajectory, Transition
+from henon_ref.workers.worker import failure_of
 
 PROBLEM = case().readings[0].problem
 MOST = 1000

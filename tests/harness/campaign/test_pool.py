@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import mmap
-import os
-import signal
 import subprocess
 import sys
 import textwrap
@@ -13,16 +11,20 @@ import time
 from pathlib import Path
 
 import pytest
-from jobs import Act, Collector, Keep, Kept, Stuck, crowd, memory, noted, run
+from jobs import Act, Collector, Stuck, crowd, memory, noted, run
 
 from henon_ref.errors import HenonRefError
-from henon_ref.harness.campaign import pool
-from henon_ref.harness.campaign.pool import WorkerPool
-from henon_ref.workers.procfs import children
+from henon_ref.workers import pool, worker_process
+from henon_ref.workers.pool import WorkerPool
+from henon_ref.workers.procfs import family
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="what processes hold and use is told by Linux's /proc")
 
-SERVER = "from henon_ref.harness.campaign.fork_server import begin_server; begin_server()"
+SERVER = """
+from henon_ref.harness.campaign import WORKERS_NEED
+from henon_ref.workers import worker_process
+worker_process.begin_server(*WORKERS_NEED)
+"""
 
 
 def gone(pid: int) -> bool:
@@ -211,41 +213,18 @@ def test_an_interrupt_leaves_no_process_behind(tmp_path):
     wait_until(lambda: all(gone(pid) for path in notes for pid in noted(path)))
 
 
-@pytest.mark.parametrize("number", [signal.SIGSTOP, signal.SIGKILL])
-def test_a_lost_fork_server_is_replaced_and_jobs_are_done_again(number):
-    """What its workers have prepared is prepared anew."""
-    seen = Collector()
-
-    def jobs():
-        seen.take("keep", (yield Keep("keep")))
-        (server,) = (pid for pid in children(os.getpid()) if pid not in before)
-        os.kill(server, number)
-        seen.take("kept", (yield Kept("kept")))
-        seen.take("after", (yield Act("after")))
-
-    before = children(os.getpid())
-    own = WorkerPool(workers=2, memory=memory())
-    own.add("q", jobs())
-    own.add("other", seen.jobs("wait"))
-    own.run()
-    assert seen.results == {"keep": "keepkeep", "kept": "kept", "after": "afterafter", "wait": "waitwait"}
-    assert not seen.failures
-
-
-def test_a_fork_server_that_is_lost_again_and_again_is_one_error():
-    with pytest.raises(HenonRefError, match="was stopped or ended 4 times"):
-        run(["stop_server"])
-
-
-def test_where_the_command_s_server_is_lost_workers_are_forked_from_the_command(tmp_path):
-    job = f'Act("stop_server_once", notes={str(tmp_path / "pids")!r})'
-    code = f'print(run([{job}, "after"], ["imported"]).results)'
-    done = subprocess.run(
-        [sys.executable, str(script(tmp_path, SERVER, code))], capture_output=True, text=True, check=True, timeout=600
-    )
-    assert "'stop_server_once': 'stop_server_oncestop_server_once'" in done.stdout
-    assert "'after': 'afterafter'" in done.stdout
-    assert done.stderr == ""
+def test_a_job_that_stops_or_kills_its_guard_is_nobody_else_s_trouble(tmp_path):
+    """What it starts ends with the guard that it has stopped, too."""
+    notes = tmp_path / "pids"
+    daemon = Act("leave_a_daemon", 20.0, str(notes))
+    seen = run(["keep", "stop_guard", "kept", daemon], ["kill_guard", "after"], ["other"])
+    assert seen.results["kept"] == "kept"
+    assert seen.results["stop_guard"] == "stop_guard" * 2
+    assert {what: failure.reason for what, failure in seen.failures.items()} == {
+        "kill_guard": "the library was ended by signal SIGKILL"
+    }
+    assert (seen.results["after"], seen.results["other"]) == ("afterafter", "otherother")
+    assert all(map(gone, noted(notes)))
 
 
 @pytest.mark.parametrize("begin", ["", SERVER])
@@ -254,11 +233,11 @@ def test_all_die_with_a_killed_caller(tmp_path, begin):
     code = f'run([Act("leave_a_daemon", 60.0, {str(notes)!r}), Act("hang", 60.0, {str(notes)!r})])'
     caller = subprocess.Popen([sys.executable, str(script(tmp_path, begin, code))])
     wait_until(lambda: len(noted(notes)) == 3)
-    family = {*noted(notes), *children(caller.pid)}
-    assert len(family) == 3  # worker, daemon and fork server
+    members = {*noted(notes), *family(caller.pid)} - {caller.pid}
+    assert len(members) >= 3  # worker, daemon, guard, and what begins them
     caller.kill()
     caller.wait()
-    wait_until(lambda: all(map(gone, family)))
+    wait_until(lambda: all(map(gone, members)))
 
 
 def test_the_command_s_server_has_imported_what_workers_need_and_is_as_good(tmp_path):
@@ -282,17 +261,17 @@ def test_the_command_s_server_has_imported_what_workers_need_and_is_as_good(tmp_
 @pytest.mark.parametrize(
     "without",
     [
-        "def refuse(*given): raise OSError('no socket')\nfork_server.util.spawnv_passfds = refuse",
+        "def refuse(*given): raise OSError('no socket')\nworker_process.server.ensure_running = refuse",
         "os.sched_getaffinity = lambda process: {0}",
     ],
 )
 def test_where_there_is_no_socket_or_no_second_core_workers_are_forked_from_the_caller(tmp_path, without):
-    code = 'print(run(["a"]).results, len(fork_server._begun))'
-    begin = f"from henon_ref.harness.campaign import fork_server\n{without}\n{SERVER}"
+    code = 'print(run(["a"]).results, worker_process.start_method())'
+    begin = SERVER.replace("worker_process.begin", f"{without}\nworker_process.begin")
     done = subprocess.run(
         [sys.executable, str(script(tmp_path, begin, code))], capture_output=True, text=True, check=True, timeout=600
     )
-    assert done.stdout == "{'a': 'aa'} 0\n"
+    assert done.stdout == "{'a': 'aa'} fork\n"
 
 
 def script(folder: Path, begin: str, code: str) -> Path:
@@ -323,6 +302,19 @@ def test_a_caller_with_threads_has_workers_of_a_fresh_process():
     assert seen.failures["abort"].reason.endswith("SIGABRT: LLVM ERROR: out of registers")
 
 
+def test_workers_that_begin_afresh_are_killed_and_bounded_as_well(monkeypatch, tmp_path):
+    """As where there is no fork: what ends with a worker then is its process group."""
+    monkeypatch.setattr(worker_process, "start_method", lambda: worker_process.SPAWN)
+    notes = tmp_path / "pids"
+    seen = run(["keep", "kept", "eat", "after"], [Act("children", 0.5, str(notes)), "kill", "stray_done"])
+    assert seen.results == {"keep": "keepkeep", "kept": "kept", "after": "afterafter"}
+    assert seen.failures["children"].status == "timeout"
+    assert seen.failures["eat"].reason.startswith("memory")
+    assert "SIGKILL" in seen.failures["kill"].reason
+    assert "no reply" in seen.failures["stray_done"].reason
+    wait_until(lambda: all(map(gone, noted(notes))))
+
+
 def test_a_script_that_compares_where_it_is_imported_is_told_so_and_leaves_nothing_behind(tmp_path):
     path = script(
         tmp_path,
@@ -337,4 +329,4 @@ def test_a_script_that_compares_where_it_is_imported_is_told_so_and_leaves_nothi
     done = subprocess.run([sys.executable, str(path)], capture_output=True, text=True, timeout=600)
     assert done.returncode == 1
     assert 'put that under if __name__ == "__main__"' in done.stderr
-    assert "was stopped or ended 4 times" in done.stderr
+    assert "have ended before they began, 4 times" in done.stderr

@@ -16,8 +16,8 @@ from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.campaign.results import ReadingResult
 from henon_ref.harness.campaign.rows import Outcome, record
 from henon_ref.harness.campaign.settings import Setting
-from henon_ref.harness.campaign.worker import Failure
 from henon_ref.harness.score.errors import score
+from henon_ref.workers.worker import Failure
 
 EVIL = "<script>alert(1)</script><img src=x> $x$ \\(y\\) \x1b[31mred \u202eback"
 

@@ -13,6 +13,7 @@ import pytest
 from problems import LEAVING_SLIDE
 
 from henon_ref.commands import status_line
+from henon_ref.simulation import notice
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="a terminal is a pseudo-terminal here")
 QUICK = ["--solvers", "scipy-dop853", "--tolerances", "1e-6", "--repeats", "1", "--no-figures", "--out", "out"]
@@ -56,7 +57,7 @@ def test_a_terminal_is_shown_what_is_read_then_the_runs_at_work_then_the_table(c
     status, written = on_a_terminal(case, "compare", "leaving_slide.yaml", *QUICK)
     assert status == 0
     assert written.startswith("reading leaving_slide.yaml")
-    assert re.search(r"\r[01] of 1 rows, .*at work: leaving_slide default scipy-dop853 rtol 1e-06 \(\d+ s\)", written)
+    assert re.search(r"K[01] of 1 rows, .*at work: leaving_slide default scipy-dop853 rtol 1e-06 \(\d+ s\)", written)
     end = written.split("\r")
     assert re.search(r"scipy-dop853 +1 of 1 ", written)
     assert end[-2].endswith("out/leaving_slide/report.md")
@@ -71,7 +72,7 @@ def test_a_bad_file_on_a_terminal_leaves_its_message_alone(case):
 
 
 def test_a_line_too_long_for_the_terminal_is_cut_and_holds_no_control_characters(monkeypatch, capsys):
-    monkeypatch.setattr(status_line, "is_terminal", lambda: True)
+    monkeypatch.setattr(notice, "is_terminal", lambda stream: True)
     monkeypatch.setenv("COLUMNS", "40")
     status_line.show("reading \x1b[31m" + "x" * 100)
     shown = capsys.readouterr().err

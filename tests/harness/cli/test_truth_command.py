@@ -14,7 +14,6 @@ import pytest
 from problems import LEAVING_SLIDE as TEXT
 
 from henon_ref.casefile.case import load_case
-from henon_ref.harness.campaign.fork_server import end_server
 from henon_ref.harness.cli import compare as compare_command
 from henon_ref.harness.cli.truth import command
 from henon_ref.harness.truth import compute, store
@@ -168,7 +167,6 @@ def compare(
     cache = file.parent.parent / "cache"
     monkeypatch.setattr(store, "user_folder", lambda: cache / "henon_ref" / "truth")
     monkeypatch.setenv("XDG_CACHE_HOME", str(cache))  # of workers that are no forks
-    end_server()  # one that another test has begun has another cache
     handler = signal.getsignal(signal.SIGTERM)
 
     def compare() -> Compared:
@@ -184,7 +182,6 @@ def compare(
         return "\n".join(caplog.messages), row, manifest["readings"]["default"]["truth"]
 
     yield compare
-    end_server()
     signal.signal(signal.SIGTERM, handler)
 
 

@@ -20,7 +20,6 @@ from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.campaign.results import ReadingResult
 from henon_ref.harness.campaign.rows import Outcome, Record, record
 from henon_ref.harness.campaign.settings import Setting
-from henon_ref.harness.campaign.worker import Failure
 from henon_ref.harness.cli.compare import command
 from henon_ref.harness.figures.cost import draw_cost
 from henon_ref.harness.figures.errors import draw_errors
@@ -29,6 +28,7 @@ from henon_ref.harness.report.files.figure_jobs import svg
 from henon_ref.harness.report.files.manifest import provenance
 from henon_ref.harness.report.text.index import write_index
 from henon_ref.harness.score.errors import score
+from henon_ref.workers.worker import Failure
 
 EVIL = (
     "<script>alert(1)</script><img src=//evil.example/x.png> ![x](//evil.example/x.png) [y](//evil.example) "

@@ -21,7 +21,6 @@ from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.campaign.results import ReadingResult
 from henon_ref.harness.campaign.rows import Outcome, record, scored
 from henon_ref.harness.campaign.settings import Setting
-from henon_ref.harness.campaign.worker import WorkerState
 from henon_ref.harness.cli import check
 from henon_ref.harness.report.case_report import write_report
 from henon_ref.harness.report.files.figure_jobs import FigureJob
@@ -35,6 +34,7 @@ from henon_ref.harness.rows import RunRow, csv_text, read_rows, rows_text
 from henon_ref.harness.score.gate import Gate
 from henon_ref.modes.latex import latex, symbol
 from henon_ref.trajectory import Samples
+from henon_ref.workers.worker import WorkerState
 
 
 @pytest.fixture

@@ -9,7 +9,6 @@ import pytest
 from henon_ref.casefile.case import load_case
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.settings import Setting
-from henon_ref.harness.campaign.worker import WorkerState
 from henon_ref.harness.report.text.index import index_text
 from henon_ref.harness.report.text.paired_times import PRICE_PAIRS, PairRow, own_words, spread_table
 from henon_ref.harness.rows import rows_text
@@ -17,6 +16,7 @@ from henon_ref.harness.studies.paired_times import own_calls
 from henon_ref.harness.studies.paired_times.own_calls import Clock, clocked, own_part
 from henon_ref.harness.studies.paired_times.pairs import Candidate, Pair
 from henon_ref.harness.studies.paired_times.timing import PairedTiming
+from henon_ref.workers.worker import WorkerState
 
 CASES = Path(__file__).parents[3] / "cases"
 

@@ -10,7 +10,7 @@ from fakes import Fake, case, statement
 
 from henon_ref.figures import style
 from henon_ref.harness.campaign import truth_job
-from henon_ref.harness.campaign.options import Options, Silent
+from henon_ref.harness.campaign.options import Observer, Options
 from henon_ref.harness.report.files.manifest import provenance
 from henon_ref.harness.studies import page
 from henon_ref.harness.studies.runs import rows_of
@@ -42,6 +42,6 @@ def test_a_page_stays_as_it_is_where_its_new_files_cannot_be_made(tmp_path: Path
 def test_rows_are_given_by_case_in_the_order_of_the_cases(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(truth_job, "statement_of", statement)
     cases = [case("b"), case("a")]
-    found = rows_of(cases, Options(solvers=(Fake("one"), Fake("two")), processes=1, timed=False), Silent())
+    found = rows_of(cases, Options(solvers=(Fake("one"), Fake("two")), processes=1, timed=False), Observer())
     assert list(found) == ["b", "a"]
     assert all({(row.case, row.solver) for row in found[c]} == {(c, "one"), (c, "two")} for c in found)

@@ -10,9 +10,8 @@ from fakes import Fake, case, expected, statement
 
 from henon_ref.casefile.case import load_case
 from henon_ref.harness import registry
-from henon_ref.harness.campaign.options import Options, Silent
+from henon_ref.harness.campaign.options import Observer, Options
 from henon_ref.harness.campaign.settings import Setting
-from henon_ref.harness.campaign.worker import WorkerState
 from henon_ref.harness.cli import study
 from henon_ref.harness.report.files.manifest import provenance
 from henon_ref.harness.report.text.restarts import SUITE, SuiteRow
@@ -21,6 +20,7 @@ from henon_ref.harness.studies.restarts import runs
 from henon_ref.harness.studies.restarts.page import run_restarts
 from henon_ref.harness.studies.restarts.runs import LIMIT, LONGER, Restarted, run_all
 from henon_ref.harness.studies.study import Asked
+from henon_ref.workers.worker import WorkerState
 
 CASES = Path(__file__).parents[3] / "cases"
 OPTIONS = Options(processes=1)
@@ -51,7 +51,7 @@ def test_a_run_is_the_campaign_s_own(tolerances: tuple[float, ...] | None) -> No
     """Equations that all libraries share change nothing: the same transitions, steps and digits as a run alone."""
     case = load_case(CASES / "free_coulomb.yaml")
     names = ("scipy-rk45@offset", "cvode-adams@offset")
-    made = run_all([case], [(name,) for name in names], replace(OPTIONS, tolerances=tolerances), Silent())
+    made = run_all([case], [(name,) for name in names], replace(OPTIONS, tolerances=tolerances), Observer())
     problem = case.readings[0].problem
     assert len(made.rows) == 2 * len(tolerances or case.readings[0].tolerances)
     for row in made.rows:
@@ -93,7 +93,7 @@ def outcome(monkeypatch: pytest.MonkeyPatch, *group: Fake) -> runs.Study:
     """The study of one group on the made-up case, whose tolerances are 1e-3 and 1e-6."""
     monkeypatch.setattr(registry, "base_name", lambda name: "heyoka")  # one of those that the case is for
     monkeypatch.setattr(runs, "stored_statement", statement)
-    return run_all([case()], [group], OPTIONS, Silent())
+    return run_all([case()], [group], OPTIONS, Observer())
 
 
 def test_a_tolerance_is_cut_for_all_where_none_is_right_and_one_is_late(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -130,4 +130,4 @@ def test_the_command_keeps_the_rows_of_libraries_that_it_did_not_run(tmp_path: P
 
 def test_a_reading_without_a_truth_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(runs, "stored_statement", lambda case, reading: None)
-    assert run_all([case()], [("heyoka",)], OPTIONS, Silent()).rows == []
+    assert run_all([case()], [("heyoka",)], OPTIONS, Observer()).rows == []

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 from henon_ref.casefile.case import Reading
 from henon_ref.harness.campaign.results import ReadingResult
 from henon_ref.harness.campaign.rows import Record
-from henon_ref.harness.campaign.worker import Job, WorkerState
 from henon_ref.harness.report.files.svg import svg
 from henon_ref.harness.score.reference import Expected
 from henon_ref.trajectory import Samples
+from henon_ref.workers.worker import Job, WorkerState
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -74,11 +74,3 @@ def figure_job(result: ReadingResult, records: list[Record]) -> FigureJob:
 def file_name(reading: str, kind: str) -> str:
     """Name of a figure's file."""
     return f"{reading}_{kind}.svg"
-
-
-def preload() -> None:
-    """Import what drawing needs, so that workers forked from here on have it, and nobody waits for it."""
-    import scipy.optimize  # noqa: F401
-    from matplotlib.mathtext import MathTextParser
-
-    MathTextParser("path").parse("$x$")  # makes the grammar, and finds the fonts

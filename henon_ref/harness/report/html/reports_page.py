@@ -7,7 +7,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from henon_ref.harness.atomic_write import replace_file
+from henon_ref.atomic_write import replace_file
 from henon_ref.harness.report.files.write import INDEX, MATRIX, MATRIX_PAGE, PAGE
 from henon_ref.harness.report.html.content import content
 from henon_ref.harness.report.html.rendering import rendered, source

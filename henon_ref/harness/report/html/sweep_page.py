@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from henon_ref.harness.atomic_write import replace_file
+from henon_ref.atomic_write import replace_file
 from henon_ref.harness.report.html.rendering import rendered, source
 from henon_ref.harness.report.html.sweep_content import (
     MOST_READ,

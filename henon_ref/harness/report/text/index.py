@@ -7,8 +7,8 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from henon_ref.atomic_write import replace_file
 from henon_ref.errors import CaseError
-from henon_ref.harness.atomic_write import replace_file
 from henon_ref.harness.report.files.links import without_dead_links
 from henon_ref.harness.report.files.svg import svg
 from henon_ref.harness.report.files.write import INDEX, MANIFEST, MATRIX, MATRIX_PAGE, REPORT, RUNS, check_index

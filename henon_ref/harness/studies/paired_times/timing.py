@@ -9,14 +9,14 @@ from dataclasses import dataclass
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.interleaved import Turns, interleaved
 from henon_ref.harness.campaign.options import Observer, Options
-from henon_ref.harness.campaign.pool import Jobs, WorkerPool
 from henon_ref.harness.campaign.timing import median_interval
-from henon_ref.harness.campaign.worker import Failure, Job, WorkerState
 from henon_ref.harness.report.text.paired_times import PairRow
 from henon_ref.harness.studies.paired_times.own_calls import ClockedHeyoka, clocked, own_part
 from henon_ref.harness.studies.paired_times.pairs import Candidate, Pair
 from henon_ref.modes.problem import Problem
 from henon_ref.solver import Run
+from henon_ref.workers.pool import Jobs, WorkerPool
+from henon_ref.workers.worker import Failure, Job, WorkerState
 
 FEWEST, MOST = 9, 200
 """How often each setting is run."""

@@ -16,16 +16,16 @@ from henon_ref.casefile.case import Case, Reading
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.contract_check import check_trajectory
 from henon_ref.harness.campaign.options import Observer, Options
-from henon_ref.harness.campaign.pool import Jobs, WorkerPool
 from henon_ref.harness.campaign.rows import Outcome, record, scored
 from henon_ref.harness.campaign.run_jobs import PREPARE_SECONDS, most_transitions
 from henon_ref.harness.campaign.settings import Setting, settings, state_scale
 from henon_ref.harness.campaign.truth_job import stored_statement
-from henon_ref.harness.campaign.worker import Failure, Job, WorkerState, failure_of
 from henon_ref.harness.rows import RunRow
 from henon_ref.harness.score.reference import Expected
 from henon_ref.jit.processor_time import run_time
 from henon_ref.solver import Run, Solver
+from henon_ref.workers.pool import Jobs, WorkerPool
+from henon_ref.workers.worker import Failure, Job, WorkerState, failure_of
 
 Entry = str | Solver | Adapter
 """A solver, or the name under which a worker finds it."""

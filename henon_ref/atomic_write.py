@@ -16,16 +16,19 @@ def write_through(path: Path, content: bytes) -> None:
 
 
 def replace_file(path: Path, content: bytes) -> None:
-    """Put a whole file in the place of another, or leave the other as it is.
+    """Put a whole file in the place of another, or leave the other as it is; a device or pipe is written to.
 
     Raises
     ------
     OSError
         Where it cannot be written.
     """
-    waiting = path.with_name(f".{path.name}.{os.getpid()}.new")
+    if path.exists() and not path.is_file():
+        path.write_bytes(content)
+        return
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        write_through(waiting, content)
-        os.replace(waiting, path)
+        write_through(part, content)
+        part.replace(path)
     finally:
-        waiting.unlink(missing_ok=True)
+        part.unlink(missing_ok=True)
