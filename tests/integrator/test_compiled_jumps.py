@@ -13,10 +13,9 @@ import sympy as sp
 from henon_ref.casefile.case import load_case
 from henon_ref.errors import ModelError
 from henon_ref.harness.registry import solver
-from henon_ref.integrator import mode_table
+from henon_ref.integrator import mode_changes, mode_table
 from henon_ref.integrator.integrator import Integrator
 from henon_ref.integrator.jump_code import jump_code
-from henon_ref.integrator.mode_changes import ModeChanges
 from henon_ref.integrator.points import Keep, PointRuns
 from henon_ref.integrator.records import HENON
 from henon_ref.integrator.run import Run
@@ -48,13 +47,13 @@ def ints(*values: int) -> tuple[sp.Expr, ...]:
 def jumps_in_python(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, ...]]:
     """Surfaces of each jump that Python makes."""
     made: list[tuple[int, ...]] = []
-    jump = ModeChanges._jump
+    jump = mode_changes.jump
 
-    def counted(self: ModeChanges, surfaces: tuple[int, ...], hits: Any) -> Any:
+    def counted(run: Run, surfaces: tuple[int, ...], hits: Any) -> Any:
         made.append(surfaces)
-        return jump(self, surfaces, hits)
+        return jump(run, surfaces, hits)
 
-    monkeypatch.setattr(ModeChanges, "_jump", counted)
+    monkeypatch.setattr(mode_changes, "jump", counted)
     return made
 
 
