@@ -6,8 +6,8 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
+from henon_ref.modes.equations import ModeTape
 from henon_ref.modes.mode import Mode
-from henon_ref.modes.mode_evaluation import ModeTape
 
 
 class DistinctConstants:

@@ -4,26 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.integrator.tape_program import tape_program
-from henon_ref.jit.native_module import NativeModule
+from henon_ref.jit.native_module import NativeModule, source_hash
 from henon_ref.kernel.shared import kernel
-from henon_ref.modes.decoupled_contacts import SwitchedEquations
-from henon_ref.modes.equations import Guard, along
+from henon_ref.modes.equations import Guard, ModeTape, along
 from henon_ref.modes.mode import Mode
-from henon_ref.modes.mode_evaluation import ModeTape
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.machine_code import Part, machine_code
 from henon_ref.taylor.tape import Tape, build_tape
 
+if TYPE_CHECKING:
+    from henon_ref.modes.decoupled_contacts import SwitchedEquations
+
 BRANCHING = frozenset({"sqrt", "power", "asin", "acos"})
 """Operations with branch points."""
 Entries = tuple[tuple[Mapping[sp.Symbol, sp.Expr], ...], ...]
-"""See :class:`henon_ref.modes.mode_evaluation.ModeTape`."""
+"""See :class:`henon_ref.modes.equations.ModeTape`."""
 MOST_WATCHED = 200
 """Operations up to which guards that hold more than the field does (a long expression whose extremes a sweep looks for)
 are compiled to the fastest code: beyond, that takes longer than most runs."""
@@ -172,6 +175,21 @@ def _speeds(
         else:
             found += [sp.Integer(0), sp.Integer(0)]
     return found
+
+
+@cache
+def bernstein_code(order: int) -> NativeModule:
+    """Machine code with the function ``bernstein`` of an order (:mod:`henon_ref.roots.bernstein`)."""
+
+    def written() -> str:
+        from henon_ref.jit.ir_writer import declarations  # only where it is to be compiled
+        from henon_ref.roots.bernstein import bernstein_ir
+
+        return declarations() + bernstein_ir(order, "bernstein")
+
+    return NativeModule(
+        written, key=f"{source_hash('roots/bernstein.py', 'jit/*.py', 'kernel/kernel.h')} bernstein {order}"
+    )
 
 
 @dataclass(frozen=True, eq=False)

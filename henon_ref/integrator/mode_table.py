@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +15,10 @@ from henon_ref.errors import ModelError
 from henon_ref.integrator.distinct_constants import DistinctConstants
 from henon_ref.integrator.entries import packed, unpacked
 from henon_ref.integrator.growing_rows import GrowingRows
-from henon_ref.integrator.jump_code import jump_code
 from henon_ref.integrator.mode_code import (
     ModeCode,
     NormalVelocities,
+    bernstein_code,
     common_mode_code,
     normal_velocities,
     switched_mode_code,
@@ -33,7 +33,9 @@ from henon_ref.modes.kinks import continuous
 from henon_ref.modes.mode import Mode, mode_number
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.precision import one_at_a_time
-from henon_ref.roots.bernstein import bernstein_code
+
+if TYPE_CHECKING:
+    from henon_ref.integrator.jump_code import JumpCode
 
 ALL: Mode = ()
 """What machine code goes by that all modes have in common."""
@@ -121,7 +123,7 @@ class ModeTable:
         surfaces = len(system.surfaces)
         self._switched = system.switched
         self.contacts = surfaces if self._switched and not system.resets else 0
-        self._jumps = jump_code(system)
+        self._jumps = _jump_code(system) if system.resets else None
         self._records = GrowingRows(mode_dtype(self.most_guards), ())
         self._sources = GrowingRows(np.int64, (0, 0))
         self._powers = [3**i for i in range(surfaces)]
@@ -357,6 +359,12 @@ class ModeTable:
                 guards["mode_stuck"][row, g] = target
             if guard.ends is None and guard.to_sign == entry:
                 guards["mode_across"][row, g] = target
+
+
+def _jump_code(system: FilippovSystem) -> JumpCode | None:
+    from henon_ref.integrator.jump_code import jump_code  # few systems have resets
+
+    return jump_code(system)
 
 
 def _number(mode: Mode) -> int:

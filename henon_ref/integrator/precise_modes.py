@@ -11,10 +11,9 @@ from typing import Any
 import sympy as sp
 from flint import arb, arb_poly
 
-from henon_ref.integrator.parameter_programs import ParameterPrograms
 from henon_ref.jit.processor_time import compiling
 from henon_ref.modes.equations import Guard
-from henon_ref.modes.in_balls import BALLS, RING, ball_function, in_balls
+from henon_ref.modes.in_balls import RING, in_balls
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.mode_evaluation import ModeEvaluation
 from henon_ref.modes.system import FilippovSystem
@@ -145,22 +144,3 @@ def _negligible_tail(rows: Sequence[Sequence[arb]]) -> bool:
     """True if the last terms of some series count for nothing where their variable is 1."""
     sizes = (list(map(abs, map(float, row))) for row in rows)
     return all(max(terms[-ENDING_ORDERS:]) <= NEGLIGIBLE * sum(terms) < math.inf for terms in sizes)
-
-
-def balls_of(programs: ParameterPrograms, values: tuple[sp.Expr, ...]) -> ModeEvaluation:
-    """The modes in balls, with constants from programs at exact values."""
-    return ModeEvaluation(programs.system, BALLS, _Tapes(programs, values))
-
-
-class _Tapes:
-    """Tapes that are shared with other parameter values, their constants from programs."""
-
-    def __init__(self, programs: ParameterPrograms, values: tuple[sp.Expr, ...]) -> None:
-        self.mode, self._programs, self._values = programs.mode, programs, values
-
-    def constants(self, tape: Tape) -> list[Any]:
-        return [ball.mid() for ball in self._programs.constants(tape).balls(self._values)]
-
-    def function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
-        tape = self._programs.tape(tuple(names), tuple(expressions))
-        return ball_function(tape, self.constants(tape))

@@ -27,9 +27,6 @@ from henon_ref.modes.equations import Guard, ModeEquations, along
 from henon_ref.modes.mode import Mode
 from henon_ref.taylor.tape import TIME
 
-FEW = 3
-"""With more surfaces than these one set of equations serves all modes, where the contacts allow it."""
-
 
 class HeldContact(Protocol):
     """What is read of a ``sliding`` override."""
