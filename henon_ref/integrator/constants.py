@@ -10,8 +10,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.integrator.growing_rows import GrowingRows
-from henon_ref.integrator.mode_table import CompiledModes
+from henon_ref.integrator.compiled_modes import CompiledModes, GrowingRows
 from henon_ref.integrator.pairs import Pair, Three, three_of
 from henon_ref.integrator.parameter_programs import LoopData, ParameterPrograms, loop_data, numbers_behind
 from henon_ref.jit.processor_time import compiling
@@ -60,7 +59,7 @@ class ModeConstants:
 
     @cached_property
     def _values(self) -> NDArray[np.float64]:
-        """See :class:`henon_ref.integrator.distinct_constants.DistinctConstants`."""
+        """See :class:`henon_ref.integrator.compiled_modes.DistinctConstants`."""
         return np.zeros(1) if self._at_once is None else numbers_behind(self._at_once)
 
     @cached_property

@@ -121,7 +121,7 @@ def _digits(run: State) -> tuple[list[arb], list[float]]:
     More than doubles have kept are there as long as the first mode lasts, and neither a jump nor a caller has
     changed the state.
     """
-    from henon_ref.integrator.precise_motion import PreciseMotion
+    from henon_ref.integrator.precise_modes import PreciseMotion
     from henon_ref.roots.multiprecision import BITS
 
     scalars, start, state = run.scalars, run.start, run.x.tolist()

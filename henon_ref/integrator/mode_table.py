@@ -4,7 +4,7 @@ them (:mod:`henon_ref.integrator.constants`)."""
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.errors import ModelError
-from henon_ref.integrator.distinct_constants import DistinctConstants
+from henon_ref.integrator.compiled_modes import CompiledModes, DistinctConstants, GrowingRows
 from henon_ref.integrator.entries import packed, unpacked
-from henon_ref.integrator.growing_rows import GrowingRows
 from henon_ref.integrator.mode_code import (
     ModeCode,
     NormalVelocities,
@@ -41,21 +40,6 @@ ALL: Mode = ()
 """What machine code goes by that all modes have in common."""
 _KIND = {"surface": kernel.SURFACE, "release": kernel.RELEASE, "valid": kernel.VALID, "attracts": kernel.VALID}
 _OTHERS = {entry: tuple(other for other in (-1, 0, 1) if other != entry) for entry in (-1, 0, 1)}
-
-
-@dataclass(frozen=True, eq=False)
-class CompiledModes:
-    """The modes that are compiled at one time: views of tables that grow behind them.
-
-    Links to modes that come later are put into it, unless somebody reads it then (see :class:`ModeTable`).
-    """
-
-    records: NDArray[Any]
-    """Shape (M,) of :func:`henon_ref.integrator.records.mode_dtype`."""
-    sources: NDArray[np.int64]
-    """(M, tapes, K): where each number of a mode's rows of constants is found among those of all modes."""
-    constants: int
-    """How many constants these are."""
 
 
 class Owned(NamedTuple):

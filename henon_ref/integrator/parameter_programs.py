@@ -14,8 +14,9 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
+from henon_ref.integrator.compiled_modes import CompiledModes
 from henon_ref.integrator.constant_program import ConstantProgram, constant_program
-from henon_ref.integrator.mode_table import CompiledModes, ModeTable
+from henon_ref.integrator.mode_table import ModeTable
 from henon_ref.integrator.pairs import Three
 from henon_ref.kernel.shared import doubles, ffi, integers, kernel
 from henon_ref.modes.system import FilippovSystem
@@ -157,7 +158,7 @@ class OnePoint:
 
 
 def numbers_behind(data: LoopData) -> NDArray[np.float64]:
-    """Constants of one point by their numbers; see :mod:`henon_ref.integrator.distinct_constants`."""
+    """Constants of one point by their numbers; see :class:`henon_ref.integrator.compiled_modes.DistinctConstants`."""
     numbers = np.frombuffer(ffi.buffer(data.constants), dtype=np.float64)
     return numbers[TABLES : TABLES + 1 + 2 * data.compiled.constants].copy()
 

@@ -20,7 +20,7 @@ from henon_ref.modes.mode import Mode
 from henon_ref.trajectory import Decisions
 
 if TYPE_CHECKING:
-    from henon_ref.integrator.precise_motion import PreciseMotion
+    from henon_ref.integrator.precise_modes import PreciseMotion
 
 
 class State:

@@ -21,8 +21,7 @@ import sympy as sp
 from sympy.utilities.iterables import connected_components
 
 from henon_ref.errors import ModelError
-from henon_ref.modes.affine import coefficients
-from henon_ref.modes.algebra import AGREE, MAX_SIZE, expanded, sample, simplified
+from henon_ref.modes.algebra import AGREE, MAX_SIZE, coefficients, expanded, sample, simplified
 from henon_ref.modes.attraction import attraction_guards
 from henon_ref.modes.bounds import put
 from henon_ref.modes.contact_loops import independent, loop_ends, relations

@@ -12,7 +12,7 @@ it. :func:`sign_after` is its case of one surface and two velocities that are cl
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import product
 from typing import Any, Protocol
@@ -29,7 +29,7 @@ from henon_ref.modes.equations import Guard
 from henon_ref.modes.exact_numbers import exact_sign
 from henon_ref.modes.held_groups import Numbers, by_groups, decide_groups, slipped_by
 from henon_ref.modes.mode import Mode, replaced
-from henon_ref.modes.resting import unless_into_surface
+from henon_ref.modes.resting import impact_of, into_surface
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import listed
@@ -118,10 +118,26 @@ def mode_by_signs(
     mode = tuple(given.get(i, sign) for i, sign in enumerate(surfaces))
     active = tuple(i for i, sign in enumerate(surfaces) if sign == 0 and i not in given)
     decision = _decided(at, mode, active) if active else _attracting(at, Decision("unique", mode))
-    decision = unless_into_surface(decision, system, active, lambda e: clear_signs(at, mode, [e])[0], at.when)
+    decision = _unless_into_surface(decision, system, active, lambda e: clear_signs(at, mode, [e])[0], at.when)
     edges = [i for i, sign in enumerate(valid) if sign == 0]
     refused = _rising(at, decision.mode, edges, where) if edges and decision.mode is not None else None
     return refused or decision
+
+
+def _unless_into_surface(
+    decision: Decision, system: FilippovSystem, on: Collection[int], sign: Callable[[sp.Expr], int], time: str
+) -> Decision:
+    """A decision at a point ``on`` some surfaces, unless the state moves into one that resets it.
+
+    ``sign``: of an expression in time and states at the point.
+    """
+    for i in on:
+        impact = impact_of(system, i) if system.rests(i) and decision.status == "none" else None
+        if i in system.resets and (
+            decision.mode[i] < 0 if decision.mode is not None else impact is not None and sign(impact.speed) < 0
+        ):
+            return Decision("invalid", None, into_surface(system.sign_names[i], time))
+    return decision
 
 
 def _rising(at: Point, mode: Mode, edges: Sequence[int], where: str) -> Decision | None:
