@@ -14,6 +14,7 @@ from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.casefile.case import load_case, parse_case
 from henon_ref.errors import ModelError
 from henon_ref.harness import registry
+from henon_ref.integrator import mode_changes
 from henon_ref.integrator.integrator import Integrator
 from henon_ref.integrator.records import HENON
 from henon_ref.integrator.run import Run
@@ -159,7 +160,7 @@ def test_a_release_just_after_another_is_decided_in_machine_code(monkeypatch: py
     def never(self: Run, **options: float) -> None:
         raise AssertionError("Python was asked")
 
-    monkeypatch.setattr(Run, "_select_mode", never)
+    monkeypatch.setattr(mode_changes, "select_mode", never)
     assert (
         len(Run(integrator, integrator.start(problem, tolerance=1e-15, landing=HENON)).to_horizon().transitions) == 10
     )
