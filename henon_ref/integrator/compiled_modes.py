@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import sympy as sp
@@ -27,6 +27,25 @@ class CompiledModes:
     """(M, tapes, K): where each number of a mode's rows of constants is found among those of all modes."""
     constants: int
     """How many constants these are."""
+
+
+class Owned(NamedTuple):
+    """Constants of contacts, as ``struct tables`` of ``kernel.h`` has them."""
+
+    ends: NDArray[np.int64]
+    """Of each contact, where its places end."""
+    places: NDArray[np.int64]
+    """In a mode's row of constants."""
+
+
+class Readers(list[None]):
+    """An entry for each thread that is within ``with readers:``."""
+
+    def __enter__(self) -> None:
+        self.append(None)
+
+    def __exit__(self, *_: object) -> None:
+        self.pop()
 
 
 class GrowingRows:

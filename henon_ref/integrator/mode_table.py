@@ -6,13 +6,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.errors import ModelError
-from henon_ref.integrator.compiled_modes import CompiledModes, DistinctConstants, GrowingRows
+from henon_ref.integrator.compiled_modes import CompiledModes, DistinctConstants, GrowingRows, Owned, Readers
 from henon_ref.integrator.entries import packed, unpacked
 from henon_ref.integrator.mode_code import (
     ModeCode,
@@ -40,25 +40,6 @@ ALL: Mode = ()
 """What machine code goes by that all modes have in common."""
 _KIND = {"surface": kernel.SURFACE, "release": kernel.RELEASE, "valid": kernel.VALID, "attracts": kernel.VALID}
 _OTHERS = {entry: tuple(other for other in (-1, 0, 1) if other != entry) for entry in (-1, 0, 1)}
-
-
-class Owned(NamedTuple):
-    """Constants of contacts, as ``struct tables`` of ``kernel.h`` has them."""
-
-    ends: NDArray[np.int64]
-    """Of each contact, where its places end."""
-    places: NDArray[np.int64]
-    """In a mode's row of constants."""
-
-
-class Readers(list[None]):
-    """An entry for each thread that is within ``with readers:``."""
-
-    def __enter__(self) -> None:
-        self.append(None)
-
-    def __exit__(self, *_: object) -> None:
-        self.pop()
 
 
 class ModeTable:

@@ -51,6 +51,30 @@ def mode_with_tape(system: FilippovSystem, mode: Mode) -> ModeWithTape | None:
     return equations, build_tape(system.states, equations.field, [g.expression for g in equations.guards])
 
 
+class ExactTapes:
+    """Tapes of a system, their constants from its exact numbers; how functions are made is left to others.
+
+    Parameters
+    ----------
+    system : FilippovSystem
+    values : FilippovSystem or None
+        The same with values of its parameters, where ``system`` has none.
+    number : callable
+        Of an exact number, in the arithmetic.
+    """
+
+    def __init__(self, system: FilippovSystem, values: FilippovSystem | None, number: Callable[[sp.Expr], Any]) -> None:
+        self._system, self.numeric, self._number = system, (values or system).numeric, number
+
+    def mode(self, mode: Mode) -> ModeWithTape | None:
+        """See :class:`Tapes`."""
+        return mode_with_tape(self._system, mode)
+
+    def constants(self, tape: Tape) -> list[Any]:
+        """See :class:`Tapes`."""
+        return [self._number(self.numeric(c)) for c in tape.constants]
+
+
 @lru_cache(maxsize=KEPT)
 def normal_in(system: FilippovSystem, index: int, entries: Mode) -> sp.Expr:
     """dh/dt of a surface: that of all modes, unless it holds operations that those with these entries do not.
