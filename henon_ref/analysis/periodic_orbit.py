@@ -90,7 +90,12 @@ def periodic_orbit(
         if not length.is_positive:
             raise ArgumentError(f"period is {str(length)[:60]}; wanted a time in s, larger than 0")
         return find_periodic_orbit(system.model, _between_events(problem, run, length, tolerance), radius=radius)
-    if _depends_on_time(system.model):
+    return _autonomous(problem, run, late, radius)
+
+
+def _autonomous(problem: Problem, run: Trajectory, late: float, radius: float) -> PeriodicOrbit:
+    """The orbit that a run comes to, its period being what it is measured to repeat itself by from ``late`` on."""
+    if _depends_on_time(problem.system):
         raise ArgumentError("time is in the equations: give the period of the forcing, as in period='2*pi/w'")
     repeated = measured_period(run.transitions, after=late)
     open_ended = OrbitError(
@@ -99,7 +104,7 @@ def periodic_orbit(
     )
     if repeated is None:
         raise open_ended
-    orbit = find_periodic_orbit(system.model, _after_an_event(problem, repeated.pattern), radius=radius)
+    orbit = find_periodic_orbit(problem.system, _after_an_event(problem, repeated.pattern), radius=radius)
     if not repeated.settled and not all(abs(m) < 1 for m in orbit.multipliers):
         raise open_ended
     return orbit

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from henon_ref.analysis.tangent_space import TangentSpace
 from henon_ref.errors import UnsupportedError
-from henon_ref.integrator.mode_changes import Jumped
+from henon_ref.integrator.run import Jumped
 from henon_ref.modes.equations import Guard
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.resets import jump_of

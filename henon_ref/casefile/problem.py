@@ -202,7 +202,7 @@ def _check_stops(source: Source, problem: Problem) -> None:
             message = f"the start is beyond the stop {name}: x_p - x_q is below its gap"
             raise source.error(("initial",), message, key=True)
         if side == 0 and impact is not None and _side_at_start(problem, impact.speed) < 0:
-            reason = into_surface(name, str(problem.start)).reason
+            reason = into_surface(name, str(problem.start))
             raise source.error(("initial",), f"the start is invalid: {reason}", key=True)
 
 

@@ -87,7 +87,7 @@ def refuse_into_surface(model: SystemModel, mode: Sequence[int], on: Sequence[in
     """Raise EndedError where a mode leads from surfaces that the state is on into one that resets it."""
     for i in on:
         if i in model.system.resets and mode[i] < 0:
-            raise EndedError(into_surface(model.system.sign_names[i], box[0].str(17, radius=False)).reason, "invalid")
+            raise EndedError(into_surface(model.system.sign_names[i], box[0].str(17, radius=False)), "invalid")
 
 
 def entry_after(model: SystemModel, box: Sequence[arb], mode: Mode, hit: Guard) -> tuple[Entry, tuple[int, ...]]:

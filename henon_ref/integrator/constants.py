@@ -10,20 +10,17 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.integrator.growing_rows import GrowingRows
-from henon_ref.integrator.mode_table import CompiledModes
+from henon_ref.integrator.compiled_modes import CompiledModes, GrowingRows
 from henon_ref.integrator.pairs import Pair, Three, three_of
 from henon_ref.integrator.parameter_programs import LoopData, ParameterPrograms, loop_data, numbers_behind
 from henon_ref.jit.processor_time import compiling
 from henon_ref.kernel.shared import kernel
-from henon_ref.modes.in_doubles import DOUBLES
-from henon_ref.modes.mode_evaluation import ModeEvaluation
 from henon_ref.precision import one_at_a_time
-from henon_ref.taylor.tape import Tape
 
 if TYPE_CHECKING:
     from henon_ref.integrator.jump import Jumps
     from henon_ref.integrator.precise_modes import PreciseModes
+    from henon_ref.modes.mode_evaluation import ModeEvaluation
 
 
 class ModeConstants:
@@ -62,7 +59,7 @@ class ModeConstants:
 
     @cached_property
     def _values(self) -> NDArray[np.float64]:
-        """See :class:`henon_ref.integrator.distinct_constants.DistinctConstants`."""
+        """See :class:`henon_ref.integrator.compiled_modes.DistinctConstants`."""
         return np.zeros(1) if self._at_once is None else numbers_behind(self._at_once)
 
     @cached_property
@@ -118,15 +115,15 @@ class ModeConstants:
     @cached_property
     def in_doubles(self) -> ModeEvaluation:
         """The modes in double precision."""
-        return ModeEvaluation(self.programs.system, DOUBLES, _DoubleTapes(self.programs, self.doubles))
+        return self.programs.shared_tapes.in_doubles(self.doubles)
 
     @cached_property
     def precise(self) -> PreciseModes:
         """The modes in multiprecision."""
-        from henon_ref.integrator.precise_modes import PreciseModes, balls_of  # most runs have no use for it
+        from henon_ref.integrator.precise_modes import PreciseModes  # most runs have no use for it
 
-        values = tuple(self.exact())
-        return PreciseModes(self.programs.system, self.in_doubles, lambda: balls_of(self.programs, values))
+        shared, values = self.programs.shared_tapes, tuple(self.exact())
+        return PreciseModes(self.programs.system, self.in_doubles, lambda: shared.in_balls(values))
 
     @cached_property
     def jumps(self) -> Jumps:
@@ -134,20 +131,3 @@ class ModeConstants:
         from henon_ref.integrator.jump import Jumps
 
         return Jumps(self.precise)
-
-
-class _DoubleTapes:
-    """Tapes that are shared with other parameter values, their constants from programs."""
-
-    def __init__(self, programs: ParameterPrograms, values: tuple[float, ...]) -> None:
-        self.mode, self._programs, self._values = programs.mode, programs, values
-
-    def constants(self, tape: Tape) -> list[Any]:
-        program = self._programs.constants(tape)
-        registers = program.registers(np.array([self._values]))[0]
-        found: list[float] = registers[list(program.outputs), 0].tolist()
-        return found
-
-    def function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
-        function, values = self._programs.function(names, expressions), self._values
-        return lambda *point: function(*point, *values)

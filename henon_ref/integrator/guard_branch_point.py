@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from flint import arb, arb_poly
 
+from henon_ref.integrator.pairs import Pair
 from henon_ref.integrator.precise_modes import PreciseModes
 from henon_ref.modes.mode import Mode
 from henon_ref.precision import working_precision
@@ -27,8 +28,6 @@ SIDES = (1.0, 0.47, 0.22, 0.09, 0.03)
 """Where on either side the guards are looked at, in parts of what is left behind."""
 CLEAR = 8.0
 """Size of a guard, at least, in units of its variation around the branch point."""
-Pair = tuple[float, float]
-"""A number as its double and what that leaves."""
 
 
 class Behind(NamedTuple):

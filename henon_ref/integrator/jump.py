@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import sympy as sp
 from flint import arb
 
+from henon_ref.integrator.pairs import Pair
 from henon_ref.integrator.precise_modes import PreciseModes
 from henon_ref.kernel.shared import EPS
 from henon_ref.modes.after_jump import after_jump
@@ -17,9 +18,6 @@ from henon_ref.modes.mode import Mode
 from henon_ref.modes.selection import contact_orders, mode_by_signs
 from henon_ref.precision import working_precision
 from henon_ref.roots.multiprecision import BITS
-
-Pair = tuple[float, float]
-"""A number as its double and what that leaves."""
 
 
 class Rest(NamedTuple):

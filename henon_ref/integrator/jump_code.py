@@ -9,8 +9,8 @@ import sympy as sp
 
 from henon_ref.jit.native_module import NativeModule
 from henon_ref.kernel.shared import kernel
+from henon_ref.modes.equations import ModeTape
 from henon_ref.modes.mode import Mode
-from henon_ref.modes.mode_evaluation import ModeTape
 from henon_ref.modes.resets import Jump, jump_of
 from henon_ref.modes.resting import impact_of
 from henon_ref.modes.system import FilippovSystem

@@ -4,26 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.integrator.tape_program import tape_program
-from henon_ref.jit.native_module import NativeModule
-from henon_ref.kernel.shared import kernel
-from henon_ref.modes.decoupled_contacts import SwitchedEquations
-from henon_ref.modes.equations import Guard, along
+from henon_ref.jit.native_module import NativeModule, source_hash
+from henon_ref.kernel.shared import ffi, kernel
+from henon_ref.modes.equations import Guard, ModeTape, along
 from henon_ref.modes.mode import Mode
-from henon_ref.modes.mode_evaluation import ModeTape
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.machine_code import Part, machine_code
-from henon_ref.taylor.tape import Tape, build_tape
+from henon_ref.taylor.rules import RULES, IntegralOfProduct, IntegralOfQuotient
+from henon_ref.taylor.tape import INFINITE, Tape, build_tape
+
+if TYPE_CHECKING:
+    from henon_ref.modes.decoupled_contacts import SwitchedEquations
 
 BRANCHING = frozenset({"sqrt", "power", "asin", "acos"})
 """Operations with branch points."""
 Entries = tuple[tuple[Mapping[sp.Symbol, sp.Expr], ...], ...]
-"""See :class:`henon_ref.modes.mode_evaluation.ModeTape`."""
+"""See :class:`henon_ref.modes.equations.ModeTape`."""
 MOST_WATCHED = 200
 """Operations up to which guards that hold more than the field does (a long expression whose extremes a sweep looks for)
 are compiled to the fastest code: beyond, that takes longer than most runs."""
@@ -32,6 +35,13 @@ LARGE = 200
 compiling straight-line code takes a time that grows with the square. For 40 masses with one contact, at 243, loops are
 ready in 2.2 in place of 6.9 s and a run takes 1.07 times as long; for 4 blocks with friction, at 88, twice as long; for
 16, at 388, the same."""
+
+MOST_OPERATIONS = 200
+"""Of a tape that compiled code goes through in double-double: what takes longer than some tenths of a millisecond may
+as well go to multiprecision."""
+_KINDS: dict[str, int] = {
+    name[5:].lower(): number for name, number in ffi.typeof("enum tape_kind").relements.items()
+} | {"square": kernel.TAPE_MUL}
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,6 +161,29 @@ def _mode_code(system: FilippovSystem, order: int, expansion: Tape, probe: Tape,
     return ModeCode(*tapes, code, degree, field_branches, guards_branch, tape_program(expansion, max(degrees)))
 
 
+def tape_program(tape: Tape, degree: int) -> NDArray[np.int64] | None:
+    """A tape as compiled code goes through it in double-double (``struct tape`` of ``kernel.h``); None where not.
+
+    Parameters
+    ----------
+    tape : Tape
+    degree : int
+        Of states and outputs where they are polynomials in time; else :data:`henon_ref.taylor.tape.INFINITE`.
+    """
+    large = len(tape.field) + len(tape.outputs) > kernel.PAIR_ROWS or len(tape.nodes) > MOST_OPERATIONS
+    if large or any(node.op not in _KINDS for node in tape.nodes):
+        return None
+    operations: list[int] = []
+    for at, node in enumerate(tape.nodes):
+        rule = RULES.get(node.op)
+        first, second, sign, divides = (node.args[0], node.args[-1], 0, 0) if rule else (0, 0, 0, 0)
+        if isinstance(rule, IntegralOfProduct | IntegralOfQuotient):
+            second, sign, divides = rule.place(at, node.args), rule.sign, int(isinstance(rule, IntegralOfQuotient))
+        operations += [_KINDS[node.op], first, second, *(*node.constants, 0, 0)[:2], sign, divides, node.degree]
+    head = len(tape.nodes), len(tape.constants), len(tape.field), len(tape.outputs), degree if degree < INFINITE else 0
+    return np.array([*head, *operations, *tape.field, *tape.outputs], dtype=np.int64)
+
+
 def _has_branch_points(tape: Tape, rows: Iterable[int]) -> bool:
     """Whether an operation with branch points is among those that some nodes are made of."""
     return any(tape.nodes[at].op in BRANCHING for at in tape.needed(rows))
@@ -172,6 +205,21 @@ def _speeds(
         else:
             found += [sp.Integer(0), sp.Integer(0)]
     return found
+
+
+@cache
+def bernstein_code(order: int) -> NativeModule:
+    """Machine code with the function ``bernstein`` of an order (:mod:`henon_ref.roots.bernstein`)."""
+
+    def written() -> str:
+        from henon_ref.jit.ir_writer import declarations  # only where it is to be compiled
+        from henon_ref.roots.bernstein import bernstein_ir
+
+        return declarations() + bernstein_ir(order, "bernstein")
+
+    return NativeModule(
+        written, key=f"{source_hash('roots/bernstein.py', 'jit/*.py', 'kernel/kernel.h')} bernstein {order}"
+    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,21 +4,20 @@ them (:mod:`henon_ref.integrator.constants`)."""
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.errors import ModelError
-from henon_ref.integrator.distinct_constants import DistinctConstants
+from henon_ref.integrator.compiled_modes import CompiledModes, DistinctConstants, GrowingRows, Owned, Readers
 from henon_ref.integrator.entries import packed, unpacked
-from henon_ref.integrator.growing_rows import GrowingRows
-from henon_ref.integrator.jump_code import jump_code
 from henon_ref.integrator.mode_code import (
     ModeCode,
     NormalVelocities,
+    bernstein_code,
     common_mode_code,
     normal_velocities,
     switched_mode_code,
@@ -33,46 +32,14 @@ from henon_ref.modes.kinks import continuous
 from henon_ref.modes.mode import Mode, mode_number
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.precision import one_at_a_time
-from henon_ref.roots.bernstein import bernstein_code
+
+if TYPE_CHECKING:
+    from henon_ref.integrator.jump_code import JumpCode
 
 ALL: Mode = ()
 """What machine code goes by that all modes have in common."""
 _KIND = {"surface": kernel.SURFACE, "release": kernel.RELEASE, "valid": kernel.VALID, "attracts": kernel.VALID}
 _OTHERS = {entry: tuple(other for other in (-1, 0, 1) if other != entry) for entry in (-1, 0, 1)}
-
-
-@dataclass(frozen=True, eq=False)
-class CompiledModes:
-    """The modes that are compiled at one time: views of tables that grow behind them.
-
-    Links to modes that come later are put into it, unless somebody reads it then (see :class:`ModeTable`).
-    """
-
-    records: NDArray[Any]
-    """Shape (M,) of :func:`henon_ref.integrator.records.mode_dtype`."""
-    sources: NDArray[np.int64]
-    """(M, tapes, K): where each number of a mode's rows of constants is found among those of all modes."""
-    constants: int
-    """How many constants these are."""
-
-
-class Owned(NamedTuple):
-    """Constants of contacts, as ``struct tables`` of ``kernel.h`` has them."""
-
-    ends: NDArray[np.int64]
-    """Of each contact, where its places end."""
-    places: NDArray[np.int64]
-    """In a mode's row of constants."""
-
-
-class Readers(list[None]):
-    """An entry for each thread that is within ``with readers:``."""
-
-    def __enter__(self) -> None:
-        self.append(None)
-
-    def __exit__(self, *_: object) -> None:
-        self.pop()
 
 
 class ModeTable:
@@ -121,7 +88,7 @@ class ModeTable:
         surfaces = len(system.surfaces)
         self._switched = system.switched
         self.contacts = surfaces if self._switched and not system.resets else 0
-        self._jumps = jump_code(system)
+        self._jumps = _jump_code(system) if system.resets else None
         self._records = GrowingRows(mode_dtype(self.most_guards), ())
         self._sources = GrowingRows(np.int64, (0, 0))
         self._powers = [3**i for i in range(surfaces)]
@@ -357,6 +324,12 @@ class ModeTable:
                 guards["mode_stuck"][row, g] = target
             if guard.ends is None and guard.to_sign == entry:
                 guards["mode_across"][row, g] = target
+
+
+def _jump_code(system: FilippovSystem) -> JumpCode | None:
+    from henon_ref.integrator.jump_code import jump_code  # few systems have resets
+
+    return jump_code(system)
 
 
 def _number(mode: Mode) -> int:

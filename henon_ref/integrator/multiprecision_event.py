@@ -24,6 +24,7 @@ from henon_ref.integrator.guard_events import (
     is_clear,
     load_equals_friction,
 )
+from henon_ref.integrator.pairs import Pair
 from henon_ref.integrator.precise_modes import MOST_ORDER, PreciseModes
 from henon_ref.modes.decision import Decision
 from henon_ref.modes.equations import Guard
@@ -49,8 +50,6 @@ TIE_LEVELS = (1e-15, 0.0)
 """Relative sizes of zero where balls leave no mode: what rounding has left of a tie of steep guards."""
 _STEP_MARGIN = 1 + arb(2) ** -46
 """A root that rounding has put on the step's end may lie just behind it."""
-Pair = tuple[float, float]
-"""A number as its double and what that leaves."""
 
 
 class UndecidedStep(NamedTuple):

@@ -8,21 +8,23 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import chain
 from struct import Struct
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
+from henon_ref.integrator.compiled_modes import CompiledModes
 from henon_ref.integrator.constant_program import ConstantProgram, constant_program
-from henon_ref.integrator.mode_table import CompiledModes, ModeTable
+from henon_ref.integrator.mode_table import ModeTable
 from henon_ref.integrator.pairs import Three
 from henon_ref.kernel.shared import doubles, ffi, integers, kernel
-from henon_ref.modes.mode import Mode
-from henon_ref.modes.mode_evaluation import ModeWithTape, mode_with_tape
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.precision import one_at_a_time
-from henon_ref.taylor.tape import TIME, Tape, build_tape
+from henon_ref.taylor.tape import TIME
+
+if TYPE_CHECKING:
+    from henon_ref.integrator.shared_tapes import SharedTapes
 
 KEPT = 64
 """Programs of constants that are kept: those of all modes, and of what later ones have more."""
@@ -156,7 +158,7 @@ class OnePoint:
 
 
 def numbers_behind(data: LoopData) -> NDArray[np.float64]:
-    """Constants of one point by their numbers; see :mod:`henon_ref.integrator.distinct_constants`."""
+    """Constants of one point by their numbers; see :class:`henon_ref.integrator.compiled_modes.DistinctConstants`."""
     numbers = np.frombuffer(ffi.buffer(data.constants), dtype=np.float64)
     return numbers[TABLES : TABLES + 1 + 2 * data.compiled.constants].copy()
 
@@ -181,10 +183,6 @@ class ParameterPrograms:
         self.no_zeros = (0,) * mode_table.most_guards
         self._loop: LoopProgram | None = None
         self._asked, self._asked_for = 0, self.table.compiled
-        self._modes: dict[Mode, ModeWithTape | None] = {}
-        self._programs: dict[int, tuple[Tape, ConstantProgram]] = {}
-        self._functions: dict[tuple[Any, ...], Callable[..., list[Any]]] = {}
-        self._function_tapes: dict[tuple[Any, ...], Tape] = {}
         self.program = lru_cache(maxsize=KEPT)(self._program)
 
     def at_once(self, values: Sequence[Three]) -> LoopData | None:
@@ -239,35 +237,12 @@ class ParameterPrograms:
         )
         return signs
 
-    def mode(self, mode: Mode) -> ModeWithTape | None:
-        """See :func:`henon_ref.modes.mode_evaluation.mode_with_tape`."""
-        if mode not in self._modes:
-            with one_at_a_time():
-                self._modes[mode] = mode_with_tape(self.system, mode)
-        return self._modes[mode]
+    @cached_property
+    def shared_tapes(self) -> SharedTapes:
+        """What decides modes in Python, for all parameter values."""
+        from henon_ref.integrator.shared_tapes import SharedTapes  # most runs have no use for it
 
-    def constants(self, tape: Tape) -> ConstantProgram:
-        """Constants of one of the tapes from here."""
-        if id(tape) not in self._programs:
-            self._programs[id(tape)] = tape, self._program(tape.constants)
-        return self._programs[id(tape)][1]
-
-    def function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
-        """(t, *names, *parameters) -> values of expressions, in double precision."""
-        key = tuple(names), tuple(expressions)
-        if key not in self._functions:
-            with one_at_a_time():
-                arguments = [TIME, *names, *self.parameters]
-                self._functions[key] = sp.lambdify(arguments, list(expressions), "math", cse=True)
-        return self._functions[key]
-
-    def tape(self, names: tuple[sp.Symbol, ...], expressions: tuple[sp.Expr, ...]) -> Tape:
-        """Expressions in time and these names as a tape."""
-        key = names, expressions
-        if key not in self._function_tapes:
-            with one_at_a_time():
-                self._function_tapes[key] = build_tape(names, (), expressions)
-        return self._function_tapes[key]
+        return SharedTapes(self.system, self.parameters)
 
     def _program(self, expressions: tuple[sp.Expr, ...]) -> ConstantProgram:
         """Expressions in the parameters as a program."""

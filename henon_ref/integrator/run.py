@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from struct import Struct
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.integrator.endings import ending_of
 from henon_ref.integrator.entries import numbered, words_of
 from henon_ref.integrator.integrator import Integrator
-from henon_ref.integrator.mode_changes import Jumped, ModeChanges
-from henon_ref.integrator.records import CHUNK, GRAZE, STATE_PLACE, STEP_PLACES, step_dtype
+from henon_ref.integrator.records import CHUNK, STATE_PLACE, STEP_PLACES, step_dtype
 from henon_ref.integrator.start import Start, doubles_of, out_of_steps
+from henon_ref.integrator.state_view import State
 from henon_ref.integrator.transition_array import TransitionArray
 from henon_ref.jit.processor_time import Deadline
 from henon_ref.kernel.shared import doubles, ffi, kernel
@@ -31,7 +30,22 @@ _NO_SAMPLES = np.zeros((0, 2))
 _NO_DECISIONS = Decisions()
 
 
-class Run(ModeChanges):
+class Jumped(NamedTuple):
+    """A jump of the state."""
+
+    surfaces: tuple[int, ...]
+    """Those that reset it, in order."""
+    time: float
+    """[s]."""
+    before: tuple[float, ...]
+    """State before it."""
+    after: tuple[float, ...]
+    """State after it."""
+    mode: Mode
+    """Before it."""
+
+
+class Run(State):
     """One run: the compiled loop is called until the horizon, and its return codes are answered.
 
     It has a workspace of its own, some 100 kB, as long as it lives.
@@ -53,12 +67,6 @@ class Run(ModeChanges):
 
     Attributes
     ----------
-    blocks : list of ndarray
-        Transitions that have left the loop's own memory.
-    step_blocks : list of ndarray
-        Full blocks of steps: rows of :func:`henon_ref.integrator.records.step_dtype`, as doubles.
-    decisions : Decisions
-        How often Python was needed so far, by cause.
     ended : Trajectory or None
         How the run ended, once :meth:`stream` is through.
     """
@@ -93,7 +101,7 @@ class Run(ModeChanges):
             self.samples[:, 0], self._sampled = sample_times, doubles(self.samples)
         self.blocks = []
         self.step_blocks = []
-        self._passed_at, self._motion, self.decisions = -1, None, _NO_DECISIONS
+        self.passed_at, self.motion, self.decisions = -1, None, _NO_DECISIONS
         self._steps = None
         self.ended: Trajectory | None = None
         if dense:
@@ -116,7 +124,7 @@ class Run(ModeChanges):
     def go_back(self, state: NDArray[np.float64]) -> None:
         """Go back to where the run stood when :attr:`state` was this; what it handed out since is void."""
         self.state[:] = state
-        self._passed_at = -1
+        self.passed_at = -1
 
     def to_horizon(self) -> Trajectory:
         """Go to the horizon (or to where the run ends before it)."""
@@ -177,99 +185,16 @@ class Run(ModeChanges):
         if code == kernel.HORIZON or code == kernel.STOPPED:
             return self._end("ok", "")
         if code == kernel.BLOCK_FULL and not stop:
-            self._close_block()
-        elif code in (kernel.SELECT_MODE, kernel.UNDECIDED_EVENT, kernel.MODE_NOT_COMPILED):
-            why = None
-            if code == kernel.MODE_NOT_COMPILED:
-                why = self._enter_new_mode()
-            elif code == kernel.SELECT_MODE:
-                why = self._select_mode()
-            else:
-                why = self._locate()
-            if why is None and self.scalars.stopped:
-                why = "ok", ""
-            return None if why is None else self._end(*why)
-        elif code == kernel.STALLED and self._pass_branch_point():
-            return None
-        elif code == kernel.STALLED and self._close_to_horizon():
-            why = self._locate()
-            return None if why is None else self._end(*why)
-        elif code == kernel.OUT_OF_RANGE:
-            from henon_ref.integrator.exponent_range import range_ending
-
-            self._count("ranges")
-            why = range_ending(self)
-            self.scalars.within_range = self.scalars.steps + 1
-            self.scalars.expansions -= 1  # it is made again
-            return None if why is None else self._end(*why)
+            self.close_block()
         elif code == kernel.STEPS_FULL:
-            self._close_steps()
+            self.close_steps()
         elif code == kernel.BUDGET_SPENT and self.scalars.steps >= self.start.most_steps:
             return self._end("failed", out_of_steps(self.start.most_steps, self.time))
         elif code not in (kernel.BLOCK_FULL, kernel.BUDGET_SPENT):
-            return self._end(*ending_of(self, code))
-        return None
+            from henon_ref.integrator.mode_changes import answered  # most runs have no use for it
 
-    def _locate(self) -> tuple[Status, str] | None:
-        """Take a step that double precision leaves undecided in multiprecision; None if the run goes on."""
-        from henon_ref.integrator.multiprecision_event import (  # most runs have no use for it
-            UndecidedStep,
-            locate_event,
-        )
-        from henon_ref.modes.resets import resetting
-
-        self._count("event_locations")
-        integrator, scalars, mode, row = self.integrator, self.scalars, self.mode, self.row
-        places = integrator.mode_table.places(mode)
-        zeros = dict(zip(places, self.known_zeros.tolist(), strict=False))
-        time, low = float(scalars.time), float(scalars.time_low)
-        state, rounding = self._digits()
-        found = locate_event(
-            self.start.constants.precise,
-            UndecidedStep(
-                mode=mode,
-                time=(time, low),
-                state=state,
-                rounding=rounding,
-                length=float(scalars.step_length),
-                suspect=float(scalars.suspect),
-                guard=None if self.scalars.guard == kernel.NOWHERE else places[int(self.scalars.guard)],
-                known_zeros=tuple(zeros.get(g, 0) for g in range(len(integrator.system.guards(mode)))),
-            ),
-        )
-        if found is None:
-            return ending_of(self, kernel.STALLED)
-        length = (found.time[0] - time) + (found.time[1] - low)
-        if self._steps is not None:
-            self._keep_step(length)
-        if scalars.guard == kernel.NOWHERE:
-            self._fill_samples_on_line(length, [high for high, _ in found.state])
-        self._put(found.time, found.state)
-        self.scalars.steps += 1
-        self.known_zeros[:] = 0
-        until, until_low = self.until
-        left, resolution = (until - found.time[0]) + (until_low - found.time[1]), 2e-17 * abs(until)  # a sum's rounding
-        if left < -resolution or (left < resolution and not (found.falling or found.touching)):
-            scalars.time, scalars.time_low = until, until_low
-            return None
-        guards = integrator.system.guards(mode)
-        for g in found.below_rounding:
-            self._passed_over(guards[g])
-        falling = [guards[g] for g in found.falling]
-        if surfaces := resetting(integrator.system, mode, falling):
-            return self._jump(surfaces, [*falling, *(guards[g] for g, _ in found.touching)])
-        touching = [guards[g] for g, _ in found.touching]
-        tangential = sorted(
-            {g.index for g in touching if g.kind == "surface" or integrator.system.held_inside(g.index)}
-        )
-        if found.decision is not None and not falling:
-            return found.decision.ending, found.decision.reason
-        if found.decision is not None:
-            tangential += [guards[g].index for g in found.falling if guards[g].kind == "surface"]
-            return self._change_mode(found.decision, found.known_zeros, sorted(set(tangential)))
-        self._set_known_zeros(mode, found.known_zeros)
-        for i in tangential:  # of a slide without static friction whose end is touched nothing is told
-            self._record(GRAZE, i, row, row, side=0)
+            ending = answered(self, code)
+            return None if ending is None else self._end(*ending)
         return None
 
     def _array(self, records: NDArray[np.float64]) -> TransitionArray:
@@ -301,7 +226,7 @@ class Run(ModeChanges):
         if self.decisions is not _NO_DECISIONS:
             counts.decisions = self.decisions
         end, x = state.item(0), doubles_of(len(start.x)).unpack_from(self.workspace.memory, _STATE)
-        since = self._since() if below else ()
+        since = self.below_rounding_since() if below else ()
         own = self.mode if self.integrator.mode_table.contacts else self.integrator.mode_table.modes[mode]
         fields = status, transitions, end, x, own, reason, counts, 0.0, samples, sample_modes, since
         return _tuple(Trajectory, fields)

@@ -22,16 +22,12 @@ from henon_ref.integrator.mode_table import ModeTable
 from henon_ref.integrator.pairs import Pair
 from henon_ref.integrator.records import CHUNK, LAST_STEPS, RUN_VIEW, STATE_PLACE, places
 from henon_ref.kernel.shared import doubles, ffi, kernel
-from henon_ref.modes.decision import Decision
 from henon_ref.modes.mode import replaced
 from henon_ref.modes.resting import REMAINING
-from henon_ref.modes.selection import contact_orders, mode_by_signs
 from henon_ref.trajectory import Trajectory
 
 NO_LIMIT = 1 << 62
 """More steps than any run takes."""
-NONE = Decision("none", None)
-"""No mode to begin with."""
 MOST_STEPS = 100_000_000
 """Steps of a run that has no limit of its own."""
 _BEGIN, _HORIZON, _MODE = Struct("4d"), Struct("2d"), Struct("q")
@@ -230,11 +226,15 @@ def _entered(
     constants: ModeConstants, signs: Sequence[int | None], t: float, x: list[float], given: Mapping[int, int]
 ) -> tuple[Trajectory | None, int, tuple[int, ...]]:
     """What every run comes to that cannot begin, else None; row and known zeros of the mode that is decided."""
+    from henon_ref.modes.decision import Decision
+    from henon_ref.modes.selection import contact_orders, mode_by_signs  # most starts have no use for it
+
     table = constants.table
     count, system = len(table.system.surfaces), table.system
 
-    def ended(decision: Decision, reason: str) -> tuple[Trajectory, int, tuple[int, ...]]:
-        return Trajectory(decision.ending, (), t, tuple(x), (0,) * count, reason), 0, constants.no_zeros
+    def ended(reason: str, decision: Decision | None = None) -> tuple[Trajectory, int, tuple[int, ...]]:
+        ending = "failed" if decision is None else decision.ending
+        return Trajectory(ending, (), t, tuple(x), (0,) * count, reason), 0, constants.no_zeros
 
     known = [1 if sign is None else sign for sign in signs]
     surfaces, valid = known[:count], known[count:]
@@ -244,12 +244,12 @@ def _entered(
     for i, sign in enumerate(signs):
         if sign is None and i not in unused:  # a kink in a branch that the mode does not use needs no value
             what = f"the surface of '{system.sign_names[i]}'" if i < count else "an expression of 'valid'"
-            return ended(NONE, f"{what} has no finite real value at the start")
+            return ended(f"{what} has no finite real value at the start")
     if decision.mode is None:
-        return ended(decision, decision.reason)
+        return ended(decision.reason, decision)
     row = table.row(decision.mode)
     if row is None:
-        return ended(NONE, "the mode at the start has no equations")
+        return ended("the mode at the start has no equations")
     active, edges = ([i for i, sign in enumerate(signs) if sign == 0] for signs in (surfaces, valid))
     own: tuple[int, ...] = ()
     if active or edges:

@@ -1,24 +1,47 @@
-"""A run's block as Python sees it."""
+"""A run's block as Python sees it, and what is kept of the run."""
 
 from __future__ import annotations
 
-from typing import Any
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.integrator.entries import read, words_of, written
 from henon_ref.integrator.integrator import Integrator
-from henon_ref.integrator.records import STATE_PLACE, Workspace
+from henon_ref.integrator.pairs import Pair
+from henon_ref.integrator.records import STATE_PLACE, STEP, STEP_PLACES, Workspace
 from henon_ref.integrator.start import Start
+from henon_ref.kernel.shared import doubles
 from henon_ref.modes.equations import Guard
 from henon_ref.modes.mode import Mode
+from henon_ref.trajectory import Decisions
+
+if TYPE_CHECKING:
+    from henon_ref.integrator.precise_modes import PreciseMotion
 
 
 class State:
-    """A run's block, and views of its parts. (A run sets these itself: a call costs a tenth of a short run.)"""
+    """A run's block, views of its parts, and what is kept of the run.
 
-    __slots__ = ("integrator", "start", "state", "workspace")
+    A run sets its attributes itself: a call costs a tenth of a short run.
+    """
+
+    __slots__ = (
+        "_steps",
+        "blocks",
+        "decisions",
+        "integrator",
+        "motion",
+        "passed_at",
+        "samples",
+        "start",
+        "state",
+        "step_blocks",
+        "workspace",
+    )
 
     integrator: Integrator
     start: Start
@@ -26,6 +49,20 @@ class State:
     """The run's own as long as it lives."""
     state: NDArray[np.float64]
     """A copy of the start's, in the run's own workspace."""
+    blocks: list[NDArray[np.float64]]
+    """Transitions that have left the loop's own memory."""
+    step_blocks: list[NDArray[np.float64]]
+    """Full blocks of steps: rows of :func:`henon_ref.integrator.records.step_dtype`, as doubles."""
+    samples: NDArray[np.float64]
+    """Times at which samples are wanted; states and mode there."""
+    decisions: Decisions
+    """How often Python was needed so far, by cause."""
+    motion: PreciseMotion | None
+    """The motion from the start in more digits, where they have been asked for."""
+    passed_at: int
+    """Steps taken when a branch point was last passed."""
+    _steps: NDArray[np.float64] | None
+    """The block of steps that is being filled; None where none is kept."""
 
     @property
     def scalars(self) -> Any:
@@ -109,3 +146,72 @@ class State:
     def time(self) -> float:
         """Present time [s], rounded to double."""
         return float(self.scalars.time)
+
+    def count(self, cause: str) -> None:
+        """Note why Python was needed."""
+        self.decisions = self.decisions._replace(**{cause: getattr(self.decisions, cause) + 1})
+
+    def close_block(self) -> None:
+        """Keep the transitions that the loop's own memory holds."""
+        self.blocks.append(self.workspace.transitions[: self.scalars.transitions].copy())
+        self.scalars.transitions = 0
+
+    def close_steps(self) -> None:
+        """Keep the steps of a block that is full, and give the loop another one."""
+        assert self._steps is not None
+        self.step_blocks.append(self._steps[: self.scalars.dense_steps])
+        self._steps = np.empty_like(self._steps)
+        self.scalars.dense, self.scalars.dense_steps = doubles(self._steps), 0
+
+    def keep_step(self, length: float) -> None:
+        """Keep the step that leads to an event located in multiprecision: the compiled loop has not taken it."""
+        if self._steps is None:
+            return
+        scalars, columns, n = self.scalars, self.start.order + 1, self.x.size
+        row = self._steps[scalars.dense_steps]
+        row[STEP_PLACES:], step = self.workspace.band[:n, :columns].ravel(), row[:STEP_PLACES].view(STEP)[0]
+        for name in ("time", "time_low", "unit", "mode"):
+            step[name] = getattr(scalars, name)
+        step["length"] = length
+        scalars.dense_steps += 1
+
+    def keep_line(self, length: float, state: Sequence[float]) -> None:
+        """Keep a step of which no series is there, as a straight line: impacts up to rest, or past a branch point."""
+        if self._steps is None or length <= 0.0:
+            return
+        if self.scalars.dense_steps >= self.scalars.dense_capacity:
+            self.close_steps()
+        self.keep_step(length)
+        n, columns = self.x.size, self.start.order + 1
+        row = self._steps[self.scalars.dense_steps - 1]
+        lines = row[STEP_PLACES:].reshape(n, columns)
+        lines[:] = 0.0
+        lines[:, 0] = self.x
+        lines[:, 1] = (np.asarray(state) - self.x) * (row[:STEP_PLACES].view(STEP)[0]["unit"] / length)
+
+    def fill_samples_on_line(self, length: float, state: Sequence[float]) -> None:
+        """Fill the samples on such a step."""
+        scalars, samples, contacts = self.scalars, self.samples, self.integrator.mode_table.contacts
+        while scalars.next_sample < len(samples):
+            row = samples[scalars.next_sample]
+            part = ((row[0] - scalars.time) - scalars.time_low) / length
+            if part > 1.0:
+                return
+            states = slice(1, 1 + self.x.size)
+            row[states] = self.x + max(part, 0.0) * (np.asarray(state) - self.x)
+            if contacts:
+                row[states.stop :].view(np.int64)[:] = self._entries
+            else:
+                row[-1] = scalars.mode
+            scalars.next_sample += 1
+
+    def put(self, time: Pair, state: Sequence[Pair]) -> None:
+        """Set time and state."""
+        self.scalars.time, self.scalars.time_low = time
+        self.x[:] = [high for high, _ in state]
+        self.x_low[:] = [low for _, low in state]
+
+    def below_rounding_since(self) -> tuple[tuple[int, float], ...]:
+        """Surfaces that have been below their rounding, and since when [s]; -1 for an expression of the model's end."""
+        surfaces = len(self.integrator.system.surfaces)
+        return tuple((i if i < surfaces else -1, t) for i, t in enumerate(self.since.tolist()) if t < math.inf)

@@ -4,7 +4,7 @@
  * too long, of root isolation or of a step's sum do not count. Where one is up a bound of what underflow may make of
  * each x' and guard (henon_ref/taylor/llvm/rounding.py) shows nearly always that it is of no account: exp(-v^2) may well
  * be zero. Where it does not, and where something has overflowed, Python looks: in numbers whose exponents have no end
- * (henon_ref/integrator/exponent_range.py).
+ * (henon_ref/integrator/endings.py).
  */
 #include <fenv.h>
 

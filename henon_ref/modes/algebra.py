@@ -18,6 +18,7 @@ import sympy as sp
 from henon_ref.modes.bounds import put, terms
 from henon_ref.modes.exact_numbers import exact_sign
 from henon_ref.modes.switched_field import SwitchedField, up_to_a_number
+from henon_ref.taylor.size import size
 from henon_ref.taylor.tape import TIME
 
 MAX_TERMS, MAX_MONOMIALS = 50, 2_000
@@ -110,6 +111,54 @@ def _without_positive_factors(expression: sp.Expr) -> tuple[sp.Expr, int]:
 def expanded(expression: sp.Expr) -> sp.Expr:
     """The expression multiplied out at its top, or as it is written where that has too many terms."""
     return sp.expand(expression, deep=False) if _terms(expression) <= MAX_EXPANDED else expression
+
+
+def coefficients(expression: sp.Expr, symbols: Collection[sp.Symbol]) -> dict[sp.Symbol, sp.Expr] | None:
+    """Coefficients of the symbols that stand in an expression; None where it is not linear in all at once by its form.
+
+    Examples
+    --------
+    >>> x, y, s, u = sp.symbols("x y s u")
+    >>> coefficients(x - 2*s*(y + 1) + u, [s, u]) == {s: -2*(y + 1), u: 1}
+    True
+    >>> coefficients(s*u, [s, u]), coefficients(sp.sin(s), [s])
+    (None, None)
+    """
+    wanted = set(symbols)
+    found = _coefficients(expression, wanted) if expression.free_symbols & wanted else {}
+    return None if found is None else {s: sp.Add(*terms) for s, terms in found.items()}
+
+
+def _coefficients(expression: sp.Expr, wanted: set[sp.Symbol]) -> dict[sp.Symbol, list[sp.Expr]] | None:
+    """Terms of the coefficients, of an expression that holds some of the symbols."""
+    if expression in wanted:
+        return {expression: [sp.S.One]}
+    if not (expression.is_Add or expression.is_Mul):
+        return None
+    found: dict[sp.Symbol, list[sp.Expr]] = {}
+    moving = [argument for argument in expression.args if argument.free_symbols & wanted]
+    if expression.is_Mul and len(moving) > 1:
+        return None
+    for argument in moving:
+        inner = _coefficients(argument, wanted)
+        if inner is None:
+            return None
+        for symbol, own in inner.items():
+            if expression.is_Mul:
+                others = [a for a in expression.args if a is not argument]
+                own = [sp.Mul(*others, sp.Add(*own))]
+            found.setdefault(symbol, []).extend(own)
+    return found
+
+
+def constant_slope(surface: sp.Expr, state: sp.Symbol, states: Collection[sp.Symbol]) -> sp.Expr | None:
+    """Factor of a state in which a surface is linear with a constant (neither t nor a state) factor; None elsewhere."""
+    found = coefficients(surface, [state])
+    if found is not None:
+        slope = found.get(state)
+    else:
+        slope = sp.diff(surface, state) if size(surface, MAX_DERIVED) <= MAX_DERIVED else None
+    return None if slope is None or slope == 0 or slope.free_symbols & {TIME, *states} else slope
 
 
 def _rational(expression: sp.Expr, rule: Callable[[sp.Expr], sp.Expr], terms: int, monomials: int) -> sp.Expr:

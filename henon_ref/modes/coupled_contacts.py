@@ -26,8 +26,7 @@ import numpy as np
 import sympy as sp
 
 from henon_ref.errors import ModelError
-from henon_ref.modes.affine import constant_slope
-from henon_ref.modes.algebra import cancelled, sample
+from henon_ref.modes.algebra import cancelled, constant_slope, sample
 from henon_ref.modes.bounds import put
 from henon_ref.modes.decoupled_contacts import (
     Contact,

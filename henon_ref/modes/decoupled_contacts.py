@@ -25,20 +25,8 @@ from henon_ref.modes.bounds import put
 from henon_ref.modes.branches import leaves_out
 from henon_ref.modes.equations import Guard, ModeEquations, along
 from henon_ref.modes.mode import Mode
+from henon_ref.modes.overrides import SlidingOverride
 from henon_ref.taylor.tape import TIME
-
-FEW = 3
-"""With more surfaces than these one set of equations serves all modes, where the contacts allow it."""
-
-
-class HeldContact(Protocol):
-    """What is read of a ``sliding`` override."""
-
-    @property
-    def field(self) -> tuple[sp.Expr, ...]: ...
-
-    @property
-    def entry(self) -> str: ...
 
 
 class Contacts(Protocol):
@@ -60,7 +48,7 @@ class Contacts(Protocol):
     def valid(self) -> tuple[sp.Expr, ...]: ...
 
     @property
-    def overrides(self) -> Mapping[int, HeldContact]: ...
+    def overrides(self) -> Mapping[int, SlidingOverride]: ...
 
     @property
     def open_kinks(self) -> frozenset[int]: ...

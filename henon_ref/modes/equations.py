@@ -1,15 +1,16 @@
-"""The smooth equations of one mode: its field, and the guards that end it."""
+"""The smooth equations of one mode: its field, and the guards that end it; and tapes that modes have in common."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Literal
 
 import sympy as sp
 
-from henon_ref.taylor.tape import TIME
+from henon_ref.modes.mode import Mode
+from henon_ref.taylor.tape import TIME, Tape
 
 GuardKind = Literal["surface", "release", "valid", "attracts"]
 Refusal = Literal["nonunique", "none", "invalid"]
@@ -53,6 +54,29 @@ class ModeEquations:
     def of_signs(self) -> tuple[sp.Expr, ...]:
         """What may hold other signs than that of its own surface: the field, and guards but for surfaces."""
         return (*self.field, *(guard.expression for guard in self.guards if guard.kind != "surface"))
+
+
+@dataclass(frozen=True, eq=False)
+class ModeTape:
+    """A tape that several modes share, which the symbols of each surface's entry make that of one mode."""
+
+    tape: Tape
+    entries: tuple[tuple[Mapping[sp.Symbol, sp.Expr], ...], ...]
+    """For every surface what its entry -1, 0 or +1 (in this order) puts for its symbols."""
+
+    @cached_property
+    def owners(self) -> tuple[tuple[int, ...], ...]:
+        """Surfaces whose symbols stand in each constant."""
+        owner = {symbol: i for i, entries in enumerate(self.entries) for symbol in entries[0]}
+        found = ({owner[s] for s in c.free_symbols if s in owner} for c in self.tape.constants)
+        return tuple(tuple(sorted(surfaces)) for surfaces in found)
+
+    def constant(self, at: int, mode: Mode) -> sp.Expr:
+        """A constant in a mode, in parameters."""
+        values: dict[sp.Symbol, sp.Expr] = {}
+        for i in self.owners[at]:
+            values |= self.entries[i][mode[i] + 1]
+        return self.tape.constants[at].xreplace(values)
 
 
 def along(expression: sp.Expr, states: tuple[sp.Symbol, ...], rhs: tuple[sp.Expr, ...]) -> sp.Expr:

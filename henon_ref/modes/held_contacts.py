@@ -15,38 +15,21 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import combinations
-from typing import Protocol
 
 import sympy as sp
 from sympy.utilities.iterables import connected_components
 
 from henon_ref.errors import ModelError
-from henon_ref.modes.affine import coefficients
-from henon_ref.modes.algebra import AGREE, MAX_SIZE, expanded, sample, simplified
+from henon_ref.modes.algebra import AGREE, MAX_SIZE, coefficients, expanded, sample, simplified
 from henon_ref.modes.attraction import attraction_guards
 from henon_ref.modes.bounds import put
 from henon_ref.modes.contact_loops import independent, loop_ends, relations
 from henon_ref.modes.equations import Guard, along
 from henon_ref.modes.linear_system import solution, surfaces_solved
+from henon_ref.modes.overrides import SlidingOverride
 from henon_ref.modes.switched_field import SwitchedField
 from henon_ref.taylor.size import total_size
 from henon_ref.text import listed
-
-
-class Held(Protocol):
-    """What is read of a ``sliding`` override."""
-
-    @property
-    def field(self) -> tuple[sp.Expr, ...]: ...
-
-    @property
-    def entry(self) -> str: ...
-
-    @property
-    def inertia(self) -> sp.Expr | None: ...
-
-    @property
-    def push(self) -> tuple[sp.Expr, ...]: ...
 
 
 @dataclass(frozen=True)
@@ -69,7 +52,7 @@ class HeldField:
 def held_field(
     system: SwitchedField,
     reacting: SwitchedField,
-    held: Mapping[int, Held],
+    held: Mapping[int, SlidingOverride],
     zones: Mapping[int, Sequence[Guard]],
     sliding: Collection[int],
 ) -> HeldField:
@@ -125,7 +108,7 @@ def held_field(
 
 def _groups(
     system: SwitchedField,
-    held: Mapping[int, Held],
+    held: Mapping[int, SlidingOverride],
     zones: Mapping[int, Sequence[Guard]],
     slipping: Sequence[sp.Expr],
     stuck: Mapping[int, Sequence[sp.Expr]],
@@ -153,7 +136,7 @@ def _groups(
 def _with_reactions(
     system: SwitchedField,
     reacting: SwitchedField,
-    held: Mapping[int, Held],
+    held: Mapping[int, SlidingOverride],
     zones: Mapping[int, Sequence[Guard]],
     group: Sequence[int],
 ) -> dict[int, tuple[Guard, ...]]:
@@ -278,7 +261,7 @@ class _Joint:
 
 
 def _check_balance(
-    system: SwitchedField, held: Mapping[int, Held], sliding: Collection[int], group: Sequence[int]
+    system: SwitchedField, held: Mapping[int, SlidingOverride], sliding: Collection[int], group: Sequence[int]
 ) -> None:
     """Refuse a group in which an override does not do what the balance of forces says."""
     for i in group:

@@ -9,8 +9,7 @@ import sympy as sp
 from flint import arb
 
 from henon_ref.modes.arithmetic import CLEAR
-from henon_ref.modes.mode import Mode
-from henon_ref.modes.mode_evaluation import ModeEvaluation, ModeWithTape, mode_with_tape
+from henon_ref.modes.mode_evaluation import ExactTapes, ModeEvaluation
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.rules import FUNCTIONS
 from henon_ref.taylor.series import Ring, expand
@@ -71,18 +70,7 @@ def ball_function(tape: Tape, constants: Sequence[arb]) -> Callable[..., list[ar
     return values
 
 
-class _ExactTapes:
-    """Tapes of a system, with its exact numbers for constants."""
-
-    def __init__(self, system: FilippovSystem, values: FilippovSystem | None) -> None:
-        self._system, self._numeric = system, (values or system).numeric
-
-    def mode(self, mode: Mode) -> ModeWithTape | None:
-        return mode_with_tape(self._system, mode)
-
-    def constants(self, tape: Tape) -> list[Any]:
-        return [BALLS.number(self._numeric(c)) for c in tape.constants]
-
+class _Tapes(ExactTapes):
     def function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
         tape = build_tape(tuple(names), (), tuple(expressions))
         return ball_function(tape, self.constants(tape))
@@ -90,4 +78,4 @@ class _ExactTapes:
 
 def in_balls(system: FilippovSystem, values: FilippovSystem | None = None) -> ModeEvaluation:
     """The modes of a system in balls of the working precision; see :func:`henon_ref.modes.in_doubles.in_doubles`."""
-    return ModeEvaluation(system, BALLS, _ExactTapes(system, values))
+    return ModeEvaluation(system, BALLS, _Tapes(system, values, BALLS.number))

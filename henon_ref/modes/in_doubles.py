@@ -8,11 +8,10 @@ from typing import Any
 import sympy as sp
 
 from henon_ref.modes.arithmetic import CLEAR, ZERO
-from henon_ref.modes.mode import Mode
-from henon_ref.modes.mode_evaluation import ModeEvaluation, ModeWithTape, mode_with_tape
+from henon_ref.modes.mode_evaluation import ExactTapes, ModeEvaluation
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.series import FLOAT
-from henon_ref.taylor.tape import TIME, Tape
+from henon_ref.taylor.tape import TIME
 
 NOISE = 1e-13
 """Part of the coefficients after it below which one is what rounding has left of zero."""
@@ -69,20 +68,9 @@ class Doubles:
 DOUBLES = Doubles()
 
 
-class _ExactTapes:
-    """Tapes of a system, their constants rounded from exact numbers."""
-
-    def __init__(self, system: FilippovSystem, values: FilippovSystem | None) -> None:
-        self._system, self._numeric = system, (values or system).numeric
-
-    def mode(self, mode: Mode) -> ModeWithTape | None:
-        return mode_with_tape(self._system, mode)
-
-    def constants(self, tape: Tape) -> list[Any]:
-        return [float(self._numeric(c)) for c in tape.constants]
-
+class _Tapes(ExactTapes):
     def function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
-        values, names = [self._numeric(e) for e in expressions], [TIME, *names]
+        values, names = [self.numeric(e) for e in expressions], [TIME, *names]
         # The time that lambdify takes grows with the names that it is given.
         used = set().union(*(value.free_symbols for value in values))
         places = [k for k, name in enumerate(names) if name in used]
@@ -99,7 +87,7 @@ def in_doubles(system: FilippovSystem, values: FilippovSystem | None = None) -> 
     values : FilippovSystem, optional
         The same with values of its parameters, where ``system`` has none.
     """
-    return ModeEvaluation(system, DOUBLES, _ExactTapes(system, values))
+    return ModeEvaluation(system, DOUBLES, _Tapes(system, values, DOUBLES.number))
 
 
 def rate_of(states: Sequence[Sequence[float]], guards: Sequence[Sequence[float]] = ()) -> float:

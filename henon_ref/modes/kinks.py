@@ -12,8 +12,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.modes.affine import constant_slope
-from henon_ref.modes.algebra import MAX_DERIVED
+from henon_ref.modes.algebra import MAX_DERIVED, constant_slope
 from henon_ref.modes.bounds import put
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.system import FilippovSystem

@@ -13,8 +13,7 @@ from sympy.solvers.solveset import NonlinearError
 from sympy.utilities.iterables import connected_components
 
 from henon_ref.errors import ModelError
-from henon_ref.modes.affine import constant_slope
-from henon_ref.modes.algebra import measured
+from henon_ref.modes.algebra import constant_slope, measured
 from henon_ref.modes.bounds import terms
 from henon_ref.modes.switched_field import SwitchedField
 from henon_ref.taylor.size import size

@@ -5,8 +5,8 @@ Tapes are made once a mode and kept, from any thread; what is worked out at a po
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cached_property, lru_cache
 from math import isfinite
 from typing import Any, Protocol
@@ -16,7 +16,7 @@ import sympy as sp
 from henon_ref.errors import ModelError
 from henon_ref.modes.arithmetic import NO_VALUE, ORDER, Arithmetic, Leading
 from henon_ref.modes.branches import leaves_out
-from henon_ref.modes.equations import Guard, ModeEquations
+from henon_ref.modes.equations import Guard, ModeEquations, ModeTape
 from henon_ref.modes.mode import Mode, replaced
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.precision import one_at_a_time
@@ -42,29 +42,6 @@ class Tapes(Protocol):
         """(t, *names) -> values of expressions; :data:`NO_VALUE` where one has none."""
 
 
-@dataclass(frozen=True, eq=False)
-class ModeTape:
-    """A tape that several modes share, which the symbols of each surface's entry make that of one mode."""
-
-    tape: Tape
-    entries: tuple[tuple[Mapping[sp.Symbol, sp.Expr], ...], ...]
-    """For every surface what its entry -1, 0 or +1 (in this order) puts for its symbols."""
-
-    @cached_property
-    def owners(self) -> tuple[tuple[int, ...], ...]:
-        """Surfaces whose symbols stand in each constant."""
-        owner = {symbol: i for i, entries in enumerate(self.entries) for symbol in entries[0]}
-        found = ({owner[s] for s in c.free_symbols if s in owner} for c in self.tape.constants)
-        return tuple(tuple(sorted(surfaces)) for surfaces in found)
-
-    def constant(self, at: int, mode: Mode) -> sp.Expr:
-        """A constant in a mode, in parameters."""
-        values: dict[sp.Symbol, sp.Expr] = {}
-        for i in self.owners[at]:
-            values |= self.entries[i][mode[i] + 1]
-        return self.tape.constants[at].xreplace(values)
-
-
 def mode_with_tape(system: FilippovSystem, mode: Mode) -> ModeWithTape | None:
     """Equations of a mode, and its field and guards as a tape; None where it has none."""
     try:
@@ -72,6 +49,30 @@ def mode_with_tape(system: FilippovSystem, mode: Mode) -> ModeWithTape | None:
     except ModelError:
         return None
     return equations, build_tape(system.states, equations.field, [g.expression for g in equations.guards])
+
+
+class ExactTapes:
+    """Tapes of a system, their constants from its exact numbers; how functions are made is left to others.
+
+    Parameters
+    ----------
+    system : FilippovSystem
+    values : FilippovSystem or None
+        The same with values of its parameters, where ``system`` has none.
+    number : callable
+        Of an exact number, in the arithmetic.
+    """
+
+    def __init__(self, system: FilippovSystem, values: FilippovSystem | None, number: Callable[[sp.Expr], Any]) -> None:
+        self._system, self.numeric, self._number = system, (values or system).numeric, number
+
+    def mode(self, mode: Mode) -> ModeWithTape | None:
+        """See :class:`Tapes`."""
+        return mode_with_tape(self._system, mode)
+
+    def constants(self, tape: Tape) -> list[Any]:
+        """See :class:`Tapes`."""
+        return [self._number(self.numeric(c)) for c in tape.constants]
 
 
 @lru_cache(maxsize=KEPT)

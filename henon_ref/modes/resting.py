@@ -12,7 +12,7 @@ the surface acts along the jumps of the state and keeps h'' at zero, as long as 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -20,7 +20,6 @@ from typing import Any
 import sympy as sp
 
 from henon_ref.modes.bounds import put
-from henon_ref.modes.decision import Decision
 from henon_ref.modes.equations import along
 from henon_ref.modes.overrides import Release, SlidingOverride
 from henon_ref.modes.resets import jump_of
@@ -83,34 +82,9 @@ def impact_of(system: FilippovSystem, index: int) -> Impact | None:
     return Impact(speed, acceleration, "", idle, sp.expand(1 + slope), push, held)
 
 
-def into_surface(name: str, time: str) -> Decision:
-    """The decision where the state is on a surface that resets it and moves into it."""
-    return Decision("invalid", None, f"at t = {time} the state is on {name}, which resets it, and moves into it")
-
-
-def unless_into_surface(
-    decision: Decision, system: FilippovSystem, on: Collection[int], sign: Callable[[sp.Expr], int], time: str
-) -> Decision:
-    """A decision at a point on some surfaces, unless the state moves into one that resets it.
-
-    Parameters
-    ----------
-    decision : Decision
-    system : FilippovSystem
-    on : collection of int
-        Surfaces that the point is on.
-    sign : callable
-        Of an expression in time and states at the point.
-    time : str
-        As messages have it.
-    """
-    for i in on:
-        impact = impact_of(system, i) if system.rests(i) and decision.status == "none" else None
-        if i in system.resets and (
-            decision.mode[i] < 0 if decision.mode is not None else impact is not None and sign(impact.speed) < 0
-        ):
-            return into_surface(system.sign_names[i], time)
-    return decision
+def into_surface(name: str, time: str) -> str:
+    """Why a run ends whose state is on a surface that resets it and moves into it."""
+    return f"at t = {time} the state is on {name}, which resets it, and moves into it"
 
 
 def settled_state(surface: sp.Expr, states: Collection[sp.Symbol]) -> dict[sp.Symbol, sp.Expr]:

@@ -12,7 +12,7 @@ it. :func:`sign_after` is its case of one surface and two velocities that are cl
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import product
 from typing import Any, Protocol
@@ -24,12 +24,11 @@ from henon_ref.modes.arithmetic import CLEAR, NO_VALUE, Point
 from henon_ref.modes.consistency import broken_in_groups, clear_signs, indeterminate, staying, violations
 from henon_ref.modes.contact_loops import Relation, relations
 from henon_ref.modes.decision import Decision, ended, explained, several, with_entries, without_indeterminate
-from henon_ref.modes.decoupled_contacts import Contact
 from henon_ref.modes.equations import Guard
 from henon_ref.modes.exact_numbers import exact_sign
 from henon_ref.modes.held_groups import Numbers, by_groups, decide_groups, slipped_by
 from henon_ref.modes.mode import Mode, replaced
-from henon_ref.modes.resting import unless_into_surface
+from henon_ref.modes.resting import impact_of, into_surface
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import listed
@@ -118,10 +117,26 @@ def mode_by_signs(
     mode = tuple(given.get(i, sign) for i, sign in enumerate(surfaces))
     active = tuple(i for i, sign in enumerate(surfaces) if sign == 0 and i not in given)
     decision = _decided(at, mode, active) if active else _attracting(at, Decision("unique", mode))
-    decision = unless_into_surface(decision, system, active, lambda e: clear_signs(at, mode, [e])[0], at.when)
+    decision = _unless_into_surface(decision, system, active, lambda e: clear_signs(at, mode, [e])[0], at.when)
     edges = [i for i, sign in enumerate(valid) if sign == 0]
     refused = _rising(at, decision.mode, edges, where) if edges and decision.mode is not None else None
     return refused or decision
+
+
+def _unless_into_surface(
+    decision: Decision, system: FilippovSystem, on: Collection[int], sign: Callable[[sp.Expr], int], time: str
+) -> Decision:
+    """A decision at a point ``on`` some surfaces, unless the state moves into one that resets it.
+
+    ``sign``: of an expression in time and states at the point.
+    """
+    for i in on:
+        impact = impact_of(system, i) if system.rests(i) and decision.status == "none" else None
+        if i in system.resets and (
+            decision.mode[i] < 0 if decision.mode is not None else impact is not None and sign(impact.speed) < 0
+        ):
+            return Decision("invalid", None, into_surface(system.sign_names[i], time))
+    return decision
 
 
 def _rising(at: Point, mode: Mode, edges: Sequence[int], where: str) -> Decision | None:
@@ -203,11 +218,8 @@ def _zeros_at_once(at: Point, mode: Mode, place: int, guard: Guard) -> int | Non
 
 def _decided(at: Point, mode: Mode, active: tuple[int, ...], slipped: Collection[int] = ()) -> Decision:
     """Try with what rounding may have made of a zero first; then, where no mode fits, with more and with less."""
-    alone = _decided_alone(at, mode, active, slipped)
-    if alone is not None:
-        return Decision("unique", alone)
     system = at.system
-    one_of = _in_groups if by_groups(system, active) else _of_all
+    one_of = _in_groups if by_groups(system, active) or system.shared is not None else _of_all
     for level in at.levels:
         decision = one_of(at, mode, active, slipped, level)
         if decision.status != "none":
@@ -215,42 +227,6 @@ def _decided(at: Point, mode: Mode, active: tuple[int, ...], slipped: Collection
     if decision.status == "none" and one_of is _of_all:
         decision = _staying_mode(at, mode, active) or decision
     return explained(decision, system, mode, active) if decision.mode is None else _attracting(at, decision)
-
-
-def _decided_alone(at: Point, mode: Mode, active: tuple[int, ...], slipped: Collection[int]) -> Mode | None:
-    """The mode that follows where contacts do not act on each other, and each is clear of its limits; else None."""
-    switched = at.system.switched
-    if switched is None or switched.coupled:
-        return None
-    contacts = [contact for i in active if (contact := switched.contacts[i]) is not None]
-    if len(contacts) < len(active):
-        return None
-    ends = clear_signs(at, mode, [end.expression for contact in contacts for end in contact.ends])
-    entries = [
-        _entry_alone(at, mode, contact, i, ends[2 * k : 2 * k + 2], i in slipped)
-        for k, (i, contact) in enumerate(zip(active, contacts, strict=True))
-    ]
-    found = [entry for entry in entries if entry is not None]
-    return with_entries(mode, active, found) if len(found) == len(entries) else None
-
-
-def _entry_alone(at: Point, mode: Mode, contact: Contact, index: int, inside: list[int], slipped: bool) -> int | None:
-    """What becomes of a surface's entry by numbers that are clearly no zeros; None where some are.
-
-    ``inside``: signs of the ends of its slide.
-    """
-    system = at.system
-    held, normal, sign = index in system.overrides, system.normal_velocity(index), system.signs[index]
-    if held and slipped:  # by friction in sliding
-        sides = clear_signs(at, mode, [normal.xreplace({sign: sp.Integer(side)}) for side in (-1, 1)])
-        return sides[0] if sides[0] == sides[1] != 0 else None
-    if inside == [1, 1]:
-        return 0
-    if sorted(inside) != [-1, 1]:
-        return None
-    side = contact.ends[inside.index(-1)].to_sign
-    leaves = not held or clear_signs(at, mode, [normal.xreplace({sign: sp.Integer(side)})]) == [side]
-    return side if leaves else None
 
 
 def _attracting(at: Point, decision: Decision) -> Decision:

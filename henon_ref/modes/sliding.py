@@ -14,8 +14,7 @@ from itertools import product
 import sympy as sp
 
 from henon_ref.errors import ModelError
-from henon_ref.modes.affine import coefficients, constant_slope
-from henon_ref.modes.algebra import MAX_DERIVED, MAX_SIZE, expanded, simplified
+from henon_ref.modes.algebra import MAX_DERIVED, MAX_SIZE, coefficients, constant_slope, expanded, simplified
 from henon_ref.modes.attraction import attraction_guards
 from henon_ref.modes.bounds import put
 from henon_ref.modes.equations import Guard, along

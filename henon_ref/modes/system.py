@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from dataclasses import field as dataclass_field
 from functools import cache, cached_property
 from itertools import chain
+from typing import TYPE_CHECKING
 
 import sympy as sp
 
@@ -19,7 +20,6 @@ from henon_ref.errors import ModelError
 from henon_ref.modes.bounds import put
 from henon_ref.modes.branches import has_no_value, leaves_out
 from henon_ref.modes.contact_loops import closed, relations
-from henon_ref.modes.decoupled_contacts import FEW, SwitchedEquations, switched_equations
 from henon_ref.modes.equations import Guard, ModeEquations, Refusal, along
 from henon_ref.modes.mode import Mode, replaced
 from henon_ref.modes.overrides import Reset, SlidingOverride
@@ -27,6 +27,12 @@ from henon_ref.modes.sliding import filippov_sliding
 from henon_ref.modes.switched_field import SwitchedField, kept
 from henon_ref.precision import one_at_a_time
 from henon_ref.taylor.tape import TIME
+
+if TYPE_CHECKING:
+    from henon_ref.modes.decoupled_contacts import SwitchedEquations
+
+FEW = 3
+"""With more surfaces than these one set of equations serves all modes, where the contacts allow it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,6 +170,7 @@ class FilippovSystem(SwitchedField):
         if len(self.surfaces) <= FEW:
             return None
         from henon_ref.modes.coupled_contacts import coupled_equations  # few systems have many contacts
+        from henon_ref.modes.decoupled_contacts import switched_equations
 
         return switched_equations(self) or coupled_equations(self, self)
 

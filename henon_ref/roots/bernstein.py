@@ -6,11 +6,9 @@ or fewer by an even number (Mourrain and Pavone, *J. Symbolic Comput.* 44, 2009)
 
 from __future__ import annotations
 
-from functools import cache
 from math import comb
 
-from henon_ref.jit.ir_writer import LANES, ZERO, IRWriter, declarations, literal, row_length
-from henon_ref.jit.native_module import NativeModule, source_hash
+from henon_ref.jit.ir_writer import LANES, ZERO, IRWriter, literal, row_length
 from henon_ref.kernel.shared import kernel
 
 _VECTOR = f"<{LANES} x double>"
@@ -73,10 +71,3 @@ def _gathered(w: IRWriter, mask: str, comparison: str, block: int) -> str:
     bits = w.emit(f"bitcast <{LANES} x i1> {w.emit(comparison)} to i{LANES}")
     wide = w.emit(f"shl i64 {w.emit(f'zext i{LANES} {bits} to i64')}, {block * LANES}")
     return w.emit(f"or i64 {mask}, {wide}")
-
-
-@cache
-def bernstein_code(order: int) -> NativeModule:
-    """Machine code with the function ``bernstein`` of an order."""
-    sources = source_hash("roots/bernstein.py", "jit/*.py", "kernel/kernel.h")
-    return NativeModule(lambda: declarations() + bernstein_ir(order, "bernstein"), key=f"{sources} bernstein {order}")

@@ -22,8 +22,7 @@ from henon_ref.casefile.syntax_walk import SyntaxWalk
 from henon_ref.errors import CaseError, ModelError
 from henon_ref.harness.report.text.model import as_written, general_form, mode_equations
 from henon_ref.harness.truth.proofs import prove
-from henon_ref.modes.affine import coefficients
-from henon_ref.modes.algebra import expanded, known_positive, measured, simplified
+from henon_ref.modes.algebra import coefficients, expanded, known_positive, measured, simplified
 from henon_ref.modes.bounds import put
 from henon_ref.taylor.size import size
 from henon_ref.taylor.tape import build_tape

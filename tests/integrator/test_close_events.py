@@ -13,7 +13,7 @@ from problems import make_problem
 from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.casefile.case import load_case
 from henon_ref.integrator import mode_code
-from henon_ref.integrator.tape_program import tape_program
+from henon_ref.integrator.mode_code import tape_program
 from henon_ref.modes.mode import Mode
 from henon_ref.trajectory import Decisions, Trajectory
 

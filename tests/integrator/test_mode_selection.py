@@ -15,8 +15,8 @@ from often import daily
 
 from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.casefile.case import load_case, parse_case
+from henon_ref.integrator import mode_changes
 from henon_ref.integrator.integrator import Integrator
-from henon_ref.integrator.mode_changes import ModeChanges
 from henon_ref.integrator.records import HENON
 from henon_ref.integrator.run import Run
 from henon_ref.integrator.start import Start
@@ -32,12 +32,12 @@ CASES = Path(__file__).parents[2] / "cases"
 def runs(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> tuple[Trajectory, Trajectory, int]:
     """A run decided in machine code and one decided in Python, and how often the first asked Python."""
     asked = 0
-    plain = Run._select_mode
+    plain = mode_changes.select_mode
 
-    def counted(self: Run) -> object:
+    def counted(run: Run) -> object:
         nonlocal asked
         asked += 1
-        return plain(self)
+        return plain(run)
 
     def run(integrator: Integrator) -> Trajectory:
         return Run(integrator, integrator.start(problem, tolerance=1e-15, landing=HENON)).to_horizon()
@@ -45,7 +45,7 @@ def runs(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> tuple[Trajectory,
     integrator = Integrator(problem.system, 18)
     run(integrator)  # modes are compiled on first sight
     with monkeypatch.context() as patch:
-        patch.setattr(Run, "_select_mode", counted)
+        patch.setattr(mode_changes, "select_mode", counted)
         ours = run(integrator)
     return ours, run(slow_integrator(problem)), asked
 
@@ -217,7 +217,7 @@ def test_surfaces_just_left_are_known_to_be_at_zero(name: str, monkeypatch: pyte
     integrator, count = Integrator(problem.system, 18), len(problem.system.surfaces)
     expected = after_first_event(slow_integrator(problem), problem, count)
     assert after_first_event(integrator, problem, count) == expected
-    monkeypatch.delattr(ModeChanges, "_select_mode")  # all modes are compiled now
+    monkeypatch.delattr(mode_changes, "select_mode")  # all modes are compiled now
     assert after_first_event(integrator, problem, count) == expected
 
 

@@ -161,7 +161,7 @@ def test_a_start_on_one_surface_is_decided_without_sympy(
     rate: str, mode: int, zeros: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     first, integrator = surfaces_start([rate, "1 - u/2"], [0.0, 1.0])
-    monkeypatch.setattr("henon_ref.integrator.start.mode_by_signs", None)
+    monkeypatch.setattr("henon_ref.modes.selection.mode_by_signs", None)
     for y in (1.0, -1.0):
         start = integrator.begin((), [0.0, y], until=3.0, tolerance=1e-6, landing=HENON)
         assert integrator.mode_table.modes[start.row] == (mode, int(np.sign(y)))

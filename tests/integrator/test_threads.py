@@ -14,7 +14,6 @@ import sympy as sp
 from problems import make_problem
 
 from henon_ref.casefile.case import load_case
-from henon_ref.errors import ModelError
 from henon_ref.integrator.integrator import Integrator
 from henon_ref.integrator.records import HENON
 from henon_ref.integrator.run import Run
@@ -103,16 +102,6 @@ def test_a_compiled_call_lets_go_of_the_interpreter_lock() -> None:
     assert turns > 1000
 
 
-def test_runs_that_take_turns_in_one_thread_keep_their_own_memory() -> None:
-    problem = load_case(CASES / "two_blocks.yaml").reading("default").problem
-    integrator = Integrator(problem.system, 18)
-    start = integrator.start(problem, tolerance=1e-12, landing=HENON)
-    expected = list(Run(integrator, start).to_horizon().transitions)
-    runs = [Run(integrator, start, block=1) for _ in range(3)]
-    told = [[run.next_event() for run in runs] for _ in expected]
-    assert all(list(row) == [event] * 3 for row, event in zip(told, expected, strict=True))
-
-
 def test_a_workspace_serves_the_next_run() -> None:
     problem = make_problem("x", ["t - s"], {"s": "x"}, [0], 3)
     integrator = Integrator(problem.system, 8)
@@ -144,15 +133,6 @@ def test_another_problem_of_a_system_without_values_compiles_nothing(monkeypatch
     monkeypatch.setattr("henon_ref.modes.system.FilippovSystem.shared_equations", None)
     assert released(sp.Integer(2), integrator) == 0.5
     assert released(sp.Rational(1, 2), integrator) == 2.0
-
-
-def test_an_integrator_of_a_system_with_values_refuses_others() -> None:
-    a, s = sp.Symbol("a", real=True), sp.Symbol("s", real=True)
-    base = make_problem("x", ["t - s"], {"s": "x"}, [0], 3)
-    own = replace(base.system, field=(a - s,), parameters={a: sp.Integer(1)})
-    other = replace(own, parameters={a: sp.Integer(2)})
-    with pytest.raises(ModelError, match="values of its parameters"):
-        Integrator(own, 8).start(replace(base, system=other), tolerance=1e-6, landing=HENON)
 
 
 def test_what_was_compiled_before_changes_no_bit_of_a_run_through_more_modes_than_are_remembered() -> None:

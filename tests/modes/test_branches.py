@@ -1,6 +1,7 @@
 """Branches that a mode does not use have no part in it: runs reach where such a branch begins, by closed forms.
 
-Contact forces with a power of the indentation, which has no value out of contact, are what Hertz's contact is.
+Solvers and the truth are in ``test_kinks_in_unused_branches``. Contact forces with a power of the indentation, which
+has no value out of contact, are what Hertz's contact is.
 """
 
 from __future__ import annotations
@@ -12,27 +13,11 @@ import pytest
 import sympy as sp
 
 import henon_ref as hr
-from henon_ref.casefile.case import parse_case
-from henon_ref.harness.registry import solver
-from henon_ref.harness.truth.compute import compute
 from henon_ref.modes.branches import leaves_out
-from henon_ref.trajectory import Trajectory
 
 X, V, S = sp.symbols("x v s", real=True)
 FALL = math.sqrt(2 / 9.81)
 """Free fall from x = 1 [s]."""
-CASE = """\
-schema: 1
-name: hertz
-title: A ball falls onto an elastic floor
-source: contact force with power 3/2
-system:
-  state: [x, v]
-  parameters: {{g: 9.81, K: 1e5}}
-  field: ["v", "-g + {force}"]
-initial: {{t: 0, x: 1, v: 0}}
-until: {until}
-"""
 FORCES = [
     "piecewise(0, x > 0, K*(-x)^(3/2))",
     "piecewise(0, x > 0, sqrt(-x))",
@@ -40,11 +25,6 @@ FORCES = [
     "max(0, -x)^(3/2)",
     "piecewise(0, x > 0, max(0, -v)*(-x)^(3/2))",
 ]
-
-
-def run_of(name: str, force: str, until: float) -> Trajectory:
-    problem = parse_case(CASE.format(force=force, until=until)).readings[0].problem
-    return solver(name).prepare(problem, rtol=1e-12)()
 
 
 @pytest.mark.parametrize("force", FORCES)
@@ -77,21 +57,6 @@ def test_many_surfaces_each_with_two_branches() -> None:
     root = math.sqrt(run.y[0, -1])
     assert 2 * (root - math.log1p(root)) == pytest.approx(2 * (1 - math.log(2)) - 0.3, abs=1e-10)
     assert run.y[:, -1].tolist() == [run.y[0, -1]] * 4
-
-
-@pytest.mark.parametrize("name", ["henon", "heyoka", "scipy-dop853", "cvode-adams"])
-def test_solvers_fall_freely(name: str) -> None:
-    found = run_of(name, FORCES[0], 0.45)
-    assert found.status == "ok"
-    assert found.end_state[0] == pytest.approx(1 - 9.81 * 0.45**2 / 2, abs=1e-10)
-
-
-def test_the_truth_reaches_the_contact_and_says_why_it_ends() -> None:
-    pytest.importorskip("heyoka")  # the proof alone says it in other words
-    case = parse_case(CASE.format(force=FORCES[0], until=1))
-    truth = compute(case, case.readings[0])
-    assert [float(transition.time) for transition in truth.transitions] == pytest.approx([FALL], abs=1e-15)
-    assert "not finite" in truth.reason
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 import sympy as sp
+from contact_scenes import ALL_LIBRARIES, HEAD, LIBRARIES, scene
 from flint import ctx
 from multiprecision import simulate
 from scipy.optimize import linprog
@@ -31,29 +32,6 @@ from henon_ref.modes.switched_field import SwitchedField
 from henon_ref.simulation.simulate import simulate as simulate_run
 from henon_ref.simulation.system import System
 from henon_ref.taylor.tape import TIME
-
-HEAD = "schema: 1\nname: loop\ntitle: t\nsource: s\nequations: e\n"
-LIBRARIES = [
-    ("henon", {"rtol": 1e-13}, 1e-12),
-    ("henon-rk4", {"step": 1e-3}, 1e-9),
-    ("scipy-dop853", {"rtol": 1e-12}, 1e-9),
-    ("cvode-bdf", {"rtol": 1e-10}, 1e-6),
-    ("heyoka", {"rtol": 1e-16}, 1e-12),
-]
-ALL_LIBRARIES = pytest.mark.parametrize(("name", "options", "bound"), LIBRARIES, ids=[name for name, *_ in LIBRARIES])
-
-
-def scene(
-    bodies: dict[str, str], contacts: list[tuple[str, str, str]], forces: dict[str, str], until: str, **speeds: str
-) -> Problem:
-    """Bodies (mass, or how they are given), contacts between two with keys, forces; ``speeds``: of bodies that move."""
-    lines = ["scene:", "  bodies:", *(f"    {b}: {given}" for b, given in bodies.items()), "  connections:"]
-    lines += [f"    - friction: {{between: [{p}, {q}], law: coulomb, {keys}}}" for p, q, keys in contacts]
-    lines += [f'    - force: {{on: {b}, value: "{f}"}}' for b, f in forces.items()]
-    states = [f"x_{b}: 0, v_{b}: {speeds.get(b, '0')}" for b, given in bodies.items() if "mass" in given]
-    text = "\n".join([HEAD + lines[0], *lines[1:], f"initial: {{{', '.join(states)}}}", f"until: {until}", ""])
-    return parse_case(text).readings[0].problem
-
 
 ONE = "{mass: 1}"
 AB = {"a": ONE, "b": ONE, "floor": "fixed"}
@@ -126,7 +104,7 @@ def test_the_proof_sees_it_where_a_force_jumps() -> None:
 @cache
 def arrival() -> tuple[Problem, Any]:
     """With its run in multiprecision, which is made once for all solvers."""
-    problem = scene(AB, [*STATIC, RUB], {}, "4", b="3")
+    problem = scene(AB, [*STATIC, RUB], {}, "4", v_b="3")
     return problem, simulate(problem, 256)
 
 
@@ -152,7 +130,7 @@ def shaken() -> tuple[Problem, Any]:
         ("c", "b", "force: 0.3, static: 0.4"),
         ("c", "a", "force: 0.2"),
     ]
-    problem = scene(bodies, contacts, {"a": "1.5*sin(t)", "b": "cos(1.7*t)", "c": "0.4*cos(2*t)"}, "7", c="1")
+    problem = scene(bodies, contacts, {"a": "1.5*sin(t)", "b": "cos(1.7*t)", "c": "0.4*cos(2*t)"}, "7", v_c="1")
     return problem, simulate(problem, 256)
 
 

@@ -9,6 +9,7 @@ from itertools import pairwise
 
 import pytest
 import sympy as sp
+from contact_scenes import ALL_LIBRARIES, HEAD, LIBRARIES, scene
 from flint import arb, ctx
 from multiprecision import simulate
 from random_stacks import runs
@@ -25,32 +26,20 @@ from henon_ref.modes.problem import Problem
 from henon_ref.modes.selection import initial_mode
 from henon_ref.modes.system import FilippovSystem
 
-HEAD = "schema: 1\nname: stack\ntitle: t\nsource: s\nequations: e\n"
-LIBRARIES = [
-    ("henon", {"rtol": 1e-13}, 1e-12),
-    ("henon-rk4", {"step": 1e-3}, 1e-9),
-    ("scipy-dop853", {"rtol": 1e-12}, 1e-9),
-    ("cvode-bdf", {"rtol": 1e-10}, 1e-6),
-    ("heyoka", {"rtol": 1e-16}, 1e-12),
-]
-
 
 def stack(
     statics: list[str], forces: list[str], kinetic: list[str], until: str = "3", velocities: list[str] | None = None
 ) -> Problem:
     """Blocks of 1 kg, one on the other, from the floor up; a force on each."""
     blocks = [f"b{i}" for i in range(len(statics))]
-    lines = ["scene:", "  bodies:", *(f"    {b}: {{mass: 1}}" for b in blocks), "    floor: fixed", "  connections:"]
-    for (below, b), static, force in zip(pairwise(["floor", *blocks]), statics, kinetic, strict=True):
-        lines.append(f"    - friction: {{between: [{b}, {below}], law: coulomb, force: {force}, static: {static}}}")
-    lines += [f"    - force: {{on: {b}, value: {f}}}" for b, f in zip(blocks, forces, strict=True) if f != "0"]
-    speeds = velocities or ["0"] * len(blocks)
-    initial = ", ".join(f"x_{b}: 0, v_{b}: {v}" for b, v in zip(blocks, speeds, strict=True))
-    return (
-        parse_case("\n".join([HEAD + lines[0], *lines[1:], f"initial: {{{initial}}}", f"until: {until}", ""]))
-        .readings[0]
-        .problem
-    )
+    contacts = [
+        (b, below, f"force: {force}, static: {static}")
+        for (below, b), static, force in zip(pairwise(["floor", *blocks]), statics, kinetic, strict=True)
+    ]
+    pulls = {b: f for b, f in zip(blocks, forces, strict=True) if f != "0"}
+    speeds = {f"v_{b}": v for b, v in zip(blocks, velocities or [], strict=False)}
+    bodies = {**dict.fromkeys(blocks, "{mass: 1}"), "floor": "fixed"}
+    return scene(bodies, contacts, pulls, until, **speeds)
 
 
 def first_mode(problem: Problem) -> Mode | None:
@@ -72,7 +61,7 @@ EVENTS = pytest.mark.parametrize(
 
 
 @EVENTS
-@pytest.mark.parametrize(("name", "options", "bound"), LIBRARIES, ids=[name for name, *_ in LIBRARIES])
+@ALL_LIBRARIES
 def test_a_stick_that_lets_go_sets_off_its_neighbour_where_that_cannot_follow(  # type: ignore[no-untyped-def]
     name, options, bound, problem, times, modes
 ) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import pytest
 import sympy as sp
+from contact_scenes import scene
 from flint import ctx
 from multiprecision import simulate
 
@@ -21,7 +22,7 @@ ALL_SOLVERS = pytest.mark.parametrize(("name", "rtol", "bound"), SOLVERS, ids=[n
 MASSES = {"a": 2, "b": 3, "c": 3, "d": 1}
 
 
-def scene(
+def resting(
     contacts: list[tuple[str, str, str]],
     forces: dict[str, str],
     until: str,
@@ -31,14 +32,8 @@ def scene(
 ) -> Problem:
     """Contacts between two with keys, forces, hard stops without restitution at a gap of 0; states that are not 0."""
     bodies = [b for b in MASSES if any(b in contact[:2] for contact in contacts) or f"[{b}, a]" in stops]
-    lines = ["schema: 1", "name: rest", "title: t", "scene:", "  bodies:", "    wall: fixed"]
-    lines += [f"    {b}: {{mass: {MASSES[b]}}}" for b in bodies]
-    lines += ["  connections:", *(f"    - stop: {{between: {stop}, gap: 0, restitution: 0}}" for stop in stops)]
-    lines += [f"    - friction: {{between: [{p}, {q}], law: coulomb, {keys}}}" for p, q, keys in contacts]
-    lines += [f'    - force: {{on: {b}, value: "{f}"}}' for b, f in forces.items()]
-    states = [f"{x}_{b}: {initial.get(f'{x}_{b}', '0')}" for b in bodies for x in ("x", "v")]
-    text = "\n".join([*lines, f"initial: {{t: {start}, {', '.join(states)}}}", f"until: {until}", ""])
-    return parse_case(text).readings[0].problem
+    given = {"wall": "fixed", **{b: f"{{mass: {MASSES[b]}}}" for b in bodies}}
+    return scene(given, contacts, forces, until, start=start, stops=stops, **initial)
 
 
 STATIC = ("b", "a", "force: 1, static: 2")
@@ -49,85 +44,85 @@ R = sp.Rational
 CASES = {
     # Static friction carries 2, then b moves on by (t - 1)/3.
     "a block lets go of a body at rest": (
-        scene([STATIC], {"a": "-5", "b": "t"}, "4"),
+        resting([STATIC], {"a": "-5", "b": "t"}, "4"),
         [("release", 1, 2, (0, 1))], [0, R(4, 3)],
     ),
     # The reaction is 5 - t; then both move by (t - 5)/5.
     "a body lifts off by what it is held with": (
-        scene([("b", "a", "force: 8, static: 9")], {"a": "-5", "b": "t"}, "7"),
+        resting([("b", "a", "force: 8, static: 9")], {"a": "-5", "b": "t"}, "7"),
         [("release", 0, 5, (1, 0))], [R(2, 5), R(2, 5)],
     ),
     # The reaction is t - 3/2 and would be 1 - 3/2 as b slides: a goes with 1/4, b with (1 - t)/3.
     "a block lets go and the body lifts off at once": (
-        scene([STATIC], {"a": "3/2", "b": "-t"}, "4", "8/5"),
+        resting([STATIC], {"a": "3/2", "b": "-t"}, "4", "8/5"),
         [("release", 0, 2, (1, -1)), ("release", 1, 2, (1, -1))], [R(1, 2), R(-4, 3)],
     ),
     # b slides with (t + 2)/3 from -5/6 to 0 at t = 1.
     "a block comes to rest on it": (
-        scene([("b", "a", "force: 2, static: 9")], {"a": "-5", "b": "t"}, "7", v_b="-5/6"),
+        resting([("b", "a", "force: 2, static: 9")], {"a": "-5", "b": "t"}, "7", v_b="-5/6"),
         [("stick", 1, 1, (0, 0)), ("release", 0, 5, (1, 0))], [R(2, 5), R(2, 5)],
     ),
     # Contacts of c hold 2 + 1 together while a is pressed on; then c moves by (t - 2)/3.
     "a loop lets go by the cut around a block": (
-        scene(RING, {"a": "-5", "c": "t"}, "6"),
+        resting(RING, {"a": "-5", "c": "t"}, "6"),
         [("release", 1, 3, (0, 1, 1)), ("release", 2, 3, (0, 1, 1))], [0, R(5, 2)],
     ),
     "a loop, the other way": (
-        scene(RING, {"a": "-5", "c": "-t"}, "6"),
+        resting(RING, {"a": "-5", "c": "-t"}, "6"),
         [("release", 1, 3, (0, -1, -1)), ("release", 2, 3, (0, -1, -1))], [0, R(-5, 2)],
     ),
     # Off the wall go both where t = 2 + 3/4, by (t - 9/4)/5.
     "a loop lets go by the cut through the stop": (
-        scene(RING, {"a": "-3/4", "c": "t"}, "14/5"),
+        resting(RING, {"a": "-3/4", "c": "t"}, "14/5"),
         [("release", 0, R(11, 4), (1, 1, 0)), ("release", 1, R(11, 4), (1, 1, 0))], [R(21, 4000), R(21, 4000)],
     ),
     # Into the wall c alone can go.
     "a loop weakly pressed on, the other way": (
-        scene(RING, {"a": "-3/4", "c": "-t"}, "6"),
+        resting(RING, {"a": "-3/4", "c": "-t"}, "6"),
         [("release", 1, 3, (0, -1, -1)), ("release", 2, 3, (0, -1, -1))], [0, R(-5, 2)],
     ),
     # Drawn off with t, a is held by 1, and through it by no more: the cut around a.
     "a loop lets go by the cut around the body at rest": (
-        scene(RING, {"a": "t"}, "3"),
+        resting(RING, {"a": "t"}, "3"),
         [("release", 0, 1, (1, 0, -1)), ("release", 2, 1, (1, 0, -1))], [R(3, 2), 0],
     ),
     # Without static friction: v_c = 1/4 - 2 t/3 to rest at 3/8, held up to 2 + 1.
     "a loop without static friction": (
-        scene(PLAIN, {"a": "-5", "c": "t"}, "6", v_c="5/6"),
+        resting(PLAIN, {"a": "-5", "c": "t"}, "6", v_c="5/6"),
         [("stick", 1, 1, (0, 0, 0)), ("stick", 2, 1, (0, 0, 0)),
          ("release", 1, 3, (0, 1, 1)), ("release", 2, 3, (0, 1, 1))], [0, R(3, 2)],
     ),
     # Friction on c slows a's fall to (9/2 - 1/2)/2: at t = 1 it stops at c, which the wall holds.
     "a body that stops in a loop": (
-        scene(RING, {"a": "-9/2", "c": "t"}, "6", x_a="1"),
+        resting(RING, {"a": "-9/2", "c": "t"}, "6", x_a="1"),
         [("reset", 0, 1, (1, 0, 1)), ("stick", 0, 1, (0, 0, 0)), ("stick", 2, 1, (0, 0, 0)),
          ("release", 1, 3, (0, 1, 1)), ("release", 2, 3, (0, 1, 1))], [0, R(5, 2)],
     ),
     # a and b fall as one by 2, 1 m in 1 s; b slides on, slowed by 7/3 from -2, and comes to rest.
     "a body stops under a block that is stuck on it": (
-        scene([("b", "a", "force: 7, static: 8")], {"a": "-10"}, "4", x_a="1"),
+        resting([("b", "a", "force: 7, static: 8")], {"a": "-10"}, "4", x_a="1"),
         [("reset", 0, 1, (1, -1)), ("release", 1, 1, (1, -1)), ("stick", 0, 1, (0, -1)),
          ("stick", 1, R(13, 7), (0, 0))], [0, 0],
     ),
     # d slides on b, which holds on a: it drags with 1/2, the reaction is 5 - t - 1/2; both lift off at 9/2.
     "a third body slides on the block": (
-        scene([("b", "a", "force: 8, static: 9"), ("d", "b", "force: 1/2")], {"a": "-5", "b": "t"}, "5", v_d="9"),
+        resting([("b", "a", "force: 8, static: 9"), ("d", "b", "force: 1/2")], {"a": "-5", "b": "t"}, "5", v_d="9"),
         [("release", 0, R(9, 2), (1, 0, 1))], [R(1, 40), R(1, 40), R(13, 2)],
     ),
     # d is stuck on b by friction without a static limit, and moves with both.
     "a third body stuck on the block": (
-        scene([("b", "a", "force: 8, static: 9"), ("d", "b", "force: 1/2")], {"a": "-5", "b": "t"}, "7"),
+        resting([("b", "a", "force: 8, static: 9"), ("d", "b", "force: 1/2")], {"a": "-5", "b": "t"}, "7"),
         [("release", 0, 5, (1, 0, 0))], [R(1, 3), R(1, 3), R(1, 3)],
     ),
     # b rests on a, a on the wall; c is held on a with t: the reaction of the wall is 8 - t, b rests on.
     "bodies that rest on each other": (
-        scene([("c", "a", "force: 7, static: 9")], {"a": "-5", "b": "-3", "c": "t"}, "9",
+        resting([("c", "a", "force: 7, static: 9")], {"a": "-5", "b": "-3", "c": "t"}, "9",
               stops=("[a, wall]", "[b, a]")),
         [("release", 0, 8, (1, 0, 0))], [R(1, 16), R(1, 16), R(1, 16)],
     ),
     # The contact of a with the wall is in a loop with the stop: 5 + 2 - t is left, then (t - 1 - 5)/5.
     "a body held by the wall besides": (
-        scene([("a", "wall", "force: 1, static: 2"), ("b", "a", "force: 8, static: 9")], {"a": "-5", "b": "t"}, "8"),
+        resting([("a", "wall", "force: 1, static: 2"), ("b", "a", "force: 8, static: 9")], {"a": "-5", "b": "t"}, "8"),
         [("release", 0, 7, (1, 1, 0)), ("release", 1, 7, (1, 1, 0))], [R(3, 10), R(3, 10)],
     ),
 }  # fmt: skip

@@ -1,0 +1,96 @@
+"""A system's modes at parameter values in doubles and in balls: tapes and functions are made once for all values."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import sympy as sp
+
+from henon_ref.integrator.constant_program import ConstantProgram, constant_program
+from henon_ref.modes.in_balls import BALLS, ball_function
+from henon_ref.modes.in_doubles import DOUBLES
+from henon_ref.modes.mode import Mode
+from henon_ref.modes.mode_evaluation import ModeEvaluation, ModeWithTape, mode_with_tape
+from henon_ref.modes.system import FilippovSystem
+from henon_ref.precision import one_at_a_time
+from henon_ref.taylor.tape import TIME, Tape, build_tape
+
+
+class SharedTapes:
+    """Tapes of a system without values of its parameters.
+
+    Parameters
+    ----------
+    system : FilippovSystem
+    parameters : tuple of Symbol
+        The order of their values.
+    """
+
+    def __init__(self, system: FilippovSystem, parameters: tuple[sp.Symbol, ...]) -> None:
+        self._system, self._parameters = system, parameters
+        self.mode = lru_cache(maxsize=None)(self._mode)
+        self.function = lru_cache(maxsize=None)(self._function)
+        self.tape = lru_cache(maxsize=None)(self._tape)
+        self._programs: dict[int, tuple[Tape, ConstantProgram]] = {}
+
+    def in_doubles(self, values: tuple[float, ...]) -> ModeEvaluation:
+        """The modes in double precision at parameter values."""
+        return ModeEvaluation(self._system, DOUBLES, _InDoubles(self, values))
+
+    def in_balls(self, values: tuple[sp.Expr, ...]) -> ModeEvaluation:
+        """The modes in balls of the working precision at exact parameter values."""
+        return ModeEvaluation(self._system, BALLS, _InBalls(self, values))
+
+    def constants(self, tape: Tape) -> ConstantProgram:
+        """Constants of one of the tapes from here."""
+        if id(tape) not in self._programs:
+            with one_at_a_time():
+                self._programs[id(tape)] = tape, constant_program(self._parameters, tape.constants)
+        return self._programs[id(tape)][1]
+
+    def _mode(self, mode: Mode) -> ModeWithTape | None:
+        with one_at_a_time():
+            return mode_with_tape(self._system, mode)
+
+    def _function(self, names: tuple[sp.Symbol, ...], expressions: tuple[sp.Expr, ...]) -> Callable[..., list[Any]]:
+        """(t, *names, *parameters) -> values of expressions, in double precision."""
+        with one_at_a_time():
+            made: Callable[..., list[Any]] = sp.lambdify(
+                [TIME, *names, *self._parameters], list(expressions), "math", cse=True
+            )
+            return made
+
+    def _tape(self, names: tuple[sp.Symbol, ...], expressions: tuple[sp.Expr, ...]) -> Tape:
+        """Expressions in time and these names as a tape."""
+        with one_at_a_time():
+            return build_tape(names, (), expressions)
+
+
+class _InDoubles:
+    def __init__(self, shared: SharedTapes, values: tuple[float, ...]) -> None:
+        self.mode, self._shared, self._values = shared.mode, shared, values
+
+    def constants(self, tape: Tape) -> list[Any]:
+        program = self._shared.constants(tape)
+        registers = program.registers(np.array([self._values]))[0]
+        found: list[float] = registers[list(program.outputs), 0].tolist()
+        return found
+
+    def function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
+        function, values = self._shared.function(tuple(names), tuple(expressions)), self._values
+        return lambda *point: function(*point, *values)
+
+
+class _InBalls:
+    def __init__(self, shared: SharedTapes, values: tuple[sp.Expr, ...]) -> None:
+        self.mode, self._shared, self._values = shared.mode, shared, values
+
+    def constants(self, tape: Tape) -> list[Any]:
+        return [ball.mid() for ball in self._shared.constants(tape).balls(self._values)]
+
+    def function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
+        tape = self._shared.tape(tuple(names), tuple(expressions))
+        return ball_function(tape, self.constants(tape))
