@@ -157,7 +157,9 @@ def shaken() -> tuple[Problem, Any]:
     return problem, simulate(problem, 256)
 
 
-@pytest.mark.parametrize(("name", "options", "bound"), daily(LIBRARIES, some=LIBRARIES[:2]), ids=[name for name, *_ in LIBRARIES])
+@pytest.mark.parametrize(
+    ("name", "options", "bound"), daily(LIBRARIES, some=LIBRARIES[:2]), ids=[name for name, *_ in LIBRARIES]
+)
 def test_a_loop_on_a_belt_that_is_shaken_closes_and_opens(name, options, bound) -> None:  # type: ignore[no-untyped-def]
     """Speeds that are no whole numbers, so that nothing is at zero by its digits."""
     problem, truth = shaken()
