@@ -120,7 +120,6 @@ def test_who_acts_on_whom() -> None:
     assert one_way.together(0, []) == {0}
 
 
-@pytest.mark.slow  # daily: the same of another chain in test_shared_equations.py
 def test_a_chain_runs_on_one_machine_code_as_on_one_a_mode(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its beginning: each mode's own code takes a second to compile; test_suite has the whole run beside its truth."""
     ours, integrator = run(replace(chain(), until=sp.Rational(17, 10)))

@@ -97,7 +97,6 @@ def test_a_chain_runs_on_one_machine_code_as_on_one_a_mode(monkeypatch: pytest.M
     assert [t.time for t in mine.transitions] == pytest.approx([t.time for t in other.transitions], abs=1e-12, rel=0)
 
 
-@pytest.mark.slow  # daily: three blocks by each library in baselines/test_baselines_solvers.py, chains in test_suite.py
 def test_the_truths_and_all_libraries_agree_on_a_chain() -> None:
     problem = chain()
     proof, second = certify(problem), simulate(problem, 224)
