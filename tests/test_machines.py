@@ -1,4 +1,7 @@
-"""Where a run may start: folders with spaces and Unicode, no locale, no home, nothing that can be written, no fork."""
+"""Where a run may start: folders with spaces and Unicode, no locale, no home, nothing that can be written, no fork.
+
+A comparison in such a folder: harness/cli/test_exit_status.py.
+"""
 
 from __future__ import annotations
 
@@ -69,26 +72,6 @@ def test_a_comparison_whose_workers_are_spawned(tmp_path: Path) -> None:
     rows = list(csv.DictReader(text.splitlines()))
     assert [row["verdict"] for row in rows] == ["right", "right"]
     assert list((tmp_path / "out" / "leaving_slide").glob("*.svg"))
-
-
-def test_a_comparison_in_a_folder_with_spaces_and_unicode(program: Path, tmp_path: Path) -> None:
-    case = program.with_name("Mein Fall.yaml")
-    case.write_text((CHECKOUT / "cases" / "leaving_slide.yaml").read_text(encoding="utf-8"), encoding="utf-8")
-    out = program.parent / "Ergebnis 1"
-    line = [
-        "-m",
-        "henon_ref.compare",
-        case.name,
-        "--solvers",
-        "henon",
-        "--repeats",
-        "1",
-        "--no-figures",
-        "--out",
-        out.name,
-    ]
-    python(tmp_path, *line, cwd=program.parent, LANG="C", LC_ALL="C", HOME=None)
-    assert (out / "leaving_slide" / "runs.csv").stat().st_size > 0
 
 
 def test_a_case_insensitive_folder_has_no_two_files_of_one_name() -> None:

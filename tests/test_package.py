@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-import os
+import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -65,57 +65,29 @@ def test_a_name_that_is_not_there_is_an_attribute_error() -> None:
         _ = henon_ref.no_such_name
 
 
-def test_compare_is_a_function_although_the_command_has_the_same_name() -> None:
+def test_a_door_that_is_imported_says_so_and_takes_no_function_s_place() -> None:
     """``python -m henon_ref.compare`` is a file that nobody imports: it would take the function's place."""
     assert inspect.isfunction(henon_ref.compare)
     assert "case" in inspect.signature(henon_ref.compare).parameters
-    code = (
-        "import henon_ref.harness.cli.compare, henon_ref.harness.cli.sweep, henon_ref.sweeps.sweep, henon_ref as hr\n"
-    )
-    assert fresh(code + "print(type(hr.compare).__name__, type(hr.sweep).__name__, hr.observe.__name__)") == (
-        "function function henon_ref.sweeps.observe"
-    )
-
-
-def test_a_door_that_is_imported_says_so_and_takes_no_function_s_place() -> None:
     doors = ("sweep", "compare", "check", "prune")
     code = (
-        f"import importlib, henon_ref as hr\nfor door in {doors}:\n"
+        "import importlib, os; before = dict(os.environ)\n"
+        "import henon_ref.harness.cli.compare, henon_ref.harness.cli.sweep, henon_ref.sweeps.sweep, henon_ref as hr\n"
+        f"for door in {doors}:\n"
         "    try:\n        importlib.import_module(f'henon_ref.{door}')\n"
         "    except ImportError as error:\n        print(error)\n"
+        "print(type(hr.sweep).__name__, type(hr.compare).__name__, hr.observe.__name__, dict(os.environ) == before)"
     )
-    *said, kinds = fresh(code + "print(type(hr.sweep).__name__, type(hr.compare).__name__)").split("\n")
+    *said, kinds = fresh(code).split("\n")
     assert len(said) == len(doors)
     assert all(f"python -m henon_ref.{door}" in words for door, words in zip(doors, said, strict=True))
-    assert kinds == "function function"
+    assert kinds == "function function henon_ref.sweeps.observe True"
 
 
-def test_workers_that_are_spawned_come_in_by_the_door(tmp_path: Path) -> None:
+@pytest.mark.parametrize("door", ["sweep", "compare", "check", "prune", "truth"])
+def test_workers_that_are_spawned_come_in_by_the_door(door: str) -> None:
     """They import the command's module as ``__mp_main__``: a door that refuses that ends every worker."""
-    (tmp_path / "sitecustomize.py").write_text(
-        "import multiprocessing\n"
-        "made = multiprocessing.get_context\n"
-        "multiprocessing.get_context = lambda method=None: made('spawn')\n"
-    )
-    (tmp_path / "block.yaml").write_text(
-        "schema: 1\nname: block\ntitle: A block\nsource: ours\n"
-        "system: {state: [x, v], parameters: {F: 1}, surfaces: {s: v}, field: [v, -F*s]}\n"
-        "initial: {t: 0, x: 0, v: 1}\nuntil: 3\npoints: {grid: {F: [1, 2]}}\nobserve: [{final_state: {}}]\n"
-    )
-    paths = os.pathsep.join([str(tmp_path), *sys.path])
-    done = subprocess.run(
-        [sys.executable, "-m", "henon_ref.sweep", "block.yaml", "--jobs", "2", "--out", "out"],
-        cwd=tmp_path, env={**os.environ, "PYTHONPATH": paths}, capture_output=True, text=True, timeout=600,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    assert "2 points, 2 ok" in done.stdout
-
-
-def test_importing_the_library_sets_no_environment_variable() -> None:
-    code = (
-        "import os; before = dict(os.environ); import henon_ref; henon_ref.compare; print(dict(os.environ) == before)"
-    )
-    assert fresh(code) == "True"
+    runpy.run_module(f"henon_ref.{door}", run_name="__mp_main__")
 
 
 def shown(language: str) -> str:

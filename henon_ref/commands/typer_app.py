@@ -15,9 +15,6 @@ Cases = Annotated[
 ]
 """The case files that a subcommand reads."""
 
-Folder = Annotated[Path, typer.Option(help="Folder of the page and its figures.", metavar="FOLDER")]
-"""Where a study writes its page."""
-
 
 def application() -> typer.Typer:
     """An application whose errors and interrupts are told by :mod:`henon_ref.commands.exit_status`."""

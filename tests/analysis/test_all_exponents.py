@@ -130,7 +130,10 @@ def test_the_derivative_over_a_limit_of_impacts_is_that_of_runs_side_by_side(e: 
     assert matrix == pytest.approx(differences(system, DROPPED, 2.0), abs=1e-7)
 
 
-@pytest.mark.parametrize(("system", "until"), [(blocks(2), 3.0), (sliders(4), 0.35)])
+@pytest.mark.parametrize(
+    ("system", "until"),
+    [pytest.param(blocks(2), 3.0, marks=pytest.mark.slow), (sliders(4), 0.35)],  # two blocks: the next test, too
+)
 def test_the_derivative_through_sticks_of_many_blocks_is_that_of_runs_side_by_side(
     system: hr.System, until: float
 ) -> None:

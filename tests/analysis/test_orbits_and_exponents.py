@@ -28,12 +28,12 @@ ORBITS = [
     ("hard/forced_switching", None, "20*pi", "2*pi"),
     ("hard/static_entry", "from_below", 100, None),
     ("scenes/bouncing_table", None, 40, 1),
-    ("scenes/friction_bstab", "stick_slip", 200, None),
     ("scenes/impact_oscillator", "deep", "300*20*pi/27", "3*20*pi/27"),
     ("static_belt", None, 100, None),
     ("stribeck_belt", None, 100, None),
 ]
 LONG_ONES = [  # slow; daily: the others
+    ("scenes/friction_bstab", "stick_slip", 200, None),
     ("fig8", "equations", f"60*{PERIOD}", PERIOD),
     ("scenes/belt_leine", None, 100, None),
     ("scenes/bowed_string", None, "1/2", None),

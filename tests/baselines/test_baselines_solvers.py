@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import sympy as sp
 import systems
+from often import daily
 
 from henon_ref.baselines.heyoka_taylor import HEYOKA
 from henon_ref.baselines.scipy_ivp import BDF, DOP853, LSODA, RADAU, RK45
@@ -167,12 +168,9 @@ def test_samples_do_not_change_the_run(solver: Any, rtol: float, bound: float) -
     assert sampled.sample_modes == ((-1,), (-1,), (1,), (1,), (0,))
 
 
-@pytest.mark.parametrize(
-    ("plain", "compiled"),
-    [(own, registry.solver(own.name + registry.COMPILED)) for own in (DOP853, ADAMS, IDA)],
-    ids=lambda s: s.name,
-)
-def test_compiled_callbacks_change_nothing_but_the_price(plain: Any, compiled: Any) -> None:
+@pytest.mark.parametrize("plain", daily([DOP853, ADAMS, IDA], some=[DOP853]), ids=lambda s: s.name)
+def test_compiled_callbacks_change_nothing_but_the_price(plain: Any) -> None:
+    compiled = registry.solver(plain.name + registry.COMPILED)
     problem = systems.free_coulomb(until="4")
     first, second = run(plain, problem, 1e-8), run(compiled, problem, 1e-8)
     assert first.counts.steps == second.counts.steps

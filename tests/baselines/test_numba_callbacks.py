@@ -54,6 +54,7 @@ def test_the_jacobian_is_that_of_plain_python() -> None:
     assert switched(0.0, POINT).tolist() == [[-1.25, -0.5], [0.0, 1.0]]
 
 
+@pytest.mark.slow  # daily: test_package.py runs the library without numba
 def test_numba_is_imported_for_them_only() -> None:
     code = (
         "import sys; from henon_ref import load_case; from henon_ref.harness import registry; "

@@ -8,6 +8,7 @@ from random import Random
 import mpmath
 import pytest
 import sympy as sp
+from often import daily
 from problems import make_problem
 
 from henon_ref.baselines.henon import HENON_SOLVER
@@ -61,7 +62,7 @@ def _root(shape: str, gap: str) -> mpmath.mpf:
 LADDERS = ("grazing", "grazing_ballistic", "grazing_fourth_order", "grazing_sliding", "two_roots", "horizon_event")
 
 
-@pytest.mark.parametrize("rtol", [1e-6, 1e-9, 1e-12])
+@pytest.mark.parametrize("rtol", daily([1e-6, 1e-9, 1e-12], some=[1e-9]))
 @pytest.mark.parametrize("case", LADDERS)
 def test_readings_of_ladders_need_no_python(case: str, rtol: float) -> None:
     """But for what double-double leaves open: an exact touch of a sine, and roots that are too close."""
@@ -112,7 +113,7 @@ GUARDS = (
 DRIVES = ("-x", "-x - s/2", "-x - s*(1 + y)/3", "-x + cos(t)/3 - s/9", "-sin(x) - s/3")
 
 
-@pytest.mark.parametrize("draw", range(24))
+@pytest.mark.parametrize("draw", daily(range(24), some=range(12)))
 def test_what_is_decided_is_what_multiprecision_decides(draw: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Grazes of circles, sines and products, in a first mode and in later ones, alone and beside another surface."""
     rng = Random(draw)

@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import sympy as sp
+from often import daily
 
 import henon_ref as hr
 from henon_ref.integrator.entries import numbered, packed, read, unpacked, words_of, written
@@ -99,7 +100,7 @@ def test_a_mode_that_was_not_seen_before_is_no_affair_of_python(static: float) -
 
 
 @pytest.mark.parametrize("static", [0.0, 1.2])
-@pytest.mark.parametrize("beside", BESIDE)
+@pytest.mark.parametrize("beside", daily(BESIDE, some=("stop", "kink of two")))
 def test_what_stands_beside_a_chain_costs_no_rows_of_modes(beside: str, static: float) -> None:
     system = chain(8, static, beside=beside)
     integrator, forces_jump, asked = integrator_of(system, LOCAL_ERROR), beside == "force that jumps", 0
@@ -117,7 +118,7 @@ def test_what_stands_beside_a_chain_costs_no_rows_of_modes(beside: str, static: 
     assert all(len(own) < 2 for tape in integrator.mode_table.codes[0].tapes for own in tape.owners)
 
 
-@pytest.mark.parametrize("beside", ["section of a block's own speed", "stop", "force that jumps"])
+@pytest.mark.parametrize("beside", daily(["section of a block's own speed", "stop", "force that jumps"], some=["stop"]))
 def test_a_chain_with_more_beside_it_is_what_its_own_modes_make_of_it(
     beside: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -143,7 +144,7 @@ def test_a_run_is_the_same_again() -> None:
     assert first.counts == again.counts
 
 
-@pytest.mark.parametrize(("blocks", "static"), [(5, 0.0), (12, 1.2), (40, 0.0)])
+@pytest.mark.parametrize(("blocks", "static"), daily([(5, 0.0), (12, 1.2), (40, 0.0)], some=[(5, 0.0), (12, 1.2)]))
 def test_modes_are_those_that_the_transitions_lead_through(blocks: int, static: float) -> None:
     """The label of each is that before it with the surface's own entry changed; velocities say which side it is."""
     system = chain(blocks, static)
@@ -273,7 +274,7 @@ def test_any_corner_is_decided_as_in_python() -> None:
     )
     integrator, random, clear = integrator_of(system, LOCAL_ERROR), np.random.default_rng(6), 0
     table = integrator.mode_table
-    for _ in range(300):
+    for _ in range(120):
         numbers = [*random.integers(-6, 7, 6) / 2, *random.integers(-4, 2, 6).astype(float)]  # ties are frequent
         mode = tuple(random.choice([-1, 0, 1], 6, p=[0.4, 0.2, 0.4]).tolist())
         hit = [i for i in every if mode[i] and random.random() < 0.8]

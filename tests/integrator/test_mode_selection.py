@@ -153,7 +153,7 @@ until: {until}
 
 @pytest.mark.parametrize("shared", [False, True])
 @pytest.mark.parametrize("surfaces", [2, 3, 4, 5, 6])
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", daily([0, 1], some=[0]))
 def test_decoupled_surfaces_are_decided_without_python(
     seed: int, surfaces: int, shared: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -164,7 +164,7 @@ def test_decoupled_surfaces_are_decided_without_python(
     same_transitions(ours, theirs)
 
 
-@pytest.mark.parametrize("seed", [1, 2, 4])
+@pytest.mark.parametrize("seed", daily([1, 2, 4], some=[1]))
 def test_equal_blocks_stick_and_slip_together(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Forced blocks, some of them equal: they meet their surfaces together, again and again, while others slide."""
     random = np.random.default_rng(seed)
@@ -280,7 +280,7 @@ CORNERS = [(2, False), (3, False), (2, True), (3, True)]
 @pytest.mark.parametrize(
     ("surfaces", "coupled"),
     # 243 and 729 modes, whose equations take as long as all the rest; daily: up to three.
-    daily([*CORNERS, (5, False), (6, False)], some=CORNERS),
+    daily([*CORNERS, (5, False), (6, False)], some=CORNERS[1:3]),
 )
 def test_any_corner_is_decided_as_in_python(surfaces: int, coupled: bool) -> None:
     every = range(surfaces)
@@ -340,7 +340,7 @@ GROUPS = [
 ]
 
 
-@pytest.mark.parametrize(("scene", "reading"), GROUPS)
+@pytest.mark.parametrize(("scene", "reading"), daily(GROUPS, some=GROUPS[1:]))
 def test_groups_with_static_friction_are_decided_without_python(
     scene: str, reading: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

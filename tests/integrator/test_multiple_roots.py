@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from often import daily
 from problems import make_problem
 from runs import kinds, run, times
 
@@ -27,7 +28,7 @@ def test_an_exact_touch_is_a_graze_and_a_miss_by_a_hair_is_nothing() -> None:
     "surface",
     ["(exp(x - 1) - 1)**3", "x - 1 - sin(x - 1)", "sin(x - 1)*(1 - cos(x - 1))", "tanh(x - 1)**5"],
 )
-@pytest.mark.parametrize("rtol", [1e-6, 1e-9, 1e-12, 1e-15])
+@pytest.mark.parametrize("rtol", daily([1e-6, 1e-9, 1e-12, 1e-15], some=[1e-9, 1e-15]))
 @pytest.mark.parametrize("field", ["1", "2 + s"])
 def test_a_run_goes_on_behind_a_root_of_odd_order_of_any_function(surface: str, rtol: float, field: str) -> None:
     """Its size tells nothing of a guard whose first coefficients are known to be zero: the step must not shrink."""

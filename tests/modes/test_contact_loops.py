@@ -17,6 +17,7 @@ import sympy as sp
 from contact_scenes import ALL_LIBRARIES, HEAD, LIBRARIES, scene
 from flint import ctx
 from multiprecision import simulate
+from often import daily
 from scipy.optimize import linprog
 
 from henon_ref.casefile.case import parse_case
@@ -134,7 +135,9 @@ def shaken() -> tuple[Problem, Any]:
     return problem, simulate(problem, 256)
 
 
-@ALL_LIBRARIES
+@pytest.mark.parametrize(
+    ("name", "options", "bound"), daily(LIBRARIES, some=LIBRARIES[:2]), ids=[name for name, *_ in LIBRARIES]
+)
 def test_a_loop_on_a_belt_that_is_shaken_closes_and_opens(name, options, bound) -> None:  # type: ignore[no-untyped-def]
     """Speeds that are no whole numbers, so that nothing is at zero by its digits."""
     problem, truth = shaken()
@@ -193,7 +196,7 @@ def carried(count: int, contacts: list[tuple[int, int]], static: np.ndarray, for
 
 def test_the_cuts_say_what_a_linear_program_says() -> None:
     generator, seen, looped = np.random.default_rng(35), set(), 0
-    for _ in range(24):
+    for _ in range(14):
         count, contacts = random_contacts(generator)
         static = generator.integers(2, 12, len(contacts)) / 8
         forces = generator.integers(-12, 13, count) / 8 + 1 / 64
@@ -217,7 +220,7 @@ def test_the_cuts_say_what_a_linear_program_says() -> None:
         seen.add(expected)
         looped += bool(problem.system.has_loops)
     assert seen == {True, False}
-    assert looped > 8
+    assert looped > 4
 
 
 @pytest.mark.parametrize(
@@ -346,7 +349,7 @@ def test_a_ring_of_nine_contacts_lets_go_at_the_cut_that_is_full() -> None:
 
 def test_double_precision_and_multiprecision_agree_at_rest() -> None:
     generator, statuses = np.random.default_rng(36), set()
-    for _ in range(12):
+    for _ in range(6):
         static = generator.integers(2, 12, 3) / 8
         kinetic = np.maximum(1, np.floor(8 * static * generator.uniform(0.4, 1, 3))) / 8
         forces = generator.integers(-20, 21, 2) / 8 + 1 / 64

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import sympy as sp
+from often import daily
 
 from henon_ref.casefile.case import parse_case
 from henon_ref.integrator.integrator import Integrator
@@ -127,7 +128,7 @@ def test_equations_are_those_of_each_mode(name: str) -> None:
         assert guards == pytest.approx(expected, rel=1e-11, abs=1e-11), mode
 
 
-@pytest.mark.parametrize("name", ["stack", "clutches"])
+@pytest.mark.parametrize("name", daily(["stack", "clutches"], some=["clutches"]))
 def test_runs_need_no_equations_of_single_modes(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """The same transitions as by the modes' own equations, at the same times; Python decides none of them."""
     system = SYSTEMS[name]
@@ -163,7 +164,9 @@ def beside(system: FilippovSystem, surface: sp.Expr, force: sp.Expr = sp.S.Zero)
 P = sp.Symbol("p", real=True)
 
 
-@pytest.mark.parametrize("kind", ["section", "section of a speed", "kink", "force that jumps"])
+@pytest.mark.parametrize(
+    "kind", daily(["section", "section of a speed", "kink", "force that jumps"], some=["section", "kink"])
+)
 def test_what_stands_beside_them_changes_no_more_than_its_side(kind: str) -> None:
     base = clutches() if kind in ("kink", "force that jumps") else stack(3)
     x, v = (next(s for s in base.states if s.name.startswith(letter)) for letter in ("x_", "v_"))

@@ -124,7 +124,7 @@ def with_static_friction(
         slipped |= new
 
 
-@pytest.mark.parametrize("seed", daily(range(4), some=range(2)))
+@pytest.mark.parametrize("seed", daily(range(4), some=range(1)))
 def test_groups_at_rest_start_by_their_static_friction(seed: int) -> None:
     """Loops, stops and drives that pull apart, static friction up to three times friction in sliding."""
     generator, proven, fell = np.random.default_rng(46 + seed), 0, set[bool]()

@@ -147,7 +147,7 @@ def test_a_half_written_file_that_is_a_link_is_not_written_through(tmp_path: Pat
     assert (tmp_path / "precious").read_text() == "precious"
 
 
-def test_the_command_draws_into_no_folder_of_somebody_elses(
+def test_the_command_draws_and_into_no_folder_of_somebody_elses(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     pytest.importorskip("pyarrow")
@@ -164,7 +164,8 @@ def test_the_command_draws_into_no_folder_of_somebody_elses(
     shutil.rmtree("out/belts/figures")
     assert program([*arguments, "--plot"]) == 0
     assert program(arguments) == 0
-    assert Path("out/belts/figures/plane_final_x.svg").exists()
+    drawn = {path.name for path in Path("out/belts/figures").iterdir()}
+    assert {"plane_final_x.svg", "basins_final_mode.svg", "histogram_stick_count.svg"} <= drawn
     assert "figures" in owned(Path("out/belts")).files
 
 
@@ -179,6 +180,7 @@ def test_a_folder_is_one_sweeps_at_a_time(tmp_path: Path) -> None:
     assert not [path for path in (tmp_path / "out").iterdir() if path.name.startswith(".")]
 
 
+@pytest.mark.slow  # daily: a folder that another sweep holds, in this file, and harness/report/test_folder_lock.py
 def test_two_processes_do_not_mix_their_results(tmp_path: Path) -> None:
     pytest.importorskip("pyarrow")
     code = (

@@ -139,6 +139,7 @@ def on_a_cluster_that_dies(out: Path) -> str:
         return "\n".join(said)
 
 
+@pytest.mark.slow  # a cluster, and long sweeps; daily: an executor that is shut down, the next test
 def test_a_scheduler_that_dies_leaves_word_of_what_is_finished(tmp_path: Path, another: ProcessPoolExecutor) -> None:
     """It was a bare CancelledError."""
     pytest.importorskip("distributed")

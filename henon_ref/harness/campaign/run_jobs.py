@@ -28,7 +28,7 @@ PREPARE_SECONDS = 240.0
 """Processor time that the preparation of a run may take [s]: diffrax took 108 s for the 42 modes of block_chain,
 beside other work."""
 TOO_LONG_TO_PREPARE = f"preparing it took more than {PREPARE_SECONDS:g} s of processor time"
-BUDGET = 0.3
+BUDGET = 0.2
 """Seconds that the samples of one row may take where the caller does not say how many to take."""
 MOST_FOLD, MOST_SPARE = 10, 100_000
 """A run may return so many times the truth's transitions, and so many more: scoring takes the caller's own time."""

@@ -14,9 +14,9 @@ from henon_ref.solver import SelfTimedRun
 SAMPLES = 100
 """Most samples taken where the caller does not say how many."""
 FEWEST = 3
-"""Samples that are taken although the budget runs out, up to twice the budget."""
+"""Fewest samples of a run that is repeated: fewer have no interquartile range."""
 SLOW = 3.0
-"""A first run that took this many budgets is not repeated."""
+"""A run is not repeated where the fewest samples would take more than so many budgets."""
 RESAMPLES = 1000
 """Bootstrap resamples behind an interval."""
 UNSTABLE = 0.1
@@ -69,9 +69,9 @@ def repeat(
     first : float
         Wall time of that first call [s]. It was the warm-up: it is a sample only where it is the sole one.
     repeats : int, optional
-        Number of samples; None takes as many as fit the budget, three if that is not too much, at most ``SAMPLES``.
+        Number of samples; None takes as many as fit the budget, from ``FEWEST`` to ``SAMPLES``.
     budget : float
-        Seconds all samples may take; a run that took ``SLOW`` budgets is not repeated.
+        Seconds all samples may take; a run whose ``FEWEST`` samples would take ``SLOW`` budgets is not repeated.
     cold : bool
         The first call may have loaded or compiled something: take one sample at least, however slow it was.
 
@@ -80,25 +80,22 @@ def repeat(
     tuple of float
         Samples [s], in the order taken.
     """
-    if repeats is not None and not isinstance(run, SelfTimedRun):
-        return tuple(timed(run) for _ in range(repeats))
-    if repeats is None and first > SLOW * budget and not cold:
-        return (first,)
     if isinstance(run, SelfTimedRun):
-        count = _affordable(first, budget) if repeats is None else repeats
-        return run.times(count) if count else ()
-    samples = [timed(run)]
-    spent = samples[0]
-    while len(samples) < SAMPLES and spent < (budget if len(samples) >= FEWEST else 2 * budget):
+        count = (_affordable(first, budget) or int(cold)) if repeats is None else repeats
+        return run.times(count) if count else (first,)
+    if repeats is not None:
+        return tuple(timed(run) for _ in range(repeats))
+    samples = [timed(run)] if cold else []
+    if not _affordable(samples[0] if cold else first, budget):
+        return tuple(samples) or (first,)
+    while len(samples) < FEWEST or (len(samples) < SAMPLES and sum(samples) < budget):
         samples.append(timed(run))
-        spent += samples[-1]
     return tuple(samples)
 
 
-def _affordable(first: float, budget: float) -> int:
-    """How many samples fit the budget, three if that is not too much."""
-    fewest = FEWEST if FEWEST * first < 2 * budget else 1
-    return min(max(int(budget / first), fewest), SAMPLES)
+def _affordable(pace: float, budget: float) -> int:
+    """How many samples of a run that takes so long fit the budget: three at least, or none where it is too slow."""
+    return 0 if FEWEST * pace > SLOW * budget else min(max(int(budget / pace), FEWEST), SAMPLES)
 
 
 def turn_times(run: Callable[[], object], seconds: float, most: int) -> list[float]:

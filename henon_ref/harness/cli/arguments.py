@@ -43,90 +43,98 @@ def _seconds(text: str | float) -> float:
     return value
 
 
+Solvers = Annotated[
+    str | None,
+    typer.Option(
+        help="Names with commas; all that a case lists if left out. 'all' stands for those that run by default and "
+        "the peers that are installed (henon-ref[peers]). heyoka@direction: heyoka, restarted in another way after "
+        "an event.",
+        metavar="NAMES",
+    ),
+]
+Tolerances = Annotated[
+    str | None, typer.Option(help="Relative tolerances with commas, in place of the cases' own.", metavar="NUMBERS")
+]
+Check = Annotated[
+    bool,
+    typer.Option(
+        "--check",
+        help="Run nothing: read the files, and explain states, surfaces, effects, and the equations of each mode.",
+        metavar=FLAG,
+    ),
+]
+Timeout = Annotated[
+    float,
+    typer.Option(
+        parser=_seconds,
+        help="Seconds of processor time that one run may take. Preparing it may take 240 besides, a truth that is "
+        "not stored 300.",
+        metavar="SECONDS",
+        rich_help_panel=RUNS,
+    ),
+]
+Repeats = Annotated[
+    int | None,
+    typer.Option(
+        min=1,
+        help="Timing samples a row; as many as fit a fraction of a second if left out.",
+        metavar="N",
+        rich_help_panel=RUNS,
+    ),
+]
+Processes = Annotated[
+    int | None,
+    typer.Option(min=1, help="Runs at work at once; two if there are two cores.", metavar="N", rich_help_panel=RUNS),
+]
+Resume = Annotated[
+    bool,
+    typer.Option("--resume", help="Keep the rows of an interrupted comparison.", metavar=FLAG, rich_help_panel=RUNS),
+]
+Json = Annotated[
+    bool,
+    typer.Option(
+        "--json",
+        help="The table at the end as one JSON document, and nothing else on standard output.",
+        metavar=FLAG,
+        rich_help_panel=SHOWN,
+    ),
+]
+Figures = Annotated[bool, typer.Option(help="Draw figures.", metavar=FLAG, rich_help_panel=SHOWN)]
+GateMet = Annotated[
+    bool,
+    typer.Option(
+        "--gate",
+        help="Exit with 1 if a bound of a case's gate is not met, or none of its bounds was checked.",
+        metavar=FLAG,
+        rich_help_panel=DEMANDS,
+    ),
+]
+Required = Annotated[
+    str | None,
+    typer.Option(
+        help="Solvers with commas: exit with 1 if one of them is wrong by its own fault in some reading, at its "
+        "tightest setting, or is not judged in any.",
+        metavar="NAMES",
+        rich_help_panel=DEMANDS,
+    ),
+]
+
+
 @app.command(help=HELP, epilog=examples(*EXAMPLES))
 def main(
     cases: Cases,
     out: Annotated[Path, typer.Option(help="Folder of the reports.", parser=_folder, metavar="FOLDER")] = Path("out"),
-    solvers: Annotated[
-        str | None,
-        typer.Option(
-            help="Names with commas; all that a case lists if left out. 'all' stands for those that run by default and "
-            "the peers that are installed (henon-ref[peers]). heyoka@direction: heyoka, restarted in another way after "
-            "an event.",
-            metavar="NAMES",
-        ),
-    ] = None,
-    tolerances: Annotated[
-        str | None,
-        typer.Option(help="Relative tolerances with commas, in place of the cases' own.", metavar="NUMBERS"),
-    ] = None,
-    check: Annotated[
-        bool,
-        typer.Option(
-            "--check",
-            help="Run nothing: read the files, and explain states, surfaces, effects, and the equations of each mode.",
-            metavar=FLAG,
-        ),
-    ] = False,
-    timeout: Annotated[
-        float,
-        typer.Option(
-            parser=_seconds,
-            help="Seconds of processor time that one run may take. Preparing it may take 240 besides, a truth that is "
-            "not stored 300.",
-            metavar="SECONDS",
-            rich_help_panel=RUNS,
-        ),
-    ] = 10.0,
-    repeats: Annotated[
-        int | None,
-        typer.Option(
-            min=1,
-            help="Timing samples a row; as many as fit a fraction of a second if left out.",
-            metavar="N",
-            rich_help_panel=RUNS,
-        ),
-    ] = None,
-    jobs: Annotated[
-        int | None,
-        typer.Option(
-            min=1, help="Runs at work at once; two if there are two cores.", metavar="N", rich_help_panel=RUNS
-        ),
-    ] = None,
-    resume: Annotated[
-        bool,
-        typer.Option(
-            "--resume", help="Keep the rows of an interrupted comparison.", metavar=FLAG, rich_help_panel=RUNS
-        ),
-    ] = False,
-    json: Annotated[
-        bool,
-        typer.Option(
-            "--json",
-            help="The table at the end as one JSON document, and nothing else on standard output.",
-            metavar=FLAG,
-            rich_help_panel=SHOWN,
-        ),
-    ] = False,
-    figures: Annotated[bool, typer.Option(help="Draw figures.", metavar=FLAG, rich_help_panel=SHOWN)] = True,
-    gate: Annotated[
-        bool,
-        typer.Option(
-            "--gate",
-            help="Exit with 1 if a bound of a case's gate is not met, or none of its bounds was checked.",
-            metavar=FLAG,
-            rich_help_panel=DEMANDS,
-        ),
-    ] = False,
-    require: Annotated[
-        str | None,
-        typer.Option(
-            help="Solvers with commas: exit with 1 if one of them is wrong by its own fault in some reading, at its "
-            "tightest setting, or is not judged in any.",
-            metavar="NAMES",
-            rich_help_panel=DEMANDS,
-        ),
-    ] = None,
+    solvers: Solvers = None,
+    tolerances: Tolerances = None,
+    check: Check = False,
+    timeout: Timeout = 10.0,
+    repeats: Repeats = None,
+    jobs: Processes = None,
+    resume: Resume = False,
+    json: Json = False,
+    figures: Figures = True,
+    gate: GateMet = False,
+    require: Required = None,
 ) -> Request:
     """Run every solver on every case, score it against the truth, and write a report."""
     return Request(

@@ -25,10 +25,14 @@ def test_as_many_samples_as_asked_for():
 
 def test_a_slow_run_is_not_repeated():
     run = Counting()
-    assert repeat(run, first=9.0, repeats=None, budget=0.3) == (9.0,)
+    for first in (9.0, 0.31):  # a second sample alone would tell no more than the first
+        assert repeat(run, first=first, repeats=None, budget=0.3) == (first,)
     assert run.calls == 0
+    assert len(repeat(run, first=0.29, repeats=None, budget=0.3)) >= 3
+    run.calls = 0
     assert 9.0 not in repeat(run, first=9.0, repeats=None, budget=0.0, cold=True)
     assert run.calls == 1
+    assert len(repeat(run, first=9.0, repeats=None, budget=10.0, cold=True)) == SAMPLES  # what it loaded took so long
 
 
 def test_a_quick_run_is_repeated_up_to_the_limit_and_its_warm_up_left_out():
@@ -96,7 +100,7 @@ def test_a_run_with_a_clock_of_its_own_is_timed_by_that_in_one_go():
     assert repeat(run, first=0.25, repeats=None, budget=0.1) == (0.25,)
     assert repeat(run, first=1e-9, repeats=None, budget=1.0) == (0.25,) * SAMPLES
     assert repeat(run, first=9.0, repeats=None, budget=0.3) == (9.0,)
-    assert run.asked == [1, 4, 5, 3, 1, SAMPLES]
+    assert run.asked == [1, 4, 5, 3, SAMPLES]
     assert run.calls == 0
 
 

@@ -17,7 +17,6 @@ from fakes import CASE, Fake
 from henon_ref.casefile.files import case_files
 from henon_ref.errors import CaseError
 from henon_ref.harness import registry
-from henon_ref.harness.campaign import run_jobs, truth_job
 from henon_ref.harness.campaign.case_files import load_cases
 from henon_ref.harness.cli.compare_cases import rerun_command
 from henon_ref.harness.cli.request import Request
@@ -250,13 +249,6 @@ def test_one_file_by_several_paths_is_one_case(made_up, tmp_path):
     paths = [Path("made_up.yaml"), Path("other/../made_up.yaml"), Path("link.yaml"), made_up, tmp_path]
     (case,) = load_cases(paths)
     assert case.path == Path("made_up.yaml")
-
-
-def test_the_help_tells_the_limits_of_what_is_not_a_run(capsys):
-    assert compare.command(["--help"]) == 0
-    words = " ".join(capsys.readouterr().out.replace("│", " ").split())
-    for seconds in (run_jobs.PREPARE_SECONDS, truth_job.TRUTH_SECONDS):
-        assert f" {seconds:.0f}" in words
 
 
 def test_no_case_at_all_is_a_bad_argument(capsys):

@@ -5,17 +5,16 @@ from __future__ import annotations
 import subprocess
 import sys
 from importlib import metadata
-from importlib.util import find_spec
 from itertools import pairwise
 
 import pytest
 
 from henon_ref import __version__
+from henon_ref.harness.campaign.run_jobs import PREPARE_SECONDS
+from henon_ref.harness.campaign.truth_job import TRUTH_SECONDS
 from henon_ref.harness.cli import main
 from henon_ref.harness.cli.main import SUBCOMMANDS, Subcommand, program
 
-THERE = [name for name, own in SUBCOMMANDS.items() if find_spec(own.module)]
-"""``new-solver`` is a module of its own, which is listed before it is there."""
 HEAVY = {"numpy", "scipy", "sympy", "numba", "heyoka", "sksundae", "flint", "pandas", "matplotlib", "llvmlite"}
 
 
@@ -25,41 +24,32 @@ def narrow(monkeypatch):
     monkeypatch.setenv("TERMINAL_WIDTH", "80")
 
 
-@pytest.mark.parametrize("name", THERE)
-def test_every_subcommand_has_a_help_of_80_columns(name, capsys):
+@pytest.mark.parametrize("name", SUBCOMMANDS)
+def test_every_subcommand_has_a_help_of_80_columns_that_ends_with_examples_a_line_each(name, capsys):
     assert program([name, "--help"]) == 0
     captured = capsys.readouterr()
     assert captured.err == ""
     assert f"Usage: henon-ref {name} " in captured.out
     assert max(map(len, captured.out.splitlines())) <= 80
+    lines = [line.rstrip() for line in captured.out.split("╭")[0].splitlines()]
+    for line, following in pairwise(lines):
+        if line and following:  # within a paragraph: the next word would not have had room
+            assert len(line) + 1 + len(following.split()[0]) > 79, line
+    if name != "new-solver":
+        examples = captured.out.partition("Examples:")[2].split("\n")
+        given = [line.strip() for line in examples if line.strip()]
+        assert given
+        assert all(line.startswith(f"henon-ref {name}") for line in given)
 
 
-@pytest.mark.parametrize("name", [name for name in THERE if name != "new-solver"])
-def test_a_help_ends_with_examples_a_line_each(name, capsys):
-    program([name, "--help"])
-    text = capsys.readouterr().out
-    lines = [line.strip() for line in text[text.index("Examples:") :].splitlines() if line.strip()]
-    assert lines[0] == "Examples:"
-    assert len(lines) > 1
-    assert all(line.startswith(f"henon-ref {name}") for line in lines[1:])
-
-
-def test_no_sentence_of_a_help_is_broken_by_the_source_s_line_breaks(capsys):
-    for name in THERE:
-        program([name, "--help"])
-        lines = [line.rstrip() for line in capsys.readouterr().out.split("╭")[0].splitlines()]
-        for line, following in pairwise(lines):
-            if line and following:  # within a paragraph: the next word would not have had room
-                assert len(line) + 1 + len(following.split()[0]) > 79, f"{name}: {line}"
-
-
-def test_the_options_of_compare_stand_in_groups_and_units_are_told(capsys):
+def test_the_options_of_compare_stand_in_groups_and_its_limits_are_told(capsys):
     program(["compare", "--help"])
     text = capsys.readouterr().out
     for panel in ("Options", "Runs", "What is shown", "What must hold"):
         assert f"─ {panel} ─" in text
     words = " ".join(text.replace("│", " ").split())
     assert "Seconds of processor time that one run may take." in words
+    assert f"Preparing it may take {PREPARE_SECONDS:g} besides, a truth that is not stored {TRUTH_SECONDS:g}." in words
 
 
 def test_the_list_of_subcommands_is_shown_where_none_is_named(capsys):

@@ -185,6 +185,7 @@ def compare(
     signal.signal(signal.SIGTERM, handler)
 
 
+@pytest.mark.slow  # 11 s of processes; daily: harness/truth/test_truth_store.py, and the next test by the same command
 def test_nobody_is_scored_against_a_changed_truth(run: Run, file: Path, compare: Callable[[], Compared]) -> None:
     """By one of the changes that truth/test_truth_store.py has."""
     stored = file.parent / "truth" / "leaving_slide" / "default.json"

@@ -247,6 +247,7 @@ def test_expansions_are_counted_by_mode() -> None:
     assert found.total == everything - found.in_stick * (found.expansion - found.stick)
 
 
+@pytest.mark.slow  # daily: chains of each kind in modes/, and the fits by test_powers_are_fitted_with_their_errors
 def test_chains_of_every_length_agree() -> None:
     found = sizes((1, 3), ("henon", "scipy-dop853"))
     assert [size.states for size in found] == [2, 2, 6, 6]
