@@ -13,7 +13,7 @@ from henon_ref.harness.report.files.write import REPORT
 from henon_ref.harness.report.text.formats import digits as shown_digits
 from henon_ref.harness.report.text.formats import duration, setting, significant
 from henon_ref.harness.report.text.ranking import LEVELS
-from henon_ref.harness.rows import Row, RunRow, read_rows
+from henon_ref.harness.rows import Row, RunRow, earlier_rows
 from henon_ref.harness.table import Table
 from henon_ref.text import code, markdown
 
@@ -67,10 +67,7 @@ class PairRow(Row):
 
 def read_ratios(folder: Path, file: str = f"{FOLDER}/{RATIOS}") -> list[PairRow]:
     """The ratios in a file of a folder of reports; none where they are not there, or no ratios."""
-    try:
-        return read_rows(PairRow, folder / file)
-    except (OSError, ValueError):
-        return []
+    return earlier_rows(PairRow, folder / file)
 
 
 def own_words(rows: Sequence[PairRow]) -> str:

@@ -10,7 +10,7 @@ from pathlib import Path
 from henon_ref.harness import registry
 from henon_ref.harness.report.files.write import REPORT
 from henon_ref.harness.report.text.ranking import LEVELS
-from henon_ref.harness.rows import NOT_RUN, Row, RunRow, read_rows
+from henon_ref.harness.rows import NOT_RUN, Row, RunRow, earlier_rows
 from henon_ref.harness.score.errors import EARLY
 from henon_ref.harness.table import Table
 from henon_ref.text import code, markdown
@@ -138,10 +138,7 @@ def merged(fresh: Sequence[SuiteRow], earlier: Sequence[SuiteRow]) -> list[Suite
 
 def read_suite(folder: Path) -> list[SuiteRow]:
     """The suite's rows in a folder of reports; none where they are not there, or are no such rows."""
-    try:
-        return read_rows(SuiteRow, folder / FOLDER / SUITE)
-    except (OSError, ValueError):
-        return []
+    return earlier_rows(SuiteRow, folder / FOLDER / SUITE)
 
 
 def libraries_of(rows: Sequence[SuiteRow]) -> list[str]:
