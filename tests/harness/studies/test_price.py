@@ -20,23 +20,21 @@ from henon_ref.harness.campaign.options import Options, Silent
 from henon_ref.harness.report.text.paired_times import PairRow
 from henon_ref.harness.rows import RunRow
 from henon_ref.harness.studies.price import compiling, effects
-from henon_ref.harness.studies.price.compiling import Ready, paid_after, readiness
-from henon_ref.harness.studies.price.fit import power
+from henon_ref.harness.studies.price.compiling import Ready, paid_after, readiness, ready_table
 from henon_ref.harness.studies.price.growth import STICKS, Horizon, exponent, horizons
-from henon_ref.harness.studies.price.ladder import WHEN_NAMED, solvers
-from henon_ref.harness.studies.price.ladder_pairs import samples_of, time_ladder_pairs
-from henon_ref.harness.studies.price.landings import crest_crossings, landings
-from henon_ref.harness.studies.price.operations import count, work
-from henon_ref.harness.studies.price.orbit import orbit_problem
-from henon_ref.harness.studies.price.page import truths_of
-from henon_ref.harness.studies.price.states import Size, fitted, sizes
-from henon_ref.harness.studies.price.tables import (
-    landing_table,
+from henon_ref.harness.studies.price.ladder import (
+    WHEN_NAMED,
     mean_costs,
-    ready_table,
     rival_table,
+    samples_of,
+    solvers,
+    time_ladder_pairs,
     why_not,
 )
+from henon_ref.harness.studies.price.landings import crest_crossings, landing_table, landings
+from henon_ref.harness.studies.price.measure import orbit_problem, power
+from henon_ref.harness.studies.price.operations import count, work
+from henon_ref.harness.studies.price.states import Size, fitted, sizes
 from henon_ref.jit.cache_folder import VARIABLE
 from henon_ref.modes.problem import Problem
 
@@ -105,7 +103,7 @@ def test_powers_are_fitted_with_their_errors() -> None:
 
 def test_landings_find_the_same_and_the_swap_takes_fewest_evaluations() -> None:
     case = load_case(CASES / "free_coulomb.yaml")
-    found = {own.solver: own for own in landings([case], truths_of([case]))}
+    found = {own.solver: own for own in landings([case])}
     assert set(found) == {"henon", "henon-newton", "henon-brent"}
     assert all(own.error_s < 1e-12 for own in found.values())
     assert found["henon"].evaluations < found["henon-newton"].evaluations < found["henon-brent"].evaluations

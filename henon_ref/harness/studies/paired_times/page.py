@@ -25,8 +25,7 @@ from henon_ref.harness.report.text.paired_times import (
 from henon_ref.harness.report.text.ranking import LEVELS, readings_of
 from henon_ref.harness.rows import RunRow, read_rows, rows_text
 from henon_ref.harness.studies.page import write
-from henon_ref.harness.studies.paired_times.pairs import able_rows, pairs_of
-from henon_ref.harness.studies.paired_times.timing import PairedTiming, time_pairs
+from henon_ref.harness.studies.paired_times.timing import PairedTiming, able_rows, pairs_of, time_pairs
 from henon_ref.harness.studies.study import Asked, Made
 from henon_ref.text import markdown
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -37,8 +36,7 @@ def draw_ladder(rows: Sequence[RunRow], count: str) -> Figure:
     is_time = count == "wall_s"
     with style.figure(4.4) as figure:
         axes = figure.add_axes((0.1, 0.12, 0.645, 0.8))
-        axes.set_xscale("log")
-        axes.set_yscale("log")
+        axes.set(xscale="log", yscale="log")
         ladders = by_solver(right(rows))
         lines = style.lines_of(ladders)
         tips = {}
@@ -46,10 +44,10 @@ def draw_ladder(rows: Sequence[RunRow], count: str) -> Figure:
             points = [
                 (cost, max(row.max_time_error_s, 1e-16))
                 for row in ladders[solver]
-                if (cost := _cost(row, count)) and row.max_time_error_s is not None
+                if (cost := getattr(row, count)) and row.max_time_error_s is not None
             ]
             if points:
-                _draw_line(axes, line, points)
+                _plot(axes, line, points, "", ms=3.5)
                 if is_time:
                     _draw_bars(axes, line, ladders[solver])
                 tips[solver] = min(error for _, error in points)
@@ -71,15 +69,6 @@ def draw_ladder(rows: Sequence[RunRow], count: str) -> Figure:
     return figure
 
 
-def _cost(row: RunRow, count: str) -> float | None:
-    return {"wall_s": row.wall_s, "rhs_evaluations": row.rhs_evaluations, "steps": row.steps}[count]
-
-
-def _draw_line(axes: Axes, line: style.Line, points: Sequence[tuple[float, float]]) -> None:
-    x, y = np.array(points).T
-    axes.plot(x, y, ls=line.dashes, marker=line.marker, color=line.colour, lw=line.width, ms=3.5)
-
-
 def _draw_bars(axes: Axes, line: style.Line, ladder: Sequence[RunRow]) -> None:
     known = [row for row in ladder if row.wall_s_low is not None and row.max_time_error_s is not None]
     if known:
@@ -95,10 +84,12 @@ def draw_growth(found: Sequence[Horizon]) -> Figure:
         left, right_ = figure.subplots(1, 2, sharex=True)
         for solver, fit in powers.items():
             own = [run for run in found if run.solver == solver]
-            label = f"{solver}: run ~ horizon^({fit})"
-            _plot(left, solver, [(run.until, 1e6 * run.per_transition_s) for run in own], label)
+            label, look = f"{solver}: run ~ horizon^({fit})", style.line_of(solver)
+            _plot(left, look, [(run.until, 1e6 * run.per_transition_s) for run in own], label)
             settled = [run for run in own if not math.isnan(run.stick_error_s)]
-            _plot(right_, solver, [(run.until, max(run.stick_error_s, 1e-16)) for run in settled], solver)
+            _plot(
+                right_, style.line_of(solver), [(run.until, max(run.stick_error_s, 1e-16)) for run in settled], solver
+            )
         left.set(xlabel="horizon [s]", ylabel="wall time a transition [µs]")
         left.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
         right_.axhline(BOUND, color=style.GREY, ls="--", lw=0.9)
@@ -135,7 +126,7 @@ def draw_sizes(found: Sequence[Size]) -> Figure:
                     for size in found
                     if size.solver == solver and size.agrees
                 ]
-                _plot(axes, solver, points, f"{solver}: ~ states^({powers[solver, column]})")
+                _plot(axes, style.line_of(solver), points, f"{solver}: ~ states^({powers[solver, column]})")
             axes.set_xticks(ticks, [str(tick) for tick in ticks], minor=False)
             axes.set_xticks([], minor=True)
             axes.set(xlabel="states", ylabel=words)
@@ -153,9 +144,8 @@ def draw_sizes(found: Sequence[Size]) -> Figure:
     return figure
 
 
-def _plot(axes: Axes, solver: str, points: Sequence[tuple[float, float]], label: str) -> None:
-    look = style.line_of(solver)
+def _plot(axes: Axes, look: style.Line, points: Sequence[tuple[float, float]], label: str, **more: float) -> None:
     axes.loglog(
         [x for x, _ in points], [y for _, y in points], ls=look.dashes, marker=look.marker, color=look.colour,
-        lw=look.width, label=label,
+        lw=look.width, label=label, **more,
     )  # fmt: skip

@@ -10,9 +10,12 @@ from dataclasses import dataclass
 from henon_ref.casefile.case import parse_case
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.interleaved import Turns, interleaved
+from henon_ref.harness.report.text.formats import duration
+from henon_ref.harness.report.text.paired_times import FIRST
+from henon_ref.harness.rows import Row
 from henon_ref.harness.studies.paired_times.own_calls import clocked, own_part
-from henon_ref.harness.studies.price.fit import Fit, power
-from henon_ref.harness.studies.price.orbit import orbit_problem
+from henon_ref.harness.studies.price.measure import Fit, orbit_problem, power
+from henon_ref.harness.table import Table
 from henon_ref.modes.problem import Problem
 from henon_ref.solver import Run
 from henon_ref.trajectory import Trajectory
@@ -34,7 +37,7 @@ SMOOTH_S = 20.0
 
 
 @dataclass(frozen=True)
-class Size:
+class Size(Row):
     """One solver on the chains of one length."""
 
     states: int
@@ -171,3 +174,25 @@ def fitted(found: Sequence[Size], solver: str, column: str) -> Fit:
     """p of the fit: a column of :class:`Size` ~ states^p, from :data:`FITTED` states on."""
     own = [size for size in found if size.solver == solver and size.states >= FITTED]
     return power([size.states for size in own], [getattr(size, column) for size in own])
+
+
+def size_table(found: Sequence[Size]) -> Table:
+    """Time of a run with and without transitions, and of getting ready, over the number of states."""
+    solvers = list(dict.fromkeys(size.solver for size in found))
+    lines: list[tuple[str, ...]] = []
+    for states in dict.fromkeys(own.states for own in found):
+        own = {size.solver: size for size in found if size.states == states}
+        runs, smooth, ready = (
+            [duration(value(own[s])) if own[s].agrees else "other answer" for s in solvers]
+            for value in (lambda s: s.wall_s, lambda s: s.smooth_s, lambda s: s.ready_s)
+        )
+        ratios = [f"{value:.2g}" for value in (own["heyoka"].ratio, own["heyoka"].smooth_ratio)]
+        first, alone = own[FIRST], own["heyoka"].own_s
+        calls = "" if math.isnan(alone) else duration(alone)
+        lines.append((f"{states}", f"{first.transitions}", *runs, ratios[0], calls, *smooth, ratios[1], *ready))
+    names = [f"`{solver}`" for solver in solvers]
+    headings = (
+        "states", "transitions", *(f"run, {n}" for n in names), "`henon` / `heyoka`", "run, `heyoka`'s own calls alone",
+        *(f"without transitions, {n}" for n in names), "`henon` / `heyoka`", *(f"ready, {n}" for n in names),
+    )  # fmt: skip
+    return Table(headings, "r" * len(headings), lines)
