@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from henon_ref.casefile.case import Case
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.plugin_probe import fixed_step
 from henon_ref.harness.report.files.manifest import Provenance
@@ -23,16 +22,12 @@ from henon_ref.harness.table import Table
 from henon_ref.text import code, markdown, paragraphs
 
 FOLDER = "atlas"
-
-
-def families(cases: Sequence[Case]) -> list[Family]:
-    """The families among the cases."""
-    return [family for case in cases if (family := family_of(case)) is not None]
+BLAME = ("ill-conditioned", "solver defect")
 
 
 def run_atlas(asked: Asked) -> Made:
     """Run the families at the atlas's tolerances and write its page; none where nothing asked for has a place on it."""
-    found = families(asked.cases)
+    found = [family for case in asked.cases if (family := family_of(case)) is not None]
     names = registry.expanded(asked.options.solvers or registry.default_names())
     # A solver that is driven by a step has no place on an axis of tolerances.
     solvers = tuple(s for s in names if not (fixed_step(s) if isinstance(s, str) else s.fixed_step))
@@ -62,7 +57,7 @@ def write_atlas(found: Sequence[tuple[Family, list[RunRow]]], origin: Provenance
     """
     sections, figures = [], {}
     for family, rows in found:
-        name = figure_name(family.case.name)
+        name = f"{family.case.name}.svg"
         figures[name] = draw_atlas(family, rows, solvers_of(rows))
         sections.append(
             {
@@ -84,11 +79,6 @@ def write_atlas(found: Sequence[tuple[Family, list[RunRow]]], origin: Provenance
     return write(folder, "atlas", context, {RUNS: rows_text(RunRow, every)}, figures)
 
 
-def figure_name(case: str) -> str:
-    """File name of a family's figure."""
-    return f"{case}.svg"
-
-
 def solvers_of(rows: Sequence[RunRow]) -> list[str]:
     """Solvers that ran, in the registry's order."""
     present = {row.solver for row in rows if outcome_of(row) is not None}
@@ -107,6 +97,3 @@ def count_table(rows: Sequence[RunRow]) -> Table:
         lines.append((code(solver), f"{len(own)}", *shown, *(f"{blamed[word] or ''}" for word in BLAME)))
     headings = ("solver", "runs", *OUTCOMES.values(), *BLAME)
     return Table(headings, "l" + "r" * (len(headings) - 1), lines)
-
-
-BLAME = ("ill-conditioned", "solver defect")

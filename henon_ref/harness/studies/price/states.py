@@ -15,6 +15,7 @@ from henon_ref.harness.report.text.paired_times import FIRST
 from henon_ref.harness.rows import Row
 from henon_ref.harness.studies.paired_times.own_calls import clocked, own_part
 from henon_ref.harness.studies.price.measure import Fit, orbit_problem, power
+from henon_ref.harness.studies.runs import apart
 from henon_ref.harness.table import Table
 from henon_ref.modes.problem import Problem
 from henon_ref.solver import Run
@@ -112,13 +113,12 @@ def sizes(blocks: Sequence[int] = BLOCKS, solvers: Sequence[str] = SOLVERS) -> l
     for problem in (orbit_problem(), chain(3)):  # what chains of all lengths share is imported and compiled here
         for name in solvers:
             registry.solver(name).prepare(problem, rtol=RTOL)()
+    first = solvers[0]
     for count in blocks:
         problem = chain(count)
         ready, runs, times = _timed(problem, solvers)
-        ends = {name: run() for name, run in runs.items()}
         _, smooth_runs, smooth_times = _timed(chain(count, belt=FAST, until=SMOOTH_S), solvers)
-        smooth_ends = {name: run() for name, run in smooth_runs.items()}
-        first = solvers[0]
+        ends, smooth_ends = ({name: run() for name, run in own.items()} for own in (runs, smooth_runs))
         for name in solvers:
             found.append(
                 Size(
@@ -161,13 +161,8 @@ def _own_part(problem: Problem, name: str, run: Run) -> float:
 
 
 def _agree(first: Trajectory, other: Trajectory) -> bool:
-    pairs = zip(first.transitions, other.transitions, strict=False)
-    last = zip(first.end_state, other.end_state, strict=True)
-    return (
-        len(first.transitions) == len(other.transitions)
-        and all(a.to_mode == b.to_mode and abs(a.time - b.time) <= AGREED for a, b in pairs)
-        and all(abs(a - b) <= AGREED for a, b in last)
-    )
+    ends = zip(first.end_state, other.end_state, strict=True)
+    return apart(first, other) <= AGREED and all(abs(a - b) <= AGREED for a, b in ends)
 
 
 def fitted(found: Sequence[Size], solver: str, column: str) -> Fit:
