@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 from henon_ref.baselines.adapter import Adapter
 from henon_ref.baselines.heyoka_taylor import HEYOKA
@@ -15,7 +14,6 @@ from henon_ref.baselines.scipy_ivp import BDF, DOP853, LSODA, RADAU, RK45
 from henon_ref.casefile.case import Case
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.truth_job import stored_statement
-from henon_ref.harness.report.files.manifest import Provenance
 from henon_ref.harness.report.files.write import RUNS
 from henon_ref.harness.report.text.formats import duration
 from henon_ref.harness.report.text.restarts import (
@@ -101,9 +99,12 @@ def run_restarts(asked: Asked) -> Made:
     solvers = (*ways, *(option.solver for option in options))
     changed = replace(asked.options, solvers=solvers, timed=False, folder=asked.out / FOLDER)
     rows = [row for own in rows_of(cases, changed, asked.observer).values() for row in own]
-    own = [row for row in rows if row.solver in ways]
-    page = write_page(own, option_rows(options, rows), changed.timeout, asked.origin, asked.out)
-    return Made(page, wrong_defaults(read_suite(asked.out)))
+    tried = option_rows(options, rows)
+    ran = {row.solver for row in tried}
+    return _written(
+        asked, changed.timeout, [row for row in rows if row.solver in ways],
+        [*tried, *(row for row in earlier_rows(OptionRow, asked.out / FOLDER / OPTIONS) if row.solver not in ran)],
+    )  # fmt: skip
 
 
 def _with_truths(case: Case, libraries: Sequence[str]) -> Case:
@@ -118,33 +119,10 @@ def _with_truths(case: Case, libraries: Sequence[str]) -> Case:
     return replace(case, readings=tuple(readings))
 
 
-def write_page(
-    rows: Sequence[RunRow], tried: Sequence[OptionRow], timeout: float, origin: Provenance, out: Path
-) -> Path:
-    """Write runs, suite, options and page; of cases and libraries that have not run the earlier rows are kept.
-
-    Parameters
-    ----------
-    rows : sequence of RunRow
-        A run a reading, library, restart and tolerance.
-    tried : sequence of OptionRow
-        What the libraries' options come to.
-    timeout : float
-        Processor time that a run was given [s].
-    origin : Provenance
-    out : Path
-        Folder of the reports; the study's own in it is made if need be.
-
-    Raises
-    ------
-    OSError
-        Where it cannot be written.
-    """
-    folder = out / FOLDER
-    suite = merged(suite_rows(rows), read_suite(out))
-    ran = {row.solver for row in tried}
+def _written(asked: Asked, timeout: float, rows: Sequence[RunRow], tried: list[OptionRow]) -> Made:
+    """Write runs, suite, options and page; of cases and libraries that have not run the earlier rows are kept."""
+    suite = merged(suite_rows(rows), read_suite(asked.out))
     order = {solver: place for place, solver in enumerate(registry.names())}
-    tried = [*tried, *(row for row in earlier_rows(OptionRow, folder / OPTIONS) if row.solver not in ran)]
     tried.sort(key=lambda row: order.get(row.solver, len(order)))
     context = {
         "runs": f"{sum(row.runs for row in suite)}",
@@ -157,11 +135,11 @@ def write_page(
         "beaten": beaten_table(suite, "../").markdown,
         "why": WHY,
         "options": option_table(tried).markdown if tried else "",
-        "origin": origin,
+        "origin": asked.origin,
     }
     files = {RUNS: rows_text(RunRow, rows), SUITE: rows_text(SuiteRow, suite)}
     files |= {OPTIONS: rows_text(OptionRow, tried)} if tried else {}
-    return write(folder, "restarts", context, files)
+    return Made(write(asked.out / FOLDER, "restarts", context, files), wrong_defaults(suite))
 
 
 def summary_table(suite: Sequence[SuiteRow]) -> Table:

@@ -35,16 +35,7 @@ MOST_TICKS = 5
 
 
 def draw_atlas(family: Family, rows: Sequence[RunRow], solvers: Sequence[str]) -> Figure:
-    """Panels of all solvers that were run.
-
-    Parameters
-    ----------
-    family : Family
-    rows : sequence of RunRow
-        The runs, one a reading, solver and tolerance.
-    solvers : sequence of str
-        In the order of the panels.
-    """
+    """Panels of all solvers that were run, in their order; a run a reading, solver and tolerance."""
     tolerances = sorted({number(row.rtol) for row in rows}, reverse=True)
     cells = {(row.solver, row.reading, number(row.rtol)): outcome_of(row) for row in rows}
     lines = math.ceil(len(solvers) / COLUMNS)

@@ -59,16 +59,9 @@ class Pair:
 
 
 def pairs_of(rows: Sequence[RunRow], rivals: Mapping[str, Collection[str]], levels: Sequence[int]) -> Iterator[Pair]:
-    """The pairs of one reading.
+    """The pairs of one reading's rows, for every level of digits; ``rivals``: of which solvers each is the cheapest.
 
-    Parameters
-    ----------
-    rows : sequence of RunRow
-        The reading's.
-    rivals : mapping of collections of str
-        What each rival is, and the solvers that it is the cheapest of.
-    levels : sequence of int
-        Digits to be reached. Where there is no transition to time, right rows are set against each other once.
+    Where there is no transition to time, right rows are set against each other once.
     """
     for level, able in able_rows(rows, levels):
         own = _cheapest(able, (FIRST,))
@@ -194,16 +187,7 @@ class PairedTiming(Job):
 def time_pairs(
     timings: Mapping[str, Sequence[PairedTiming]], options: Options, observer: Observer
 ) -> tuple[list[TimedPair], list[str]]:
-    """Time pairs, those of each job by one worker; their rows, and what could not be timed, a sentence each.
-
-    Parameters
-    ----------
-    timings : mapping of sequences of PairedTiming
-        By case.
-    options : Options
-        Processes and memory are taken from it.
-    observer : Observer
-    """
+    """Time pairs by case, those of each job by one worker; their rows, and what could not be timed, a sentence each."""
     rows: list[TimedPair] = []
     failed: list[str] = []
 

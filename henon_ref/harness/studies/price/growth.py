@@ -16,7 +16,7 @@ import sympy as sp
 from henon_ref.harness import registry
 from henon_ref.harness.report.text.formats import duration, error
 from henon_ref.harness.rows import Row
-from henon_ref.harness.studies.price.measure import Fit, in_fresh_process, power
+from henon_ref.harness.studies.price.measure import in_fresh_process
 from henon_ref.harness.table import Table
 from henon_ref.integrator.integrator import Integrator
 from henon_ref.integrator.prepared_run import order_for
@@ -37,7 +37,7 @@ SETTLED = 500.0
 """From this time on [s] what is left of the start is below a double's rounding (its multiplier is 0.4 a period)."""
 SHORT = 5.0
 """Runs below this [s] are made three times."""
-FITTED = 1e3
+LONG = 1e3
 """The power of the growth is fitted from this horizon on [s]."""
 LAST = 20
 """The last sticks that are compared with the certified ones."""
@@ -142,12 +142,6 @@ def _last_sticks(transitions: Iterable[_Transition]) -> list[float]:
         elif kind == _RELEASE and since is not None:
             sticks.append((high - since[0]) + (low - since[1]))
     return sticks[-LAST:]
-
-
-def exponent(found: Sequence[Horizon], solver: str) -> Fit:
-    """p of the fit: wall time of a run ~ horizon^p."""
-    own = [run for run in found if run.solver == solver and run.until >= FITTED]
-    return power([run.until for run in own], [run.wall_s for run in own])
 
 
 def growth_table(found: Sequence[Horizon]) -> Table:

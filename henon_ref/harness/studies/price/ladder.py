@@ -56,15 +56,7 @@ def solvers(chosen: Sequence[str] = ()) -> tuple[str, ...]:
 
 
 def run_ladder(cases: Sequence[Case], options: Options, observer: Observer) -> list[RunRow]:
-    """Rows of the ladder on the cases' readings.
-
-    Parameters
-    ----------
-    cases : sequence of Case
-    options : Options
-        Solvers, processes and journals; tolerances and deadline are the ladder's own.
-    observer : Observer
-    """
+    """Rows of the ladder on the cases' readings; tolerances and deadline are its own."""
     changed = replace(options, solvers=options.solvers or solvers(), tolerances=LADDER, timeout=TIMEOUT)
     by_case = rows_of([_without_listings(case) for case in cases], changed, observer)
     return [row for own in by_case.values() for row in own]
@@ -78,19 +70,7 @@ def _without_listings(case: Case) -> Case:
 def time_ladder_pairs(
     cases: Sequence[Case], rows: Sequence[RunRow], options: Options, observer: Observer, seconds: float = SECONDS
 ) -> tuple[list[TimedPair], list[str]]:
-    """Time the pairs on every reading that both solve; their rows, and what could not be timed.
-
-    Parameters
-    ----------
-    cases : sequence of Case
-    rows : sequence of RunRow
-        The ladder's: they tell which settings get how many digits.
-    options : Options
-        Processes and memory are taken from it.
-    observer : Observer
-    seconds : float
-        Time that the runs of a pair may take.
-    """
+    """Time the pairs on every reading that both solve, by the ladder's rows; what could not be timed beside them."""
     by_reading = readings_of(rows)
     rivals = [solver for solver in by_solver(rows) if solver != FIRST]
     timings = {

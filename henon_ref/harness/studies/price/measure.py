@@ -10,7 +10,7 @@ from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 
@@ -93,6 +93,12 @@ def power(x: Sequence[float], y: Sequence[float]) -> Fit:
         return Fit(math.nan, math.nan)
     found = linregress(np.log(x), np.log(y))
     return Fit(float(found.slope), float(found.stderr) if len(x) > 2 else math.nan)
+
+
+def fitted(rows: Sequence[Any], solver: str, x: str, y: str, since: float) -> Fit:
+    """The power in a solver's rows: column y ~ (column x)^power, from an x on."""
+    own = [row for row in rows if row.solver == solver and getattr(row, x) >= since]
+    return power([getattr(row, x) for row in own], [getattr(row, y) for row in own])
 
 
 def title(case: str, reading: str) -> str:

@@ -14,7 +14,7 @@ from henon_ref.harness.report.text.formats import duration
 from henon_ref.harness.report.text.paired_times import FIRST
 from henon_ref.harness.rows import Row
 from henon_ref.harness.studies.paired_times.own_calls import clocked, own_part
-from henon_ref.harness.studies.price.measure import Fit, orbit_problem, power
+from henon_ref.harness.studies.price.measure import orbit_problem
 from henon_ref.harness.studies.runs import apart
 from henon_ref.harness.table import Table
 from henon_ref.modes.problem import Problem
@@ -29,7 +29,7 @@ AGREED = 1e-9
 """Largest distance of two solvers' transition times [s] and last states at which their times are taken down."""
 GOLDEN = (math.sqrt(5) - 1) / 2
 """Its multiples modulo 1 spread the blocks' initial positions evenly, no two alike."""
-FITTED = 16
+MANY = 16
 """Powers are fitted from so many states on."""
 BELT, FAST = 0.2, 5.0
 """Velocity of the belt [m/s], and one that no block reaches."""
@@ -163,12 +163,6 @@ def _own_part(problem: Problem, name: str, run: Run) -> float:
 def _agree(first: Trajectory, other: Trajectory) -> bool:
     ends = zip(first.end_state, other.end_state, strict=True)
     return apart(first, other) <= AGREED and all(abs(a - b) <= AGREED for a, b in ends)
-
-
-def fitted(found: Sequence[Size], solver: str, column: str) -> Fit:
-    """p of the fit: a column of :class:`Size` ~ states^p, from :data:`FITTED` states on."""
-    own = [size for size in found if size.solver == solver and size.states >= FITTED]
-    return power([size.states for size in own], [getattr(size, column) for size in own])
 
 
 def size_table(found: Sequence[Size]) -> Table:
