@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal, get_args
 
 from henon_ref.harness import registry
 from henon_ref.harness.report.files.write import REPORT
@@ -23,7 +24,8 @@ MOST = LEVELS[-1]
 QUICKER = 0.8
 """Of as many right runs with as many digits those are better that take less than this part of the time: what the
 machine does meanwhile changes times by less."""
-ENDINGS = ("right", "wrong", "ended_early", "failed")
+Ending = Literal["right", "wrong", "ended_early", "failed"]
+ENDINGS = get_args(Ending)
 """How a run may end: with the exact run's transitions, with others, before its time, or not at all."""
 WHY = {
     "event-free-step": "what happens within the event-free step is seen at its end, and a guard that stays at zero "
@@ -116,7 +118,7 @@ def _problem(row: RunRow) -> tuple[object, ...]:
     return row.case, row.reading, row.rtol, registry.base_name(row.solver)
 
 
-def ending(row: RunRow) -> str:
+def ending(row: RunRow) -> Ending:
     """How a run that was made ended."""
     if row.verdict == "right":
         return "right"
@@ -224,11 +226,6 @@ def _beaten(rows: Sequence[SuiteRow], library: str) -> tuple[str, ...] | None:
 
 def _wrong(row: SuiteRow) -> str:
     """What goes wrong in the runs of a row of the suite."""
-    counts = {
-        "wrong": row.wrong,
-        "ended early": row.ended_early,
-        "failed": row.failed,
-        "missed": row.missed,
-        "spurious": row.spurious,
-    }
-    return ", ".join(f"{count} {what}" for what, count in counts.items() if count)
+    what = (*ENDINGS[1:], "missed", "spurious")
+    counts = zip(what, row.values(what), strict=True)
+    return ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in counts if count)
