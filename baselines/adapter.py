@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from henon_ref.baselines.driver import prepared, tolerances
 from henon_ref.baselines.flow import Flow, Library
 from henon_ref.baselines.mode_functions import ModeFunctions
-from henon_ref.baselines.mode_table import ModeTable
 from henon_ref.baselines.restart import STOPPED, Restart
 from henon_ref.baselines.work import Work
 from henon_ref.errors import UnavailableError
@@ -58,16 +57,10 @@ class Adapter(ABC):
         step: float | None = None,
         sample_times: NDArray[np.float64] | None = None,
         deadline: float | None = None,
-        known: ModeTable | None = None,
     ) -> Run:
-        """Make every mode ready (lambdify, compile); see :meth:`henon_ref.solver.Solver.prepare`.
-
-        ``known`` are modes of the same system on another library, whose callables are used again.
-        """
+        """Make every mode ready (lambdify, compile); see :meth:`henon_ref.solver.Solver.prepare`."""
         library = self.library(*tolerances(self.name, rtol, atol, step))
-        return prepared(
-            problem, library, sample_times=sample_times, deadline=deadline, warm_up=self.warm_up, known=known
-        )
+        return prepared(problem, library, sample_times=sample_times, deadline=deadline, warm_up=self.warm_up)
 
     def unavailable(self) -> str:
         """Why the library cannot be had; empty where it can. One that comes with an extra is not imported for it."""

@@ -287,18 +287,17 @@ def prepared(
     sample_times: NDArray[np.float64] | None,
     deadline: float | None,
     warm_up: bool = False,
-    known: ModeTable | None = None,
 ) -> Run:
     """A problem on a library, every mode compiled: what a baseline's ``prepare`` returns.
 
     Parameters
     ----------
-    problem, library, sample_times, deadline, known
+    problem, library, sample_times, deadline
         See :class:`Driver` and :meth:`henon_ref.solver.Solver.prepare`.
     warm_up : bool
         Run once, for a library whose compilation costs more than a run: no mode is compiled in a run then.
     """
-    driver = Driver(problem, library, Work(deadline), sample_times, known)
+    driver = Driver(problem, library, Work(deadline), sample_times)
     driver.compile()
     if warm_up:
         driver.run()

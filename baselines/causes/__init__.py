@@ -8,19 +8,18 @@ explains.
 
 from __future__ import annotations
 
-from henon_ref.baselines.causes.base import Cause, ClaimError
-from henon_ref.baselines.causes.cvode_c_events import CVODE_C
-from henon_ref.baselines.causes.diffrax_events import DIFFRAX
-from henon_ref.baselines.causes.diffsol_events import DIFFSOL
-from henon_ref.baselines.causes.heyoka_events import HEYOKA
-from henon_ref.baselines.causes.naive import NAIVE
-from henon_ref.baselines.causes.nosnoc_grid import NOSNOC
-from henon_ref.baselines.causes.octave_events import OCTAVE
-from henon_ref.baselines.causes.scipy_events import SCIPY
-from henon_ref.baselines.causes.siconos_step import SICONOS
-from henon_ref.baselines.causes.sundials_events import SUNDIALS
-
-ALL = (*SCIPY, *SUNDIALS, *CVODE_C, *OCTAVE, *SICONOS, *HEYOKA, *DIFFRAX, *DIFFSOL, *NOSNOC, *NAIVE)
-CAUSES: dict[str, Cause] = {cause.name: cause for cause in ALL}
+from henon_ref.baselines.causes import (  # noqa: F401 - each adds its causes
+    cvode_c_events,
+    diffrax_events,
+    diffsol_events,
+    heyoka_events,
+    naive,
+    nosnoc_grid,
+    octave_events,
+    scipy_events,
+    siconos_step,
+    sundials_events,
+)
+from henon_ref.baselines.causes.base import CAUSES, Cause, ClaimError
 
 __all__ = ["CAUSES", "Cause", "ClaimError"]

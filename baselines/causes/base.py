@@ -1,10 +1,19 @@
-"""What a cause is."""
+"""What a cause is, and what their minimal programs have in common."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import inspect
+import subprocess
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
+
+PROGRAMS = Path(__file__).parent / "programs"
+"""Folder of the programs in other languages."""
+SECONDS = 300.0
+"""Wall time of one [s]."""
+Check = Callable[[], str]
 
 
 class ClaimError(AssertionError):
@@ -21,10 +30,39 @@ class Cause:
     title: str
     claim: str
     """In a sentence or two: what the library does, and what follows from it."""
-    check: Callable[[], str]
+    check: Check
     """Runs the library; what was seen, in one sentence. Raises :class:`ClaimError` where it is not as claimed."""
     links: tuple[str, ...] = ()
     """Reports and documentation."""
+
+
+CAUSES: dict[str, Cause] = {}
+"""Causes by name."""
+
+
+def cause(
+    package: str, name: str, title: str, *links: str, docs: str = "", apart: bool = False
+) -> Callable[[Check], Check]:
+    """Make a cause of a program: the first paragraph of its docstring is the claim, the rest the problem that shows it.
+
+    ``docs``: a page that all causes of a library link to. ``apart``: the program runs in a process of its own, for a
+    library whose threads a process that forks must not have.
+    """
+
+    def made(check: Check) -> Check:
+        claim = " ".join((inspect.getdoc(check) or "").partition("\n\n")[0].split())
+        every = (docs, *links) if docs else links
+        CAUSES[name] = Cause(name, package, title, claim, partial(_apart, check) if apart else check, every)
+        return check
+
+    return made
+
+
+def _apart(check: Check) -> str:
+    from loky import ProcessPoolExecutor
+
+    with ProcessPoolExecutor(1) as pool:
+        return str(pool.submit(check).result())
 
 
 def holds(condition: object, words: str) -> None:
@@ -38,20 +76,38 @@ def holds(condition: object, words: str) -> None:
         raise ClaimError(words)
 
 
-def elsewhere(check: Callable[[], str]) -> Callable[[], str]:
-    """The check in a process of its own: for a library whose threads a process that forks must not have, or that may
-    end the process.
+def said(run: Callable[[], object]) -> str:
+    """What the exception of a run says; empty where it ends."""
+    try:
+        run()
+    except (RuntimeError, ValueError) as error:
+        return str(error)
+    return ""
 
-    Parameters
-    ----------
-    check : callable
-        A function of a module, without arguments.
+
+class Printed(dict[str, list[list[float]]]):
+    """What a program printed: name -> the numbers of each of its lines."""
+
+    def __missing__(self, name: str) -> list[list[float]]:
+        raise ClaimError(f"the program has printed no '{name}'")
+
+
+def printed(command: Sequence[str], environment: dict[str, str] | None = None) -> Printed:
+    """Run a program whose lines are a name and numbers; the library's own words between them are left out.
+
+    Raises
+    ------
+    ClaimError
+        If it cannot be run.
     """
-    return partial(_elsewhere, check)
-
-
-def _elsewhere(check: Callable[[], str]) -> str:
-    from loky import ProcessPoolExecutor
-
-    with ProcessPoolExecutor(1) as pool:
-        return str(pool.submit(check).result())
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=SECONDS, check=False, env=environment)
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise ClaimError(f"{command[0]}: {error}") from error
+    found = Printed()
+    for name, *numbers in (line.split() for line in done.stdout.splitlines() if line.strip()):
+        try:
+            found.setdefault(name, []).append([float(number) for number in numbers])
+        except ValueError:
+            continue
+    return found

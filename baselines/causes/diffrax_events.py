@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
-from henon_ref.baselines.causes.base import Cause, elsewhere, holds
+from henon_ref.baselines.causes.base import cause, holds
 
-DOCS = "https://docs.kidger.site/diffrax/api/events/"
+shows = partial(cause, "diffrax", docs="https://docs.kidger.site/diffrax/api/events/", apart=True)
 ISSUES = "https://github.com/patrick-kidger/diffrax/issues"
 TOLERANCE = 1e-12
 
@@ -56,8 +57,17 @@ def _ball(t: Any, y: Any) -> list[Any]:
     return [y[1], -1.0]
 
 
+@shows(
+    "diffrax-last-root",
+    "The last root of a step, not the first",
+    "https://github.com/patrick-kidger/diffrax/pull/644",
+)
 def last_root() -> str:
-    """y' = 1 from 0 through (1 - y)(2 - y)(3 - y), in one step to 4."""
+    """The root finder starts at the step's end: Newton's method goes to the root there, bisection to some root of the
+    step. The adapter takes bisection; of three roots in a step it may take any.
+
+    y' = 1 from 0 through (1 - y)(2 - y)(3 - y), in one step to 4.
+    """
 
     def condition(t: Any, y: Any, args: Any, **_: Any) -> Any:
         return (1.0 - y[0]) * (2.0 - y[0]) * (3.0 - y[0])
@@ -67,23 +77,37 @@ def last_root() -> str:
     return f"of roots at 1, 2 and 3 in a step from 0 to 4 Newton's method gives {newton:.6f}"
 
 
+@shows("diffrax-pair", "diffrax: two roots in one step cancel")
 def pair_in_one_step() -> str:
-    """y' = 1 through (1 - y)^2 = d^2/4: two roots, and no step ends between them."""
+    """Signs of a condition are compared at the two ends of a step. An even number of roots in between leaves no trace.
+
+    y' = 1 through (1 - y)^2 = d^2/4: two roots, and no step ends between them.
+    """
     found = solve(_one, [0.0], 2.0, lambda t, y, args, **_: (y[0] - 1.0) ** 2 - 2.5e-5, step=0.3)
     holds(float(found.ts[0]) == 2.0, f"it stops at {found.ts[0]}")
     return "roots at t = 0.995 and 1.005, in one of steps of 0.3, are not reported; the run ends at 2"
 
 
+@shows("diffrax-list-order", "Of several conditions the first in the list counts", f"{ISSUES}/639")
 def first_in_the_list() -> str:
-    """Two conditions that change in one step, in either order."""
+    """Where two conditions change sign in one step, the run stops at the root of the one that is listed first, though
+    the other's may be earlier. The adapter gives one condition, the minimum of all guards.
+
+    Two conditions that change in one step, in either order.
+    """
     late, early = (lambda t, y, args, **_: y[0] - 1.0), (lambda t, y, args, **_: y[0] - 0.5)
     one, other = (float(solve(_one, [0.0], 4.0, pair, step=2.0).ts[0]) for pair in ((late, early), (early, late)))
     holds(abs(one - 1) < 1e-9 and abs(other - 0.5) < 1e-9, f"it stops at {one} and {other}")
     return f"roots at t = 0.5 and 1 in one step: the run stops at {one:g} or {other:g}, by the order of the conditions"
 
 
+@shows("diffrax-start", "A zero at the start is a change of sign")
 def start_on_the_surface() -> str:
-    """A ball at its surface, without a direction and with one."""
+    """A condition that is exactly zero where a run starts has changed its sign by the end of the first step. The
+    adapter starts every guard clearly above zero, and counts falling roots only.
+
+    A ball at its surface, without a direction and with one.
+    """
 
     def height(t: Any, y: Any, args: Any, **_: Any) -> Any:
         return y[0]
@@ -101,8 +125,13 @@ def start_on_the_surface() -> str:
     )
 
 
+@shows("diffrax-pole", "diffrax: an event in front of a pole")
 def event_in_front_of_a_pole() -> str:
-    """v' = -1/(v + d) from 1, event v: a step that ends beyond the event has to come close to the pole at v = -d."""
+    """An event is located in a step that has passed it. Where the field has a pole, or no value, just behind the
+    surface, every such step is refused, and the steps no longer move the time.
+
+    v' = -1/(v + d) from 1, event v: a step that ends beyond the event has to come close to the pole at v = -d.
+    """
     import diffrax
 
     events, steps = [], []
@@ -114,8 +143,17 @@ def event_in_front_of_a_pole() -> str:
     return f"1e-3 in front of the pole the event is found in {steps[0]} steps, 1e-9 in front of it not in {steps[1]}"
 
 
+@shows(
+    "diffrax-bisection-units",
+    "Bisection ends by the size of the condition, too",
+    "https://docs.kidger.site/optimistix/api/root_find/",
+)
 def bisection_has_units() -> str:
-    """y' = 1 through 1 - y, in two units of the condition."""
+    """optimistix's bisection ends only where the interval is small and the condition below the absolute tolerance;
+    where rounding keeps the condition above, the run fails. The adapter scales the condition down.
+
+    y' = 1 through 1 - y, in two units of the condition.
+    """
     import diffrax
     import optimistix
 
@@ -130,8 +168,13 @@ def bisection_has_units() -> str:
     return "the root of a condition is found in one unit, and 1e6 times it ends the run with the root finder's failure"
 
 
+@shows("diffrax-dense-output", "Events on a dense output of lower order")
 def dense_output_of_lower_order() -> str:
-    """cos(t): its value where a step ends at pi/2, and the root that an event finds there."""
+    """An event is located on the step's dense output, whose order is below the step's (5 for Dopri8, 3 for Kvaerno5):
+    its time, and the state there, are less accurate than what the steps carry.
+
+    cos(t): its value where a step ends at pi/2, and the root that an event finds there.
+    """
     import math
 
     quarter = math.pi / 2
@@ -140,70 +183,3 @@ def dense_output_of_lower_order() -> str:
     state, time = abs(float(ended.ys[0][0])), abs(float(event.ts[0]) - quarter)
     holds(time > 20 * state, f"error of the state {state}, of the event {time}")
     return f"cos(t) by Dopri8 at 1e-12: a step to pi/2 ends {state:.1e} off, an event finds the root {time:.1e} s off"
-
-
-DIFFRAX = (
-    Cause(
-        "diffrax-last-root",
-        "diffrax",
-        "The last root of a step, not the first",
-        "The root finder starts at the step's end: Newton's method goes to the root there, bisection to some root of "
-        "the step. The adapter takes bisection; of three roots in a step it may take any.",
-        elsewhere(last_root),
-        (DOCS, "https://github.com/patrick-kidger/diffrax/pull/644"),
-    ),
-    Cause(
-        "diffrax-pair",
-        "diffrax",
-        "diffrax: two roots in one step cancel",
-        "Signs of a condition are compared at the two ends of a step. An even number of roots in between leaves no "
-        "trace.",
-        elsewhere(pair_in_one_step),
-        (DOCS,),
-    ),
-    Cause(
-        "diffrax-list-order",
-        "diffrax",
-        "Of several conditions the first in the list counts",
-        "Where two conditions change sign in one step, the run stops at the root of the one that is listed first, "
-        "though the other's may be earlier. The adapter gives one condition, the minimum of all guards.",
-        elsewhere(first_in_the_list),
-        (f"{ISSUES}/639",),
-    ),
-    Cause(
-        "diffrax-start",
-        "diffrax",
-        "A zero at the start is a change of sign",
-        "A condition that is exactly zero where a run starts has changed its sign by the end of the first step. The "
-        "adapter starts every guard clearly above zero, and counts falling roots only.",
-        elsewhere(start_on_the_surface),
-        (DOCS,),
-    ),
-    Cause(
-        "diffrax-pole",
-        "diffrax",
-        "diffrax: an event in front of a pole",
-        "An event is located in a step that has passed it. Where the field has a pole, or no value, just behind the "
-        "surface, every such step is refused, and the steps no longer move the time.",
-        elsewhere(event_in_front_of_a_pole),
-        (DOCS,),
-    ),
-    Cause(
-        "diffrax-bisection-units",
-        "diffrax",
-        "Bisection ends by the size of the condition, too",
-        "optimistix's bisection ends only where the interval is small and the condition below the absolute tolerance; "
-        "where rounding keeps the condition above, the run fails. The adapter scales the condition down.",
-        elsewhere(bisection_has_units),
-        ("https://docs.kidger.site/optimistix/api/root_find/",),
-    ),
-    Cause(
-        "diffrax-dense-output",
-        "diffrax",
-        "Events on a dense output of lower order",
-        "An event is located on the step's dense output, whose order is below the step's (5 for Dopri8, 3 for "
-        "Kvaerno5): its time, and the state there, are less accurate than what the steps carry.",
-        elsewhere(dense_output_of_lower_order),
-        (DOCS,),
-    ),
-)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
-from henon_ref.baselines.causes.base import Cause, holds
+from henon_ref.baselines.causes.base import cause, holds
 
-DOCS = "https://bluescarni.github.io/heyoka.py/notebooks/Event%20detection.html"
+shows = partial(cause, "heyoka", docs="https://bluescarni.github.io/heyoka.py/notebooks/Event%20detection.html")
 
 
 def run(guard: Any, field: Any, start: list[float], until: float, *, any_direction: bool = False) -> float:
@@ -24,7 +25,7 @@ def run(guard: Any, field: Any, start: list[float], until: float, *, any_directi
 def _unit_speed() -> tuple[Any, list[tuple[Any, Any]]]:
     import heyoka
 
-    (x,) = [heyoka.make_vars("x")]
+    x = heyoka.make_vars("x")
     return x, [(x, heyoka.expression(1.0))]
 
 
@@ -35,8 +36,13 @@ def _ball() -> tuple[Any, list[tuple[Any, Any]]]:
     return x, [(x, v), (v, heyoka.expression(-1.0))]
 
 
+@shows("heyoka-double-root", "Two roots that rounding makes one")
 def pair_below_rounding() -> str:
-    """x' = 1 through x^2 = d^2/4: with d = 1e-8 the constant is lost in the rounding of 1."""
+    """heyoka isolates the roots of the event's Taylor polynomial in double precision. Where the surface function
+    between two roots goes no deeper than its rounding, they are a double root, which is not reported.
+
+    x' = 1 through x^2 = d^2/4: with d = 1e-8 the constant is lost in the rounding of 1.
+    """
     x, field = _unit_speed()
     wide = run(x * x - 1e-6**2 / 4, field, [-1.0], 2.0)
     close = run(x * x - 1e-8**2 / 4, field, [-1.0], 2.0)
@@ -45,8 +51,13 @@ def pair_below_rounding() -> str:
     return f"roots 1e-6 apart are found (t = {wide:.8f}), roots 1e-8 apart are stepped over"
 
 
+@shows("heyoka-event-polynomial", "The event is its Taylor polynomial")
 def event_is_its_taylor_polynomial() -> str:
-    """x' = 1 is a polynomial, so that one step goes to the horizon; 1 - x^50 is of higher degree than the expansion."""
+    """Roots are sought on the Taylor polynomial of the event function over the step; the step is chosen from the state
+    alone. An event function of slower convergence than the state is another function at the step's end.
+
+    x' = 1 is a polynomial, so that one step goes to the horizon; 1 - x^50 is of higher degree than the expansion.
+    """
     import heyoka
 
     x, field = _unit_speed()
@@ -58,8 +69,13 @@ def event_is_its_taylor_polynomial() -> str:
     return "the root of 1 - x at t = 1 is found; those of 1 - x^50 and -tanh(50 (x - 1)) at the same time are not"
 
 
+@shows("heyoka-flat-root", "A direction is the sign of the derivative")
 def root_of_third_order() -> str:
-    """x' = 1 through 1 - x and its third power: its derivative is zero at the root."""
+    """Whether a root rises or falls is read off the event's derivative there. At a root of third order that is zero:
+    with a direction it does not count.
+
+    x' = 1 through 1 - x and its third power: its derivative is zero at the root.
+    """
     x, field = _unit_speed()
     plain, flat = (run(guard, field, [0.0], 2.0) for guard in (1.0 - x, (1.0 - x) ** 3.0))
     either = run((1.0 - x) ** 3.0, field, [0.0], 2.0, any_direction=True)
@@ -68,19 +84,29 @@ def root_of_third_order() -> str:
     return "falling roots of 1 - x and (1 - x)³ at t = 1: the first is found, the other without a direction alone"
 
 
+@shows("heyoka-hidden-drive", "What an expansion cannot see is stepped over")
 def drive_between_expansions() -> str:
-    """A pulse at t = 10 that cannot be seen from t = 0."""
+    """A function of time alone that sleeps where a step begins has no Taylor coefficients there: the step leaps over it
+    to the horizon.
+
+    A pulse at t = 10 that cannot be seen from t = 0.
+    """
     import heyoka
 
-    (x,) = [heyoka.make_vars("x")]
+    x = heyoka.make_vars("x")
     pulse = heyoka.exp(-100.0 * (heyoka.time - 10.0) ** 2.0)
     seen = run(1.0 - 20.0 * pulse, [(x, heyoka.expression(0.0))], [0.0], 20.0)
     holds(seen == 20.0, f"it stops at {seen}")
     return "1 - 20 exp(-100 (t - 10)²), which is negative from 9.83 to 10.17, has no root for a run from 0 to 20"
 
 
+@shows("heyoka-start", "A zero at the start stops the run, or hides the next root")
 def start_on_the_surface() -> str:
-    """A ball at its surface, without a direction and with one."""
+    """An event that is exactly zero where a run starts stops it at once; with a direction it does not, and the next
+    true root of the step is lost.
+
+    A ball at its surface, without a direction and with one.
+    """
     x, field = _ball()
     either = run(x, field, [0.0, 1.0], 3.0, any_direction=True)
     falling = run(x, field, [0.0, 1.0], 3.0)
@@ -94,8 +120,13 @@ def start_on_the_surface() -> str:
     )
 
 
+@shows("heyoka-past-end", "A Taylor polynomial goes on where the function ends")
 def end_of_a_square_root() -> str:
-    """h' = -sqrt(h) from 1: h is a parabola up to t = 2, where it is zero and stays so."""
+    """A step is chosen by its last coefficients. Where the motion is a polynomial up to the point at which the field,
+    or the event function, has no value any more, the step leads past it, and nothing is said.
+
+    h' = -sqrt(h) from 1: h is a parabola up to t = 2, where it is zero and stays so.
+    """
     import heyoka
 
     h = heyoka.make_vars("h")
@@ -104,61 +135,3 @@ def end_of_a_square_root() -> str:
     end = float(integrator.state[0])
     holds(outcome == heyoka.taylor_outcome.time_limit and abs(end - 1.0) < 1e-9, f"{outcome}, h(4) = {end}")
     return f"h' = -sqrt(h) from h(0) = 1 to t = 4: {steps} step, outcome time_limit, and h(4) = {end:g}"
-
-
-HEYOKA = (
-    Cause(
-        "heyoka-double-root",
-        "heyoka",
-        "Two roots that rounding makes one",
-        "heyoka isolates the roots of the event's Taylor polynomial in double precision. Where the surface function "
-        "between two roots goes no deeper than its rounding, they are a double root, which is not reported.",
-        pair_below_rounding,
-        (DOCS,),
-    ),
-    Cause(
-        "heyoka-event-polynomial",
-        "heyoka",
-        "The event is its Taylor polynomial",
-        "Roots are sought on the Taylor polynomial of the event function over the step; the step is chosen from the "
-        "state alone. An event function of slower convergence than the state is another function at the step's end.",
-        event_is_its_taylor_polynomial,
-        (DOCS,),
-    ),
-    Cause(
-        "heyoka-flat-root",
-        "heyoka",
-        "A direction is the sign of the derivative",
-        "Whether a root rises or falls is read off the event's derivative there. At a root of third order that is "
-        "zero: with a direction it does not count.",
-        root_of_third_order,
-        (DOCS,),
-    ),
-    Cause(
-        "heyoka-hidden-drive",
-        "heyoka",
-        "What an expansion cannot see is stepped over",
-        "A function of time alone that sleeps where a step begins has no Taylor coefficients there: the step leaps "
-        "over it to the horizon.",
-        drive_between_expansions,
-        (DOCS,),
-    ),
-    Cause(
-        "heyoka-start",
-        "heyoka",
-        "A zero at the start stops the run, or hides the next root",
-        "An event that is exactly zero where a run starts stops it at once; with a direction it does not, and the next "
-        "true root of the step is lost.",
-        start_on_the_surface,
-        (DOCS,),
-    ),
-    Cause(
-        "heyoka-past-end",
-        "heyoka",
-        "A Taylor polynomial goes on where the function ends",
-        "A step is chosen by its last coefficients. Where the motion is a polynomial up to the point at which the "
-        "field, or the event function, has no value any more, the step leads past it, and nothing is said.",
-        end_of_a_square_root,
-        (DOCS,),
-    ),
-)

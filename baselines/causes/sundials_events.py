@@ -3,50 +3,64 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from henon_ref.baselines.causes.base import Cause, holds
+from henon_ref.baselines.causes.base import cause, holds
 
+shows = partial(cause, "scikit-sundae")
 # SUNDIALS' own logger writes its warnings to the standard output of the process, past Python.
 os.environ.setdefault("SUNLOGGER_WARNING_FILENAME", os.devnull)
 ISSUES = "https://github.com/llnl/sundials/issues"
 
 
-def terminal(function: Callable[..., None], directions: Sequence[int] = (0,)) -> Callable[..., None]:
-    """Mark event functions as terminal."""
-    function.terminal = [True] * len(directions)  # type: ignore[attr-defined]
-    function.direction = list(directions)  # type: ignore[attr-defined]
+def cvode(rates: Callable[[Any], list[float]], event: Callable[[Any], float], method: str = "BDF") -> Any:
+    """CVODE at 1e-9, stopped by an event of either direction."""
+    from sksundae.cvode import CVODE
+
+    def field(t: float, x: Any, rate: Any) -> None:
+        rate[:] = rates(x)
+
+    def events(t: float, x: Any, out: Any) -> None:
+        out[0] = event(x)
+
+    return CVODE(field, method=method, rtol=1e-9, atol=1e-9, eventsfn=terminal(events), num_events=1)
+
+
+def terminal(function: Callable[..., None]) -> Callable[..., None]:
+    """Mark an event function as terminal."""
+    function.terminal, function.direction = [True], [0]  # type: ignore[attr-defined]
     return function
 
 
-def _unit_speed(t: float, x: Any, rate: Any) -> None:
-    rate[0] = 1.0
+def ball() -> Any:
+    """x'' = -1 to x = 0."""
+    return cvode(lambda x: [x[1], -1.0], lambda x: float(x[0]))
 
 
-def _ball(t: float, x: Any, rate: Any) -> None:
-    rate[0], rate[1] = x[1], -1.0
-
-
+@shows("cvode-pair", "CVODE: two roots in one step cancel", f"{ISSUES}/881")
 def cvode_pair() -> str:
-    """x' = 1 through x^2 = d^2/4: two roots, and no step ends between them."""
-    from sksundae.cvode import CVODE
+    """Rootfinding compares signs at the two ends of an internal step. An even number of roots in between leaves no
+    trace.
 
-    def events(t: float, x: Any, out: Any) -> None:
-        out[0] = x[0] ** 2 - 0.0025
-
+    x' = 1 through x^2 = d^2/4: two roots, and no step ends between them.
+    """
     for method in ("Adams", "BDF"):
-        solver = CVODE(_unit_speed, method=method, rtol=1e-9, atol=1e-9, eventsfn=terminal(events), num_events=1)
-        found = solver.solve([0, 2], np.array([-1.0]))
+        found = cvode(lambda x: [1.0], lambda x: x[0] ** 2 - 0.0025, method).solve([0, 2], np.array([-1.0]))
         holds(found.t_events is None, f"{method} reports a root at {found.t_events}")
         holds(np.abs(found.y[:, 0]).min() > 0.05, f"a step of {method} ends between the roots")
     return "roots at t = 0.95 and 1.05 are reported neither by Adams nor by BDF; the run ends at 2"
 
 
+@shows("ida-pair", "IDA: two roots in one step cancel", f"{ISSUES}/881")
 def ida_pair() -> str:
-    """The same with the residual x' - 1."""
+    """IDA's rootfinding is CVODE's: it compares signs at the two ends of an internal step.
+
+    The same with the residual x' - 1.
+    """
     from sksundae.ida import IDA
 
     def residual(t: float, x: Any, rate: Any, out: Any) -> None:
@@ -61,69 +75,27 @@ def ida_pair() -> str:
     return "roots at t = 0.9995 and 1.0005 are not reported; the run ends at 2"
 
 
+@shows("sundials-inactive-zero", "A zero at the start is out of play", f"{ISSUES}/722")
 def zero_at_the_start_is_out_of_play() -> str:
-    """A ball at its surface, without a direction."""
-    from sksundae.cvode import CVODE
+    """An event function that is exactly zero where a run starts is ignored until it has left zero, so a restart at a
+    root does not fire again; one that is a rounding off zero is taken at its sign.
 
-    def events(t: float, x: Any, out: Any) -> None:
-        out[0] = x[0]
-
-    solver = CVODE(_ball, rtol=1e-9, atol=1e-9, eventsfn=terminal(events), num_events=1)
-    found = solver.solve([0, 3], np.array([0.0, 1.0]))
-    holds(abs(found.t[-1] - 2) < 1e-6, f"it stops at t = {found.t[-1]}")
-    return (
-        f"thrown up from its surface, a ball comes down at t = {found.t[-1]:.6f}: the zero at the start does not count"
-    )
+    A ball at its surface, without a direction.
+    """
+    end = ball().solve([0, 3], np.array([0.0, 1.0])).t[-1]
+    holds(abs(end - 2) < 1e-6, f"it stops at t = {end}")
+    return f"thrown up from its surface, a ball comes down at t = {end:.6f}: the zero at the start does not count"
 
 
+@shows("sundae-stale-events", "Events of earlier runs stay")
 def events_of_earlier_runs_stay() -> str:
-    """Two runs of one object."""
-    from sksundae.cvode import CVODE
+    """`t_events` of one object goes on growing from run to run: the last row is the present one. The adapters make a
+    new object for every run of a mode.
 
-    def events(t: float, x: Any, out: Any) -> None:
-        out[0] = x[0]
-
-    solver = CVODE(_ball, rtol=1e-9, atol=1e-9, eventsfn=terminal(events), num_events=1)
+    Two runs of one object.
+    """
+    solver = ball()
     solver.solve([0, 3], np.array([0.0, 1.0]))
-    again = solver.solve([0, 5], np.array([0.0, 2.0]))
-    times = np.ravel(again.t_events)
+    times = np.ravel(solver.solve([0, 5], np.array([0.0, 2.0])).t_events)
     holds(times.size == 2 and abs(times[0] - 2) < 1e-6 and abs(times[1] - 4) < 1e-6, f"t_events = {times}")
     return f"the second run of one object, which stops at 4, reports t_events = [{times[0]:.6f}, {times[1]:.6f}]"
-
-
-SUNDIALS = (
-    Cause(
-        "cvode-pair",
-        "scikit-sundae",
-        "CVODE: two roots in one step cancel",
-        "Rootfinding compares signs at the two ends of an internal step. An even number of roots in between leaves no "
-        "trace.",
-        cvode_pair,
-        (f"{ISSUES}/881",),
-    ),
-    Cause(
-        "ida-pair",
-        "scikit-sundae",
-        "IDA: two roots in one step cancel",
-        "IDA's rootfinding is CVODE's: it compares signs at the two ends of an internal step.",
-        ida_pair,
-        (f"{ISSUES}/881",),
-    ),
-    Cause(
-        "sundials-inactive-zero",
-        "scikit-sundae",
-        "A zero at the start is out of play",
-        "An event function that is exactly zero where a run starts is ignored until it has left zero, so a restart at "
-        "a root does not fire again; one that is a rounding off zero is taken at its sign.",
-        zero_at_the_start_is_out_of_play,
-        (f"{ISSUES}/722",),
-    ),
-    Cause(
-        "sundae-stale-events",
-        "scikit-sundae",
-        "Events of earlier runs stay",
-        "`t_events` of one object goes on growing from run to run: the last row is the present one. The adapters make "
-        "a new object for every run of a mode.",
-        events_of_earlier_runs_stay,
-    ),
-)

@@ -310,6 +310,14 @@ def read_rows(kind: type[AnyRow], path: Path) -> list[AnyRow]:
     return rows
 
 
+def earlier_rows(kind: type[AnyRow], path: Path) -> list[AnyRow]:
+    """Rows of a result file; none where it is not there, or is no such file."""
+    try:
+        return read_rows(kind, path)
+    except (OSError, ValueError):
+        return []
+
+
 def _number(text: str) -> float:
     value = float(text)
     if math.isnan(value):

@@ -1,7 +1,8 @@
 """Which checked cause explains a run that is wrong by its solver's fault.
 
-The causes are in :mod:`henon_ref.baselines.causes`, a minimal run of the library alone each. Here is a table of how a
-run looks where one of them is the reason, and no other is left; where nothing in it fits, the run stays unexplained.
+The causes are in :mod:`henon_ref.baselines.causes`, a minimal run of the library alone each. :data:`PATTERNS` is the
+table of how a run looks where one of them is the reason, and no other is left; where nothing in it fits, the run stays
+unexplained.
 """
 
 from __future__ import annotations
@@ -34,122 +35,97 @@ FIRST_STEP = 1e-9
 """First step of octave-ode45 in each mode, as a part of the run's length."""
 NO_SOLUTION = 10.0
 """Steps in front of a blow-up of order one in which an implicit step has no solution: four, and what order 1 is off."""
+Rows = Sequence[TransitionRow]
 
 
-@dataclass(frozen=True)
 class Seen:
-    """One wrong run."""
+    """One wrong run, with its transitions in order, but for touches."""
 
-    run: RunRow
-    transitions: Sequence[TransitionRow]
-    """In order, but for touches."""
-
-    @property
-    def solver(self) -> str:
-        """The solver's name without its restart and variant."""
-        return registry.base_name(self.run.solver).partition("+")[0]
+    def __init__(self, run: RunRow, transitions: Rows) -> None:
+        self.run = run
+        self.rows = [row for row in transitions if row.outcome != "touch"]
+        self.right = list(takewhile(lambda row: row.outcome == "matched", self.rows))
+        """Before the first that is wrong."""
+        self.matched, self.missed, self.spurious = (
+            [row for row in self.rows if row.outcome == what] for what in ("matched", "missed", "spurious")
+        )
+        self.end, self.step, self.steps = number(run.end_time_s), number(run.step_s), number(run.steps)
+        self.solver = registry.base_name(run.solver).partition("+")[0]
+        """Without its restart and variant."""
 
     def found(self, pattern: str) -> re.Match[str] | None:
         """Where a regular expression fits the solver's own words."""
         return re.search(pattern, self.run.status_reason or "")
 
-    @property
-    def right_so_far(self) -> bool:
-        """What was found before the run ended is right."""
-        return self.run.spurious == 0
+    def misses_at(self, time: float) -> bool:
+        """Whether the first transition that is missed is at a time [s], to what nothing there locates."""
+        within = IN_FRONT * number(self.run.rtol)
+        return any(abs(_exact(row) - time) <= within for row in self.missed[:1])
 
     @property
-    def right(self) -> list[TransitionRow]:
-        """Transitions before the first that is wrong."""
-        return list(takewhile(lambda row: row.outcome == "matched", self.transitions))
+    def missed_pairs(self) -> list[Rows]:
+        """Groups of transitions missed in a row, where each leads back to where it began.
 
-    def of(self, outcome: str) -> list[TransitionRow]:
-        """Transitions of one outcome."""
-        return [row for row in self.transitions if row.outcome == outcome]
-
-    @property
-    def missed_pairs(self) -> list[list[TransitionRow]]:
-        """Groups of transitions that are missed in a row, where each group leads back to where it began.
-
-        Each surface is crossed an even number of times in it, and there and back again. Empty where something else went
-        wrong, too: then it is not known what the run did in between.
+        Each surface is crossed an even number of times in it. Empty where something else went wrong, too: then it is
+        not known what the run did in between.
         """
-        if self.run.status != "wrong" or self.run.spurious != 0:
-            return []
-        groups = [list(own) for what, own in groupby(self.transitions, lambda row: row.outcome) if what == "missed"]
+        groups = [list(own) for what, own in groupby(self.rows, lambda row: row.outcome) if what == "missed"]
         whole = all(
             group[0].from_mode == group[-1].to_mode
             and all(count % 2 == 0 for count in Counter(row.surface for row in group).values())
             for group in groups
         )
-        return groups if whole else []
+        return [*groups] if whole and self.run.status == "wrong" and self.run.spurious == 0 else []
 
     @property
-    def first_missed(self) -> list[TransitionRow]:
+    def first_missed(self) -> Rows:
         """Transitions missed first, up to where the mode is again as before them: what comes behind follows from them.
 
-        Empty where what comes before them is not right, where the mode does not become so before the next transition
-        of the run, and where they begin within a mean step of a transition of the same surface, whose restart may have
-        lost them.
+        Empty where the mode does not become so before the next transition of the run, and where they begin within a
+        mean step of a transition of the same surface, whose restart may have lost them.
         """
-        if self.run.status != "wrong" or not self.found(" missed, "):
-            return []
-        right = self.right
-        group = list(takewhile(lambda row: row.outcome == "missed", self.transitions[len(right) :]))
+        group = list(takewhile(lambda row: row.outcome == "missed", self.rows[len(self.right) :]))
         until = next((k for k, row in enumerate(group, 1) if row.to_mode == group[0].from_mode), 0)
-        step = number(self.run.end_time_s) / number(self.run.steps)
-        left = [number(row.reference_time_s) for row in right if group and row.surface == group[0].surface]
-        if not until or (left and not number(group[0].reference_time_s) - left[-1] > step):
+        if not until or self.run.status != "wrong" or not self.found(" missed, "):
             return []
-        return group[:until]
+        left = [_exact(row) for row in self.right if row.surface == group[0].surface]
+        return group[:until] if not left or _exact(group[0]) - left[-1] > self.end / self.steps else []
 
     @property
-    def stopped_between(self) -> list[TransitionRow]:
-        """Two transitions of a surface that are missed first, where the run was ended between them.
-
-        Within a mean step of each other: an event of another surface stopped the library, and the guard was negative.
+    def stopped_between(self) -> Rows:
+        """Two transitions of a surface that are missed first, within a mean step, where the run was ended between them:
+        an event of another surface stopped the library, and the guard was negative.
         """
-        if self.run.status != "failed" or not self.found("was stepped over") or not self.right_so_far:
+        if self.run.status != "failed" or not self.found("was stepped over") or self.run.spurious != 0:
             return []
-        missed = self.of("missed")
-        own = [row for row in missed if row.surface == missed[0].surface][:2]
-        times = [number(row.reference_time_s) for row in own]
-        end = number(self.run.end_time_s)
-        step = end / max(number(self.run.steps), 1.0)
-        return own if len(own) == 2 and times[0] <= end <= times[1] and times[1] - times[0] < step else []
-
-    def misses_at(self, time: float) -> bool:
-        """Whether the first transition that is missed is where the run ended [s]: a pole behind its surface."""
-        within = IN_FRONT * number(self.run.rtol)
-        return any(abs(number(row.reference_time_s) - time) <= within for row in self.of("missed")[:1])
+        own = [row for row in self.missed if row.surface == self.missed[0].surface][:2]
+        first, last = (_exact(own[0]), _exact(own[-1])) if own else (math.nan, math.nan)
+        near = last - first < self.end / max(self.steps, 1.0)
+        return own if len(own) == 2 and first <= self.end <= last and near else []
 
 
-def _deepest(rows: Sequence[TransitionRow]) -> float:
-    """Greatest depth of the surface function between roots [unit of the surface]."""
-    return max((row.graze_distance for row in rows if row.graze_distance is not None), default=math.inf)
+def _exact(row: TransitionRow) -> float:
+    return number(row.reference_time_s)
 
 
 def _within_one_step(seen: Seen) -> bool:
-    """Signs are compared at the ends of a step: what is missed first lay in one, or around another surface's event.
-
-    So did the two roots of an impact that is missed: the driver ends a run at whose stops a guard is negative.
-    """
+    """Signs are compared at the ends of a step: what is missed first lay in one, or around another surface's event."""
     return bool(seen.missed_pairs or seen.first_missed or seen.stopped_between)
 
 
 def _double_root(seen: Seen) -> bool:
     """heyoka isolates all roots of a polynomial: what it misses is a double root to it, or not in the polynomial."""
-    return _deepest(seen.stopped_between or [row for group in seen.missed_pairs for row in group]) <= LOST
+    rows = seen.stopped_between or [row for group in seen.missed_pairs for row in group]
+    return max((row.graze_distance for row in rows if row.graze_distance is not None), default=math.inf) <= LOST
 
 
 def _in_front_of_a_pole(seen: Seen) -> bool:
     """In front of an event, or of the model's end: nothing has a value behind it."""
-    ends = seen.run.expected_status == "invalid" and seen.run.missed == 0
-    return ends or seen.misses_at(number(seen.run.end_time_s))
+    return (seen.run.expected_status == "invalid" and seen.run.missed == 0) or seen.misses_at(seen.end)
 
 
 def _slow(seen: Seen) -> bool:
-    return number(seen.run.rtol) <= 1e-9 and number(seen.run.steps) > 1000
+    return number(seen.run.rtol) <= 1e-9 and seen.steps > 1000
 
 
 def _past_the_end(seen: Seen) -> bool:
@@ -162,12 +138,11 @@ def _within_the_band(seen: Seen) -> bool:
     """The first transition of a surface that goes wrong, or one beside it, is told from its neighbour by less than the
     band is wide; or the run is off by more than its steps' errors before.
 
-    The surface function does not leave the band between them, or an error in the state as large as the band moves
-    them past each other: within it the state is known no better. Releases are late anyway.
+    Within the band the state is known no better. Releases are late anyway.
     """
     band = BANDS[seen.solver] * number(seen.run.atol)
-    for surface in {row.surface for row in seen.transitions}:
-        own = [row for row in seen.transitions if row.surface == surface]
+    for surface in {row.surface for row in seen.rows}:
+        own = [row for row in seen.rows if row.surface == surface]
         first = next((k for k, row in enumerate(own) if row.outcome in ("missed", "spurious")), len(own))
         beside = own[max(first - 1, 0) : first + 3] if first < len(own) else []
         if any(number(row.graze_distance) <= band * _reach(row) for row in beside):
@@ -182,28 +157,33 @@ def _reach(row: TransitionRow) -> float:
     return moved if row.kind == "release" else max(moved, 1.0)
 
 
+def _is_off(seen: Seen, row: TransitionRow) -> bool:
+    """Whether a time is off by more than the errors of all steps make of it.
+
+    Step-size control grants each accepted step the absolute tolerance, so that together they move a transition by
+    ``steps * atol * conditioning`` at most; the time itself is rounded in each. What is beyond that is not theirs.
+    """
+    step = number(seen.run.atol) * number(row.conditioning) + sys.float_info.epsilon * abs(_exact(row))
+    return abs(number(row.time_error_s)) > seen.steps * step
+
+
 def _released_late(seen: Seen) -> bool:
     """Each surface has all its transitions, and their order among surfaces alone is wrong, by late releases."""
-    wrong = [row for row in seen.transitions if row.outcome in ("missed", "spurious")]
     delays: dict[bool, list[float]] = {True: [], False: []}
-    for surface in {row.surface for row in wrong}:
-        own = [row for row in wrong if row.surface == surface]
-        exact, found = ([row for row in own if row.outcome == what] for what in ("missed", "spurious"))
+    for surface in {row.surface for row in (*seen.missed, *seen.spurious)}:
+        exact, found = ([row for row in rows if row.surface == surface] for rows in (seen.missed, seen.spurious))
         if [row.kind for row in exact] != [row.kind for row in found]:
             return False
         for there, here in zip(exact, found, strict=True):
-            delays[there.kind == "release"].append(number(here.time_s) - number(there.reference_time_s))
-    late, others = delays[True], delays[False]
-    latest = max(late, default=0.0)
-    return min(late, default=0.0) > 0.0 and all(abs(delay) < latest for delay in others)
+            delays[there.kind == "release"].append(number(here.time_s) - _exact(there))
+    latest = max(delays[True], default=0.0)
+    return min(delays[True], default=0.0) > 0.0 and all(abs(delay) < latest for delay in delays[False])
 
 
 def _within_steps(seen: Seen) -> bool:
     """What goes wrong first comes within a step of a transition that is right, and nothing is wrong before."""
-    last, wrong = seen.right[-1:], seen.transitions[len(seen.right) :][:1]
-    return any(
-        number(b.time_s) - number(a.time_s) <= number(seen.run.step_s) for a, b in zip(last, wrong, strict=False)
-    )
+    last, wrong = seen.right[-1:], seen.rows[len(seen.right) :][:1]
+    return any(number(b.time_s) - number(a.time_s) <= seen.step for a, b in zip(last, wrong, strict=False))
 
 
 def _small_step(seen: Seen) -> bool:
@@ -215,28 +195,22 @@ def _small_step(seen: Seen) -> bool:
 
 def _at_one_node(seen: Seen) -> bool:
     """What goes wrong first are two surfaces that change at one instant where the exact run has one of them."""
-    extra = seen.of("spurious")[:2]
-    if len(extra) < 2 or extra[0].surface == extra[1].surface or extra[0].time_s != extra[1].time_s:
-        return False
-    return any(
-        abs(number(row.reference_time_s) - number(extra[0].time_s)) <= IN_FRONT * number(seen.run.rtol)
-        for row in seen.of("missed")[:1]
-    )
+    extra = seen.spurious[:2]
+    both = len({row.surface for row in extra}) == 2 and len({row.time_s for row in extra}) == 1
+    return both and seen.misses_at(number(extra[0].time_s))
 
 
 def _lone_stick(seen: Seen) -> bool:
     """No sign has changed up to the horizon: another root lay in the same step, which a run that slides has not."""
-    return seen.run.found_transitions == 0 and any(row.kind == "stick" for row in seen.of("missed"))
+    return seen.run.found_transitions == 0 and any(row.kind == "stick" for row in seen.missed)
 
 
 def _there_and_back(seen: Seen) -> bool:
     """What is spurious leads there and back, on the surface by CVODE's own solution."""
-    extra = seen.of("spurious")
-    back = len(extra) % 2 == 0 and all(
-        there.from_mode == back.to_mode and there.to_mode == back.from_mode
-        for there, back in zip(extra[::2], extra[1::2], strict=True)
-    )
-    return len(extra) > 0 and back and number(seen.run.max_surface_drift) < number(seen.run.atol)
+    pairs = list(zip(seen.spurious[::2], seen.spurious[1::2], strict=False))
+    back = all(there.from_mode == back.to_mode and there.to_mode == back.from_mode for there, back in pairs)
+    on_it = number(seen.run.max_surface_drift) < number(seen.run.atol)
+    return 0 < len(seen.spurious) == 2 * len(pairs) and back and on_it
 
 
 def _in_the_first_step(seen: Seen) -> bool:
@@ -244,41 +218,21 @@ def _in_the_first_step(seen: Seen) -> bool:
 
     That step is a part of the run's length, which ends at its horizon: it went on to there.
     """
-    before = 0.0
-    for row in seen.transitions:
-        time = number(row.reference_time_s)
-        if row.outcome == "missed":
-            return 0.0 < time - before <= FIRST_STEP * number(seen.run.end_time_s)
-        before = time
-    return False
-
-
-def _any_is_off(seen: Seen) -> bool:
-    return any(_is_off(seen, row) for row in seen.of("matched"))
-
-
-def _is_off(seen: Seen, row: TransitionRow) -> bool:
-    """Whether a time is off by more than the errors of all steps make of it.
-
-    Step-size control grants each accepted step the absolute tolerance, so that together they move a transition by
-    ``steps * atol * conditioning`` at most; the time itself is rounded in each. What is beyond that is not theirs.
-    """
-    steps, atol = number(seen.run.steps), number(seen.run.atol)
-    rounding = sys.float_info.epsilon * abs(number(row.reference_time_s))
-    return abs(number(row.time_error_s)) > steps * (atol * number(row.conditioning) + rounding)
+    times = [0.0, *map(_exact, seen.rows)]
+    first = next((k for k, row in enumerate(seen.rows) if row.outcome == "missed"), None)
+    return first is not None and 0.0 < times[first + 1] - times[first] <= FIRST_STEP * seen.end
 
 
 def _time_stepping(seen: Seen) -> bool:
     """What begins and ends within a step is not there; what comes some steps behind the horizon may be."""
-    run, missed, extra = seen.run, seen.of("missed"), seen.of("spurious")
+    run, times = seen.run, list(map(_exact, seen.missed))
     alone = run.status == "wrong" and run.expected_status == "ok"
-    times = [number(row.reference_time_s) for row in missed]
-    within = seen.right_so_far and len(times) > 1 and max(times) - min(times) <= number(run.step_s)
-    last = number(run.end_time_s) - OFF * number(run.step_s)
-    behind = run.missed == 0 and bool(extra) and all(number(row.time_s) >= last for row in extra)
+    within = run.spurious == 0 and len(times) > 1 and max(times) - min(times) <= seen.step
+    last = seen.end - OFF * seen.step
+    behind = run.missed == 0 and bool(seen.spurious) and all(number(row.time_s) >= last for row in seen.spurious)
     early = run.status == "failed" and run.expected_status == "invalid" and run.missed == run.spurious == 0
     valueless = seen.found("^(ZeroDivisionError|ValueError: math domain error)") is not None
-    slow = run.status == "timeout" and seen.right_so_far
+    slow = run.status == "timeout" and run.spurious == 0
     return bool(seen.missed_pairs) or slow or (alone and (within or behind)) or (early and valueless)
 
 
@@ -287,14 +241,13 @@ def _over_a_blow_up(seen: Seen) -> bool:
     past = seen.found(r"went on past t = ([-+.e\d]+),")
     if past is None or number(seen.run.missed) > 0:
         return False
-    first = float(past[1]) - NO_SOLUTION * number(seen.run.step_s)
-    return all(number(row.time_s) >= first for row in seen.of("spurious"))
+    return all(number(row.time_s) >= float(past[1]) - NO_SOLUTION * seen.step for row in seen.spurious)
 
 
 def _runs_away(seen: Seen) -> bool:
     """The first transition is in time, and the last is off by more than some steps."""
-    errors = [abs(number(row.time_error_s)) for row in seen.of("matched")]
-    return len(errors) > 1 and errors[0] <= OFF * number(seen.run.step_s) < errors[-1]
+    errors = [abs(number(row.time_error_s)) for row in seen.matched]
+    return len(errors) > 1 and errors[0] <= OFF * seen.step < errors[-1]
 
 
 SCIPY = ("scipy-rk45", "scipy-dop853", "scipy-radau", "scipy-bdf", "scipy-lsoda")
@@ -335,7 +288,7 @@ class Pattern:
             and self.status in ("", run.status)
             and self.ends in ("", run.expected_status)
             and self.missed in (None, run.missed)
-            and (seen.right_so_far or not self.right)
+            and (run.spurious == 0 or not self.right)
             and seen.found(self.words) is not None
             and (self.when is None or self.when(seen))
         )
@@ -354,7 +307,7 @@ PATTERNS = (
     Pattern("scipy-bracket", SCIPY, "must have different signs"),
     Pattern("scipy-flat-root", (*SCIPY, "scipy-smoothed", "scipy-sign"), "Failed to converge after"),
     Pattern("scipy-blow-up", SCIPY, TOO_SMALL, ends="diverged", right=True),
-    Pattern("scipy-late", SCIPY, TOO_SMALL, right=True, when=lambda seen: abs(number(seen.run.end_time_s)) >= LATE),
+    Pattern("scipy-late", SCIPY, TOO_SMALL, right=True, when=lambda seen: abs(seen.end) >= LATE),
     Pattern("scipy-pole", SCIPY, TOO_SMALL, right=True, when=_in_front_of_a_pole),
     Pattern("diffrax-pole", DIFFRAX, "does not advance", right=True, when=_in_front_of_a_pole),
     Pattern("scipy-radau-order", ("scipy-radau",), status="timeout", right=True, when=_slow),
@@ -383,11 +336,11 @@ PATTERNS = (
     Pattern("cvode-c-error", CVODE_C, status="wrong", missed=0, when=_there_and_back),
     Pattern("octave-blow-up", OCTAVE, "ode45 ended at", ends="diverged", right=True),
     Pattern("octave-blow-up", OCTAVE, "ode45 ended at", right=True,
-            when=lambda seen: seen.misses_at(number(seen.run.end_time_s))),
+            when=lambda seen: seen.misses_at(seen.end)),
     Pattern("octave-nan", OCTAVE, "went on past", ends="failed", right=True),
     Pattern("octave-nan-state", OCTAVE, NOT_FINITE, right=True),
     Pattern("octave-first-step", OCTAVE, status="wrong", right=True, when=_in_the_first_step),
-    Pattern("octave-line", OCTAVE, status="wrong", when=_any_is_off),
+    Pattern("octave-line", OCTAVE, status="wrong", when=lambda seen: any(_is_off(seen, row) for row in seen.matched)),
     Pattern("siconos-rounding", SICONOS, f"{LOST_SIGN}.*which the rounding of a step moves as far"),
     Pattern("siconos-steep", SICONOS, LOST_SIGN),
     Pattern("siconos-step", SICONOS, when=_time_stepping),
@@ -397,9 +350,9 @@ PATTERNS = (
 """The first that fits counts."""
 
 
-def cause_of(run: RunRow, transitions: Sequence[TransitionRow]) -> str | None:
+def cause_of(run: RunRow, transitions: Rows) -> str | None:
     """Name of the cause of a run that is wrong or too slow; None where none is known for certain."""
     if run.verdict not in EXPLAINED:
         return None
-    seen = Seen(run, [row for row in transitions if row.outcome != "touch"])
+    seen = Seen(run, transitions)
     return next((pattern.cause for pattern in PATTERNS if pattern.fits(seen)), None)

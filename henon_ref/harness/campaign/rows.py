@@ -22,6 +22,9 @@ from henon_ref.workers.worker import Failure
 
 FAILURES = {"unsupported": "not run", "unavailable": "not run", "timeout": "not judged"}
 """Verdicts on runs without an answer, by status; any other is the solver's fault, and so is an ignored deadline."""
+UNJUDGED = (None, "not run", "not judged")
+"""Verdicts of runs whose row says why there is none, in ``status_reason``: in the solver's own words, or else ..."""
+NO_TRUTH, UNSAID = "there is no truth to judge it by", "the solver gives no reason"
 
 
 @dataclass(frozen=True)
@@ -119,6 +122,8 @@ def _run_row(outcome: Outcome, expected: Expected | None, stick_rows: list[Stick
         row.update(status=outcome.failure.status, status_reason=outcome.failure.reason or None)
         forgiven = None if outcome.failure.ignored else FAILURES.get(outcome.failure.status)
         row.update(verdict=forgiven or "solver defect")
+    if row.get("verdict") in UNJUDGED and not row.get("status_reason"):
+        row.update(status_reason=row.get("verdict_basis") or (UNSAID if expected else NO_TRUTH))
     if outcome.repeat_failure is not None:
         row.update(status_reason=_and_then(row.get("status_reason"), outcome.repeat_failure))
     timing = summarise(outcome.samples)

@@ -30,10 +30,8 @@ from henon_ref.harness.report.files.write import (
     remove_if_empty,
 )
 from henon_ref.harness.report.folder_report import write_folder_report
-from henon_ref.harness.report.text.restarts import FOLDER as RESTARTS
-from henon_ref.harness.studies.atlas.page import FOLDER as ATLAS
 
-PAGE_ROWS = (f"{ATLAS}/{RUNS}", f"{RESTARTS}/{RUNS}", "price/price.csv", "price/samples.csv")
+PAGE_ROWS = (f"atlas/{RUNS}", f"restarts/{RUNS}", "price/price.csv", "price/samples.csv")
 """Files that hold every run behind a page."""
 
 

@@ -95,8 +95,9 @@ STUDIES = {
         nothing="no case whose readings differ in a distance alone, or no solver that has a tolerance",
     ),
     "restarts": Study(
-        "restarts", "restarts.page:run_restarts", "Every library in every restart; which default another one beats.",
-        ("cases", "solvers", "jobs"), nothing="no library to restart, or no reading with a stored truth",
+        "restarts", "restarts:run_restarts", "Every library in every restart; which default another one beats.",
+        ("cases", "solvers", "timeout", "jobs", "resume"),
+        nothing="no library to restart, or no reading with a stored truth",
     ),
     "causes": Study("causes", "causes:run_causes", "What libraries do by themselves, shown by each library alone."),
     "paper": Study("paper", "paper.page:run_paper", "Everything that the paper computes, set against the paper."),

@@ -65,7 +65,7 @@ def test_rows_of_one_folder_tell_who_is_timed_for_another(tmp_path, capsys):
         (["price", "no.yaml"], "no.yaml"),
         (["atlas"], "study atlas needs the cases to run"),
         (["paper", str(CASE)], "study paper takes no cases"),
-        (["restarts", str(CASE), "--resume"], "study restarts takes no --resume"),
+        (["paired-times", str(CASE), "--rows", "x", "--resume"], "study paired-times takes no --resume"),
         (["nobody"], "there is no study 'nobody'; there are price, paired-times, atlas, restarts, causes, paper"),
     ],
 )

@@ -14,8 +14,7 @@ from henon_ref.harness.report.text.paired_times import PRICE_PAIRS, PairRow, own
 from henon_ref.harness.rows import rows_text
 from henon_ref.harness.studies.paired_times import own_calls
 from henon_ref.harness.studies.paired_times.own_calls import Clock, clocked, own_part
-from henon_ref.harness.studies.paired_times.pairs import Candidate, Pair
-from henon_ref.harness.studies.paired_times.timing import PairedTiming
+from henon_ref.harness.studies.paired_times.timing import Candidate, Pair, PairedTiming
 from henon_ref.workers.worker import WorkerState
 
 CASES = Path(__file__).parents[3] / "cases"

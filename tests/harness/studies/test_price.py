@@ -20,23 +20,21 @@ from henon_ref.harness.campaign.options import Observer, Options
 from henon_ref.harness.report.text.paired_times import PairRow
 from henon_ref.harness.rows import RunRow
 from henon_ref.harness.studies.price import compiling, effects
-from henon_ref.harness.studies.price.compiling import Ready, paid_after, readiness
-from henon_ref.harness.studies.price.fit import power
-from henon_ref.harness.studies.price.growth import STICKS, Horizon, exponent, horizons
-from henon_ref.harness.studies.price.ladder import WHEN_NAMED, solvers
-from henon_ref.harness.studies.price.ladder_pairs import samples_of, time_ladder_pairs
-from henon_ref.harness.studies.price.landings import crest_crossings, landings
-from henon_ref.harness.studies.price.operations import count, work
-from henon_ref.harness.studies.price.orbit import orbit_problem
-from henon_ref.harness.studies.price.page import truths_of
-from henon_ref.harness.studies.price.states import Size, fitted, sizes
-from henon_ref.harness.studies.price.tables import (
-    landing_table,
+from henon_ref.harness.studies.price.compiling import Ready, paid_after, readiness, ready_table
+from henon_ref.harness.studies.price.growth import STICKS, Horizon, horizons
+from henon_ref.harness.studies.price.ladder import (
+    WHEN_NAMED,
     mean_costs,
-    ready_table,
     rival_table,
+    samples_of,
+    solvers,
+    time_ladder_pairs,
     why_not,
 )
+from henon_ref.harness.studies.price.landings import crest_crossings, landing_table, landings
+from henon_ref.harness.studies.price.measure import fitted, orbit_problem, power
+from henon_ref.harness.studies.price.operations import count, work
+from henon_ref.harness.studies.price.states import Size, sizes
 from henon_ref.jit.cache_folder import VARIABLE
 from henon_ref.modes.problem import Problem
 
@@ -100,12 +98,12 @@ def test_powers_are_fitted_with_their_errors() -> None:
     tilted = power([1, 10, 100], [1, 10 * 2, 100])  # the middle one is off by log10(2)
     assert (tilted.power, tilted.error) == pytest.approx((1.0, math.log10(2) * math.sqrt(2 / 3) / math.sqrt(2)))
     runs = [Horizon("a", t, 1, 1e-6 * t, 0.0, 0.0) for t in (1e2, 1e3, 1e4, 1e5)]
-    assert exponent([replace(runs[0], wall_s=1.0), *runs[1:]], "a").power == pytest.approx(1.0)
+    assert fitted([replace(runs[0], wall_s=1.0), *runs[1:]], "a", "until", "wall_s", 1e3).power == pytest.approx(1.0)
 
 
 def test_landings_find_the_same_and_the_swap_takes_fewest_evaluations() -> None:
     case = load_case(CASES / "free_coulomb.yaml")
-    found = {own.solver: own for own in landings([case], truths_of([case]))}
+    found = {own.solver: own for own in landings([case])}
     assert set(found) == {"henon", "henon-newton", "henon-brent"}
     assert all(own.error_s < 1e-12 for own in found.values())
     assert found["henon"].evaluations < found["henon-newton"].evaluations < found["henon-brent"].evaluations
@@ -253,8 +251,8 @@ def test_chains_of_every_length_agree() -> None:
     assert [size.states for size in found] == [2, 2, 6, 6]
     assert all(size.agrees and size.transitions > 5 for size in found)
     same = [Size(n, "a", 1, n**1.5, 1.0, 1.0, 10, n**2.0, 1.0, True) for n in (2, 16, 64)]
-    assert fitted(same, "a", "per_second").power == pytest.approx(2.0)
-    assert fitted(same, "a", "ready_s").power == pytest.approx(1.5)
+    assert fitted(same, "a", "states", "per_second", 16).power == pytest.approx(2.0)
+    assert fitted(same, "a", "states", "ready_s", 16).power == pytest.approx(1.5)
 
 
 def test_compiling_is_paid_for_after_so_many_runs() -> None:

@@ -10,7 +10,7 @@ from henon_ref.harness.rows import RunRow, read_rows
 from henon_ref.harness.studies.paired_times.timing import TimedPair
 from henon_ref.harness.studies.price.compiling import Ready
 from henon_ref.harness.studies.price.growth import Horizon
-from henon_ref.harness.studies.price.ladder_pairs import SampleRow
+from henon_ref.harness.studies.price.ladder import SampleRow
 from henon_ref.harness.studies.price.landings import Landed
 from henon_ref.harness.studies.price.operations import Work
 from henon_ref.harness.studies.price.page import Prices, write_page

@@ -7,8 +7,7 @@ import pytest
 from henon_ref.harness import registry
 from henon_ref.harness.report.text.restarts import suite_rows
 from henon_ref.harness.rows import RunRow
-from henon_ref.harness.studies.restarts.options import option_rows, option_table, options_of
-from henon_ref.harness.studies.restarts.page import default_table, summary_table
+from henon_ref.harness.studies.restarts import default_table, option_rows, option_table, options_of, summary_table
 
 
 def run(
@@ -70,9 +69,9 @@ def test_a_default_is_set_against_the_best_other_restart() -> None:
 
 
 def test_an_option_is_set_beside_the_library_as_it_is() -> None:
-    """Of runs that were made with and without it."""
+    """Of runs that were made with and without it, by the library in its default restart."""
     option = next(iter(options_of(["scipy-rk45"])))
-    without, with_it = option.without.name, option.with_it.name
+    without, with_it = registry.with_restart("scipy-rk45", registry.restart_of("scipy-rk45")), option.solver.name
     assert without != with_it
     rows = [
         run(without, digits=9.0),
@@ -89,7 +88,7 @@ def test_an_option_is_set_beside_the_library_as_it_is() -> None:
 
 
 def test_an_option_is_tried_of_a_library_that_runs() -> None:
-    assert [option.without.name for option in options_of(["heyoka", "ida"])] == ["heyoka"]
+    assert [option.library for option in options_of(["heyoka", "ida"])] == ["heyoka"]
 
 
 @pytest.mark.parametrize("library", ["heyoka", "cvode-bdf", "scipy-rk45"])

@@ -13,7 +13,7 @@ from henon_ref.harness.report.files.write import REPORT
 from henon_ref.harness.report.text.formats import digits as shown_digits
 from henon_ref.harness.report.text.formats import duration, setting, significant
 from henon_ref.harness.report.text.ranking import LEVELS
-from henon_ref.harness.rows import Row, RunRow, read_rows
+from henon_ref.harness.rows import Row, RunRow, earlier_rows
 from henon_ref.harness.table import Table
 from henon_ref.text import code, markdown
 
@@ -67,10 +67,7 @@ class PairRow(Row):
 
 def read_ratios(folder: Path, file: str = f"{FOLDER}/{RATIOS}") -> list[PairRow]:
     """The ratios in a file of a folder of reports; none where they are not there, or no ratios."""
-    try:
-        return read_rows(PairRow, folder / file)
-    except (OSError, ValueError):
-        return []
+    return earlier_rows(PairRow, folder / file)
 
 
 def own_words(rows: Sequence[PairRow]) -> str:
@@ -124,16 +121,10 @@ def _times_as_long(row: PairRow) -> float | None:
     return 1.0 / row.ratio
 
 
-def slower_table(rows: Sequence[PairRow], runs: Sequence[RunRow], reports: str = "../") -> Table:
+def slower_table(rows: Sequence[PairRow], runs: Sequence[RunRow]) -> Table:
     """Readings in which another solver is faster, at the digits at which it is so most: times, and what either gets.
 
-    Parameters
-    ----------
-    rows : sequence of PairRow
-    runs : sequence of RunRow
-        Rows of the reports: they know how many digits and steps a setting has.
-    reports : str
-        The folder of the reports, as links have it.
+    ``runs``, the rows of the reports, know how many digits and steps a setting has.
     """
     known = {run.key: run for run in runs}
     slower: dict[tuple[str, str], PairRow] = {}
@@ -144,7 +135,7 @@ def slower_table(rows: Sequence[PairRow], runs: Sequence[RunRow], reports: str =
                 slower[row.problem] = row
     lines = []
     for row in slower.values():
-        cells = [link(*row.problem, reports), bound(row.digits)]
+        cells = [link(*row.problem), bound(row.digits)]
         for solver, rtol, step, wall in (
             (FIRST, row.rtol, None, row.wall_s),
             (row.rival, row.rival_rtol, row.rival_step_s, row.rival_wall_s),
@@ -155,18 +146,8 @@ def slower_table(rows: Sequence[PairRow], runs: Sequence[RunRow], reports: str =
             cells += [code(solver)] if solver != FIRST else []
             cells += [setting(rtol, step), got, steps, duration(wall)]
         lines.append((*cells, significant(row.ratio)))
-    own = ("setting", "gets", "steps")
-    headings = (
-        "reading",
-        "digits",
-        f"{code(FIRST)} at",
-        *own[1:],
-        "time",
-        "solver",
-        *own,
-        "time",
-        f"times as long, {code(FIRST)}",
-    )
+    first, own = code(FIRST), ("gets", "steps", "time")
+    headings = ("reading", "digits", f"{first} at", *own, "solver", "setting", *own, f"times as long, {first}")
     return Table(headings, "lrrrrrlrrrrr", lines)
 
 

@@ -6,11 +6,12 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal, get_args
 
 from henon_ref.harness import registry
 from henon_ref.harness.report.files.write import REPORT
 from henon_ref.harness.report.text.ranking import LEVELS
-from henon_ref.harness.rows import NOT_RUN, Row, RunRow, read_rows
+from henon_ref.harness.rows import NOT_RUN, Row, RunRow, earlier_rows
 from henon_ref.harness.score.errors import EARLY
 from henon_ref.harness.table import Table
 from henon_ref.text import code, markdown
@@ -23,7 +24,8 @@ MOST = LEVELS[-1]
 QUICKER = 0.8
 """Of as many right runs with as many digits those are better that take less than this part of the time: what the
 machine does meanwhile changes times by less."""
-ENDINGS = ("right", "wrong", "ended_early", "failed")
+Ending = Literal["right", "wrong", "ended_early", "failed"]
+ENDINGS = get_args(Ending)
 """How a run may end: with the exact run's transitions, with others, before its time, or not at all."""
 WHY = {
     "event-free-step": "what happens within the event-free step is seen at its end, and a guard that stays at zero "
@@ -116,7 +118,7 @@ def _problem(row: RunRow) -> tuple[object, ...]:
     return row.case, row.reading, row.rtol, registry.base_name(row.solver)
 
 
-def ending(row: RunRow) -> str:
+def ending(row: RunRow) -> Ending:
     """How a run that was made ended."""
     if row.verdict == "right":
         return "right"
@@ -138,10 +140,7 @@ def merged(fresh: Sequence[SuiteRow], earlier: Sequence[SuiteRow]) -> list[Suite
 
 def read_suite(folder: Path) -> list[SuiteRow]:
     """The suite's rows in a folder of reports; none where they are not there, or are no such rows."""
-    try:
-        return read_rows(SuiteRow, folder / FOLDER / SUITE)
-    except (OSError, ValueError):
-        return []
+    return earlier_rows(SuiteRow, folder / FOLDER / SUITE)
 
 
 def libraries_of(rows: Sequence[SuiteRow]) -> list[str]:
@@ -227,11 +226,6 @@ def _beaten(rows: Sequence[SuiteRow], library: str) -> tuple[str, ...] | None:
 
 def _wrong(row: SuiteRow) -> str:
     """What goes wrong in the runs of a row of the suite."""
-    counts = {
-        "wrong": row.wrong,
-        "ended early": row.ended_early,
-        "failed": row.failed,
-        "missed": row.missed,
-        "spurious": row.spurious,
-    }
-    return ", ".join(f"{count} {what}" for what, count in counts.items() if count)
+    what = (*ENDINGS[1:], "missed", "spurious")
+    counts = zip(what, row.values(what), strict=True)
+    return ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in counts if count)

@@ -8,6 +8,7 @@ from typing import Literal
 import sympy as sp
 
 from henon_ref.casefile.case import Case
+from henon_ref.harness.report.text.restarts import ending
 from henon_ref.harness.rows import NOT_RUN, RunRow
 from henon_ref.modes.system import FilippovSystem
 
@@ -78,13 +79,9 @@ def outcome_of(row: RunRow) -> Outcome | None:
     """What came of a run; None for one that was not made."""
     if row.status in NOT_RUN:
         return None
-    if row.verdict == "right":
-        return "right"
-    missed, spurious = bool(row.missed), bool(row.spurious)
-    if row.status in ("failed", "timeout") or row.missed is None:
-        return "failed"
-    if missed and spurious:
+    end = ending(row)
+    if end == "right" or end == "failed":
+        return end
+    if row.missed and row.spurious:
         return "both"
-    if missed or spurious:
-        return "missed" if missed else "spurious"
-    return "status"
+    return "missed" if row.missed else "spurious" if row.spurious else "status"

@@ -16,7 +16,6 @@ from henon_ref.text import one_line
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from matplotlib.path import Path
 
 COLUMNS = 3
 """Panels in a row."""
@@ -36,16 +35,7 @@ MOST_TICKS = 5
 
 
 def draw_atlas(family: Family, rows: Sequence[RunRow], solvers: Sequence[str]) -> Figure:
-    """Panels of all solvers that were run.
-
-    Parameters
-    ----------
-    family : Family
-    rows : sequence of RunRow
-        The runs, one a reading, solver and tolerance.
-    solvers : sequence of str
-        In the order of the panels.
-    """
+    """Panels of all solvers that were run, in their order; a run a reading, solver and tolerance."""
     tolerances = sorted({number(row.rtol) for row in rows}, reverse=True)
     cells = {(row.solver, row.reading, number(row.rtol)): outcome_of(row) for row in rows}
     lines = math.ceil(len(solvers) / COLUMNS)
@@ -89,6 +79,7 @@ def _draw_panel(
     cells: dict[tuple[str, str, float], Outcome | None],
 ) -> None:
     from matplotlib.patches import PathPatch
+    from matplotlib.path import Path
 
     order = family.order
     runs: dict[Outcome, list[tuple[int, int, int]]] = {}
@@ -97,10 +88,14 @@ def _draw_panel(
         for outcome, begin, end in _stretches(outcomes):
             runs.setdefault(outcome, []).append((begin, end, j))
     for outcome, boxes in runs.items():
-        axes.add_patch(PathPatch(_boxes(boxes), facecolor=COLOURS[outcome], linewidth=0))
+        # Stretches of a row as one path: a figure of single cells is ten times as long.
+        shape = [[(a, j), (b, j), (b, j + 1), (a, j + 1), (a, j)] for a, b, j in boxes]
+        path = Path.make_compound_path(*(Path(corners, closed=True) for corners in shape))
+        axes.add_patch(PathPatch(path, facecolor=COLOURS[outcome], linewidth=0))
     lines = [((i, 0), (i, len(tolerances))) for i in range(1, len(order))]
     lines += [((0, j), (len(order), j)) for j in range(1, len(tolerances))]
-    axes.add_patch(PathPatch(_segments(lines), fill=False, edgecolor="white", linewidth=0.4))
+    grid = Path.make_compound_path(*map(Path, lines))
+    axes.add_patch(PathPatch(grid, fill=False, edgecolor="white", linewidth=0.4))
     axes.set_xlim(0, len(order))
     axes.set_ylim(0, len(tolerances))
     axes.grid(visible=False)
@@ -124,22 +119,6 @@ def _stretches(outcomes: Sequence[Outcome | None]) -> list[tuple[Outcome, int, i
             found.append((outcome, begin, end))
         begin = end
     return found
-
-
-def _boxes(boxes: Sequence[tuple[int, int, int]]) -> Path:
-    """Stretches of rows (begin, end, row) as one path: a figure of single cells is ten times as long."""
-    from matplotlib.path import Path
-
-    corners = [[(a, j), (b, j), (b, j + 1), (a, j + 1), (a, j)] for a, b, j in boxes]
-    codes = [Path.MOVETO, Path.LINETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY] * len(boxes)
-    return Path([corner for box in corners for corner in box], codes)
-
-
-def _segments(lines: Sequence[tuple[tuple[int, int], tuple[int, int]]]) -> Path:
-    """Straight lines as one path."""
-    from matplotlib.path import Path
-
-    return Path([end for line in lines for end in line], [Path.MOVETO, Path.LINETO] * len(lines))
 
 
 def _draw_limit(axes: Axes, family: Family, tolerances: Sequence[float]) -> None:

@@ -5,16 +5,13 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
-from henon_ref.casefile.case import Case
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.plugin_probe import fixed_step
-from henon_ref.harness.report.files.manifest import Provenance
 from henon_ref.harness.report.files.write import RUNS
 from henon_ref.harness.report.text.formats import exponential
 from henon_ref.harness.rows import RunRow, rows_text
-from henon_ref.harness.studies.atlas.family import OUTCOMES, TOLERANCES, Family, family_of, outcome_of
+from henon_ref.harness.studies.atlas.family import OUTCOMES, TOLERANCES, family_of, outcome_of
 from henon_ref.harness.studies.atlas.figure import draw_atlas
 from henon_ref.harness.studies.page import write
 from henon_ref.harness.studies.runs import rows_of
@@ -23,16 +20,12 @@ from henon_ref.harness.table import Table
 from henon_ref.text import code, markdown, paragraphs
 
 FOLDER = "atlas"
-
-
-def families(cases: Sequence[Case]) -> list[Family]:
-    """The families among the cases."""
-    return [family for case in cases if (family := family_of(case)) is not None]
+BLAME = ("ill-conditioned", "solver defect")
 
 
 def run_atlas(asked: Asked) -> Made:
     """Run the families at the atlas's tolerances and write its page; none where nothing asked for has a place on it."""
-    found = families(asked.cases)
+    found = [family for case in asked.cases if (family := family_of(case)) is not None]
     names = registry.expanded(asked.options.solvers or registry.default_names())
     # A solver that is driven by a step has no place on an axis of tolerances.
     solvers = tuple(s for s in names if not (fixed_step(s) if isinstance(s, str) else s.fixed_step))
@@ -41,52 +34,28 @@ def run_atlas(asked: Asked) -> Made:
     folder = asked.out / FOLDER
     changed = replace(asked.options, solvers=solvers, tolerances=TOLERANCES, timed=False, folder=folder)
     rows = rows_of([family.case for family in found], changed, asked.observer)
-    return Made(write_atlas([(family, rows[family.case.name]) for family in found], asked.origin, folder))
-
-
-def write_atlas(found: Sequence[tuple[Family, list[RunRow]]], origin: Provenance, folder: Path) -> Path:
-    """Write figures, runs and page.
-
-    Parameters
-    ----------
-    found : sequence of (Family, list of RunRow)
-        The families and their runs.
-    origin : Provenance
-    folder : Path
-        The atlas's own folder; made if need be.
-
-    Raises
-    ------
-    OSError
-        Where it cannot be written.
-    """
     sections, figures = [], {}
-    for family, rows in found:
-        name = figure_name(family.case.name)
-        figures[name] = draw_atlas(family, rows, solvers_of(rows))
+    for family in found:
+        case, own = family.case, rows[family.case.name]
+        figures[f"{case.name}.svg"] = draw_atlas(family, own, solvers_of(own))
         sections.append(
             {
-                "title": markdown(family.case.title),
-                "case": family.case.name,
-                "figure": name,
-                "story": paragraphs(family.case.readings[0].story or ""),
-                "counts": count_table(rows).markdown,
+                "title": markdown(case.title),
+                "case": case.name,
+                "figure": f"{case.name}.svg",
+                "story": paragraphs(case.readings[0].story or ""),
+                "counts": count_table(own).markdown,
             }
         )
-    every = [row for _, rows in found for row in rows]
+    every = [row for own in rows.values() for row in own]
     context = {
         "sections": sections,
         "runs": len(every),
         "tightest": exponential(min(TOLERANCES), 1),
         "loosest": exponential(max(TOLERANCES), 1),
-        "origin": origin,
+        "origin": asked.origin,
     }
-    return write(folder, "atlas", context, {RUNS: rows_text(RunRow, every)}, figures)
-
-
-def figure_name(case: str) -> str:
-    """File name of a family's figure."""
-    return f"{case}.svg"
+    return Made(write(folder, "atlas", context, {RUNS: rows_text(RunRow, every)}, figures))
 
 
 def solvers_of(rows: Sequence[RunRow]) -> list[str]:
@@ -107,6 +76,3 @@ def count_table(rows: Sequence[RunRow]) -> Table:
         lines.append((code(solver), f"{len(own)}", *shown, *(f"{blamed[word] or ''}" for word in BLAME)))
     headings = ("solver", "runs", *OUTCOMES.values(), *BLAME)
     return Table(headings, "l" + "r" * (len(headings) - 1), lines)
-
-
-BLAME = ("ill-conditioned", "solver defect")

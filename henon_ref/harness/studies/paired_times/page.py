@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Iterator, Sequence
 
 from henon_ref.casefile.case import Case
 from henon_ref.errors import CaseError
-from henon_ref.harness.report.files.manifest import Provenance
 from henon_ref.harness.report.files.write import RUNS
 from henon_ref.harness.report.text.paired_times import (
     FIRST,
@@ -25,8 +23,7 @@ from henon_ref.harness.report.text.paired_times import (
 from henon_ref.harness.report.text.ranking import LEVELS, readings_of
 from henon_ref.harness.rows import RunRow, read_rows, rows_text
 from henon_ref.harness.studies.page import write
-from henon_ref.harness.studies.paired_times.pairs import able_rows, pairs_of
-from henon_ref.harness.studies.paired_times.timing import PairedTiming, time_pairs
+from henon_ref.harness.studies.paired_times.timing import PairedTiming, able_rows, pairs_of, time_pairs
 from henon_ref.harness.studies.study import Asked, Made
 from henon_ref.text import markdown
 
@@ -53,7 +50,19 @@ def run_paired_times(asked: Asked) -> Made:
         return Made(None)
     rows, failed = time_pairs(timings, asked.options, asked.observer)
     every = [row for own in runs.values() for row in own]
-    return Made(write_page(rows, failed, left_out(every), every, asked.origin, asked.out / FOLDER))
+    slower = slower_table(rows, every)
+    context = {
+        "readings": len({row.problem for row in rows}),
+        "total": len(readings_of(every)),
+        "left": left_out(every),
+        "fewest": LEVELS[0],
+        "own": own_words(rows),
+        "spread": spread_table(rows).markdown,
+        "slower": slower.markdown if slower.rows else "",
+        "failed": [markdown(each) for each in failed],
+        "origin": asked.origin,
+    }
+    return Made(write(asked.out / FOLDER, "paired_times", context, {RATIOS: rows_text(PairRow, rows)}))
 
 
 def left_out(rows: Sequence[RunRow]) -> dict[str, list[str]]:
@@ -77,46 +86,3 @@ def timings_of(case: Case, rows: Sequence[RunRow], deadline: float) -> Iterator[
         found = tuple(pairs_of(own, rivals, LEVELS))
         if found:
             yield PairedTiming(case.name, reading.name, reading.problem, found, SECONDS, deadline)
-
-
-def write_page(
-    rows: Sequence[PairRow],
-    failed: Sequence[str],
-    left: Mapping[str, Sequence[str]],
-    runs: Sequence[RunRow],
-    origin: Provenance,
-    folder: Path,
-) -> Path:
-    """Write ratios and page.
-
-    Parameters
-    ----------
-    rows : sequence of PairRow
-    failed : sequence of str
-        Readings that could not be timed, and why.
-    left : mapping of sequences of str
-        Readings in which there is nothing to time, as links, by the reason.
-    runs : sequence of RunRow
-        Rows of the reports that told whom to time.
-    origin : Provenance
-    folder : Path
-        The experiment's own folder; made if need be.
-
-    Raises
-    ------
-    OSError
-        Where it cannot be written.
-    """
-    slower = slower_table(rows, runs)
-    context = {
-        "readings": len({row.problem for row in rows}),
-        "total": len(readings_of(runs)),
-        "left": left,
-        "fewest": LEVELS[0],
-        "own": own_words(rows),
-        "spread": spread_table(rows).markdown,
-        "slower": slower.markdown if slower.rows else "",
-        "failed": [markdown(each) for each in failed],
-        "origin": origin,
-    }
-    return write(folder, "paired_times", context, {RATIOS: rows_text(PairRow, rows)})

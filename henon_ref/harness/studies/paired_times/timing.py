@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.interleaved import Turns, interleaved
 from henon_ref.harness.campaign.options import Observer, Options
+from henon_ref.harness.campaign.settings import Setting
 from henon_ref.harness.campaign.timing import median_interval
-from henon_ref.harness.report.text.paired_times import PairRow
+from henon_ref.harness.report.text.paired_times import FIRST, PairRow
+from henon_ref.harness.report.text.ranking import reaching
+from henon_ref.harness.rows import RunRow
 from henon_ref.harness.studies.paired_times.own_calls import ClockedHeyoka, clocked, own_part
-from henon_ref.harness.studies.paired_times.pairs import Candidate, Pair
 from henon_ref.modes.problem import Problem
 from henon_ref.solver import Run
 from henon_ref.workers.pool import Jobs, WorkerPool
@@ -28,6 +30,67 @@ OWN_ROUNDS = 20
 """Rounds at most in which a library's own calls are clocked."""
 
 _LOG = logging.getLogger(__name__)
+CANDIDATES = 3
+"""Settings of a side that are timed: the cheapest by the rows. The cheapest in turn is among them, or next to it."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A solver at a setting."""
+
+    solver: str
+    setting: Setting
+    wall_s: float
+    """Time of a run, by the rows [s]."""
+
+
+@dataclass(frozen=True)
+class Pair:
+    """The reference against a rival, for the same digits."""
+
+    digits: int | None
+    """Digits that every setting of both reaches; None where there is no transition to time."""
+    against: str
+    """The other side: a solver's name, or that of a group whose cheapest is taken."""
+    own: tuple[Candidate, ...]
+    """Candidates for the reference's cheapest setting."""
+    rival: tuple[Candidate, ...]
+    """Candidates for the other side's."""
+
+
+def pairs_of(rows: Sequence[RunRow], rivals: Mapping[str, Collection[str]], levels: Sequence[int]) -> Iterator[Pair]:
+    """The pairs of one reading's rows, for every level of digits; ``rivals``: of which solvers each is the cheapest.
+
+    Where there is no transition to time, right rows are set against each other once.
+    """
+    for level, able in able_rows(rows, levels):
+        own = _cheapest(able, (FIRST,))
+        for against, solvers in rivals.items():
+            rival = _cheapest(able, solvers)
+            if own and rival:
+                yield Pair(level, against, own, rival)
+
+
+def able_rows(rows: Sequence[RunRow], levels: Sequence[int]) -> Iterator[tuple[int | None, list[RunRow]]]:
+    """Rows that reach so many digits; once, and with None, those that are right where there is no transition."""
+    idle = [row for row in rows if row.verdict == "right" and row.reference_transitions == 0 and row.wall_s]
+    if idle:
+        yield None, idle
+    else:
+        yield from ((level, reaching(rows, level)) for level in levels)
+
+
+def _wall(candidate: Candidate) -> float:
+    return candidate.wall_s
+
+
+def _cheapest(rows: Sequence[RunRow], solvers: Collection[str]) -> tuple[Candidate, ...]:
+    timed = [
+        Candidate(row.solver, Setting(row.rtol, row.atol, row.step_s), row.wall_s)
+        for row in rows
+        if row.solver in solvers and row.wall_s
+    ]
+    return tuple(sorted(timed, key=_wall)[:CANDIDATES])
 
 
 @dataclass(frozen=True)
@@ -124,16 +187,7 @@ class PairedTiming(Job):
 def time_pairs(
     timings: Mapping[str, Sequence[PairedTiming]], options: Options, observer: Observer
 ) -> tuple[list[TimedPair], list[str]]:
-    """Time pairs, those of each job by one worker; their rows, and what could not be timed, a sentence each.
-
-    Parameters
-    ----------
-    timings : mapping of sequences of PairedTiming
-        By case.
-    options : Options
-        Processes and memory are taken from it.
-    observer : Observer
-    """
+    """Time pairs by case, those of each job by one worker; their rows, and what could not be timed, a sentence each."""
     rows: list[TimedPair] = []
     failed: list[str] = []
 

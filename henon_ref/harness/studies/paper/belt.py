@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +9,7 @@ import numpy as np
 from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.casefile.case import parse_case
 from henon_ref.harness.registry import solver
+from henon_ref.harness.studies.runs import apart
 from henon_ref.modes.problem import Problem
 from henon_ref.trajectory import Status
 
@@ -61,8 +61,6 @@ def moving_belt() -> MovingBelt:
     times = np.linspace(0.0, float(problem.until), 40001)[:-1]
     run = HENON_SOLVER.prepare(problem, rtol=1e-13, sample_times=times)()
     other = solver("heyoka").prepare(problem, rtol=1e-13, atol=1e-13)()
-    pairs = list(zip(run.transitions, other.transitions, strict=False))
-    same = len(run.transitions) == len(other.transitions) and all(a.to_mode == b.to_mode for a, b in pairs)
     assert run.samples is not None
     assert run.sample_modes is not None
     stuck = np.array([mode == (0,) for mode in run.sample_modes])
@@ -74,7 +72,7 @@ def moving_belt() -> MovingBelt:
     return MovingBelt(
         status=run.status,
         transitions=len(run.transitions),
-        apart=max(abs(a.time - b.time) for a, b in pairs) if same else math.inf,
+        apart=apart(run, other),
         drift=float(np.abs(run.samples[stuck, 1] - belt[stuck]).max()),
         sticks=(min(lengths[-2:]), max(lengths[-2:])),
     )

@@ -12,10 +12,12 @@ from pathlib import Path
 from henon_ref.casefile.case import Case
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.settings import Setting
+from henon_ref.harness.report.text.formats import duration, significant
 from henon_ref.harness.report.text.paired_times import FIRST, PairRow
-from henon_ref.harness.rows import number
-from henon_ref.harness.studies.price.fresh import caches_in, in_fresh_process
+from henon_ref.harness.rows import Row, number
 from henon_ref.harness.studies.price.ladder import TIMEOUT
+from henon_ref.harness.studies.price.measure import caches_in, in_fresh_process, title
+from henon_ref.harness.table import Table
 from henon_ref.modes.problem import Problem
 
 DIGITS = 9
@@ -35,7 +37,7 @@ WARM_RUNS = 3
 
 
 @dataclass(frozen=True)
-class Ready:
+class Ready(Row):
     """One solver on one reading."""
 
     case: str
@@ -96,3 +98,35 @@ def getting_ready(problem: Problem, solver: str, setting: Setting) -> float:
         run()
         later.append(time.perf_counter() - began)
     return first - min(later)
+
+
+def ready_table(found: Sequence[Ready]) -> Table:
+    """Preparation times, and the runs after which they are made up for."""
+    lines: list[tuple[str, ...]] = []
+    for own in found:
+        others = {o.solver: o for o in found if (o.case, o.reading) == (own.case, own.reading)}
+        paid = [
+            f"{_runs(paid_after(own, others[rival], cold=True))} / {_runs(paid_after(own, others[rival], cold=False))}"
+            f" against `{rival}`"
+            for rival in AGAINST.get(own.solver, ())
+            if rival in others
+        ]
+        lines.append(
+            (
+                title(own.case, own.reading),
+                f"`{own.solver}`",
+                duration(own.wall_s),
+                duration(own.cold_s),
+                duration(own.kept_s),
+                "; ".join(paid),
+            )
+        )
+    headings = (
+        "reading", "solver", "a run", "ready, nothing on disk", "ready, code on disk",
+        "paid for after runs (nothing on disk / code on disk)",
+    )  # fmt: skip
+    return Table(headings, "llrrrl", lines)
+
+
+def _runs(runs: float) -> str:
+    return "never" if math.isinf(runs) else significant(runs, 2)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.casefile.case import parse_case
 from henon_ref.harness.campaign.interleaved import interleaved
+from henon_ref.harness.rows import Row
+from henon_ref.harness.table import Table
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import build_tape
@@ -99,7 +101,7 @@ BODIES = (OSCILLATOR, TWO_BLOCKS)
 
 
 @dataclass(frozen=True)
-class Step:
+class Step(Row):
     """A scene with the effects up to one of them."""
 
     body: str
@@ -168,15 +170,39 @@ def _timed(body: str, effect: str, problems: Mapping[str, Problem]) -> Step:
     runs = {key: HENON_SOLVER.prepare(problem, rtol=RTOL) for key, problem in problems.items()}
     ends = {key: run() for key, run in runs.items()}
     times = interleaved(runs, rounds=ROUNDS)
-    a_step: Callable[[str], float] = lambda key: times.median(key) / ends[key].counts.steps  # noqa: E731
-    there = "carried" in problems
+    operated = {key: operations(problem.system) for key, problem in problems.items()}
+    per_step = {key: times.median(key) / end.counts.steps for key, end in ends.items()}
     return Step(
         body=body,
         effect=effect,
-        operations=operations(problems["own"].system),
-        carried=operations(problems["carried"].system) if there else None,
+        operations=operated["own"],
+        carried=operated.get("carried"),
         transitions=len(ends["own"].transitions),
-        per_step_s=a_step("own"),
-        carried_per_step_s=a_step("carried") if there else None,
-        to_carried=times.ratio("own", "carried") if there else None,
+        per_step_s=per_step["own"],
+        carried_per_step_s=per_step.get("carried"),
+        to_carried=times.ratio("own", "carried") if "carried" in problems else None,
     )
+
+
+def effect_table(steps: Sequence[Step]) -> Table:
+    """Operations and times of every effect, and of the scene with all others compiled in at zero."""
+    headings = (
+        "body", "effect added", "operations", "time a step", "more than before", "operations, all carried",
+        "time a step, all carried", "run over one with all carried",
+    )  # fmt: skip
+    lines: list[tuple[str, ...]] = []
+    for before, step in zip((None, *steps), steps, strict=False):
+        more = before and before.body == step.body and step.effect
+        lines.append(
+            (
+                step.body,
+                step.effect or "*a motion that sticks*",
+                f"{step.operations}",
+                f"{1e9 * step.per_step_s:.0f} ns",
+                f"{1e9 * (step.per_step_s - before.per_step_s):+.0f} ns" if before and more else "",
+                "" if step.carried is None else f"{step.carried}",
+                "" if step.carried_per_step_s is None else f"{1e9 * step.carried_per_step_s:.0f} ns",
+                "" if step.to_carried is None else f"{step.to_carried:.2f}",
+            )
+        )
+    return Table(headings, "llrrrrrr", lines)

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -14,9 +13,9 @@ from henon_ref.figures.description import describe
 from henon_ref.harness.figures.labels import label_column
 from henon_ref.harness.report.text.ranking import by_solver, right
 from henon_ref.harness.rows import RunRow, number
-from henon_ref.harness.studies.price.growth import Horizon
-from henon_ref.harness.studies.price.growth import exponent as horizon_power
-from henon_ref.harness.studies.price.states import Size, fitted
+from henon_ref.harness.studies.price.growth import LONG, Horizon
+from henon_ref.harness.studies.price.measure import fitted
+from henon_ref.harness.studies.price.states import MANY, Size
 
 COUNTS = {
     "wall_s": "wall time of one run, median",
@@ -37,8 +36,7 @@ def draw_ladder(rows: Sequence[RunRow], count: str) -> Figure:
     is_time = count == "wall_s"
     with style.figure(4.4) as figure:
         axes = figure.add_axes((0.1, 0.12, 0.645, 0.8))
-        axes.set_xscale("log")
-        axes.set_yscale("log")
+        axes.set(xscale="log", yscale="log")
         ladders = by_solver(right(rows))
         lines = style.lines_of(ladders)
         tips = {}
@@ -46,10 +44,10 @@ def draw_ladder(rows: Sequence[RunRow], count: str) -> Figure:
             points = [
                 (cost, max(row.max_time_error_s, 1e-16))
                 for row in ladders[solver]
-                if (cost := _cost(row, count)) and row.max_time_error_s is not None
+                if (cost := getattr(row, count)) and row.max_time_error_s is not None
             ]
             if points:
-                _draw_line(axes, line, points)
+                _plot(axes, line, points, "", ms=3.5)
                 if is_time:
                     _draw_bars(axes, line, ladders[solver])
                 tips[solver] = min(error for _, error in points)
@@ -71,15 +69,6 @@ def draw_ladder(rows: Sequence[RunRow], count: str) -> Figure:
     return figure
 
 
-def _cost(row: RunRow, count: str) -> float | None:
-    return {"wall_s": row.wall_s, "rhs_evaluations": row.rhs_evaluations, "steps": row.steps}[count]
-
-
-def _draw_line(axes: Axes, line: style.Line, points: Sequence[tuple[float, float]]) -> None:
-    x, y = np.array(points).T
-    axes.plot(x, y, ls=line.dashes, marker=line.marker, color=line.colour, lw=line.width, ms=3.5)
-
-
 def _draw_bars(axes: Axes, line: style.Line, ladder: Sequence[RunRow]) -> None:
     known = [row for row in ladder if row.wall_s_low is not None and row.max_time_error_s is not None]
     if known:
@@ -90,30 +79,30 @@ def _draw_bars(axes: Axes, line: style.Line, ladder: Sequence[RunRow]) -> None:
 
 def draw_growth(found: Sequence[Horizon]) -> Figure:
     """Time of a transition and error of the last sticks over the horizon, for every solver."""
-    powers = {solver: horizon_power(found, solver) for solver in dict.fromkeys(own.solver for own in found)}
+    solvers = dict.fromkeys(own.solver for own in found)
+    powers = {solver: fitted(found, solver, "until", "wall_s", LONG) for solver in solvers}
     with style.figure(3.0) as figure:
         left, right_ = figure.subplots(1, 2, sharex=True)
         for solver, fit in powers.items():
             own = [run for run in found if run.solver == solver]
-            label = f"{solver}: run ~ horizon^({fit})"
-            _plot(left, solver, [(run.until, 1e6 * run.per_transition_s) for run in own], label)
-            settled = [run for run in own if not math.isnan(run.stick_error_s)]
-            _plot(right_, solver, [(run.until, max(run.stick_error_s, 1e-16)) for run in settled], solver)
-        left.set(xlabel="horizon [s]", ylabel="wall time a transition [µs]")
-        left.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
+            settled = [(run.until, max(run.stick_error_s, 1e-16)) for run in own if not math.isnan(run.stick_error_s)]
+            points, look = [(run.until, 1e6 * run.per_transition_s) for run in own], style.line_of(solver)
+            _plot(left, look, points, f"{solver}: run ~ horizon^({fit})")
+            _plot(right_, look, settled, solver)
         right_.axhline(BOUND, color=style.GREY, ls="--", lw=0.9)
         right_.annotate(
             f"bound: {BOUND:.0e} s", (max(run.until for run in found), BOUND), (0, -11),
             textcoords="offset points", fontsize=8.0, color=style.GREY, ha="right",
         )  # fmt: skip
+        left.set(xlabel="horizon [s]", ylabel="wall time a transition [µs]")
         right_.set(xlabel="horizon [s]", ylabel="worst error of the last sticks [s]")
-        figure.set_layout_engine("constrained")
-        describe(
+        _finish(
             figure,
             "Time of a transition, and error of the last sticks, over the horizon",
             "Two panels with logarithmic axes. Time of a run grows with a power of the horizon: "
             + "; ".join(f"{solver} {fit}" for solver, fit in powers.items())
             + f". In the second panel a dashed line is the bound of {BOUND:.0e} s on the error of the last sticks.",
+            (left,),
         )
     return figure
 
@@ -124,38 +113,41 @@ def draw_sizes(found: Sequence[Size]) -> Figure:
         "per_second": (1e3, "wall time of a simulated second [ms]"),
         "ready_s": (1.0, "wall time of making ready [s]"),
     }
-    solvers = dict.fromkeys(own.solver for own in found)
-    powers = {(solver, column): fitted(found, solver, column) for solver in solvers for column in columns}
+    powers = {
+        solver: [str(fitted(found, solver, "states", column, MANY)) for column in columns]
+        for solver in dict.fromkeys(own.solver for own in found)
+    }
     ticks = sorted({size.states for size in found})
     with style.figure(3.2) as figure:
-        for axes, (column, (unit, words)) in zip(figure.subplots(1, 2), columns.items(), strict=True):
-            for solver in solvers:
-                points = [
-                    (size.states, unit * getattr(size, column))
-                    for size in found
-                    if size.solver == solver and size.agrees
-                ]
-                _plot(axes, solver, points, f"{solver}: ~ states^({powers[solver, column]})")
-            axes.set_xticks(ticks, [str(tick) for tick in ticks], minor=False)
-            axes.set_xticks([], minor=True)
-            axes.set(xlabel="states", ylabel=words)
-            axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
-        figure.set_layout_engine("constrained")
-        describe(
+        panels = figure.subplots(1, 2)
+        for k, (column, (unit, words)) in enumerate(columns.items()):
+            for solver, fits in powers.items():
+                own = [size for size in found if size.solver == solver and size.agrees]
+                points = [(size.states, unit * getattr(size, column)) for size in own]
+                _plot(panels[k], style.line_of(solver), points, f"{solver}: ~ states^({fits[k]})")
+            panels[k].set_xticks(ticks, [str(tick) for tick in ticks], minor=False)
+            panels[k].set_xticks([], minor=True)
+            panels[k].set(xlabel="states", ylabel=words)
+        _finish(
             figure,
             "Time of a simulated second, and of making ready, over the number of states",
             "Two panels with logarithmic axes, a line a solver. Times grow with a power of the number of states: "
-            + "; ".join(
-                f"{solver} {', '.join(str(powers[solver, column]) for column in columns)}" for solver in solvers
-            )
+            + "; ".join(f"{solver} {', '.join(fits)}" for solver, fits in powers.items())
             + ".",
+            panels,
         )
     return figure
 
 
-def _plot(axes: Axes, solver: str, points: Sequence[tuple[float, float]], label: str) -> None:
-    look = style.line_of(solver)
+def _finish(figure: Figure, title: str, words: str, with_legend: Iterable[Axes]) -> None:
+    for axes in with_legend:
+        axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
+    figure.set_layout_engine("constrained")
+    describe(figure, title, words)
+
+
+def _plot(axes: Axes, look: style.Line, points: Sequence[tuple[float, float]], label: str, **more: float) -> None:
     axes.loglog(
         [x for x, _ in points], [y for _, y in points], ls=look.dashes, marker=look.marker, color=look.colour,
-        lw=look.width, label=label,
+        lw=look.width, label=label, **more,
     )  # fmt: skip

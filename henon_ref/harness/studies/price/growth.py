@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import resource
 import time
+from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from statistics import median
@@ -12,8 +14,10 @@ import numpy as np
 import sympy as sp
 
 from henon_ref.harness import registry
-from henon_ref.harness.studies.price.fit import Fit, power
-from henon_ref.harness.studies.price.fresh import in_fresh_process
+from henon_ref.harness.report.text.formats import duration, error
+from henon_ref.harness.rows import Row
+from henon_ref.harness.studies.price.measure import in_fresh_process
+from henon_ref.harness.table import Table
 from henon_ref.integrator.integrator import Integrator
 from henon_ref.integrator.prepared_run import order_for
 from henon_ref.integrator.records import HENON
@@ -33,19 +37,21 @@ SETTLED = 500.0
 """From this time on [s] what is left of the start is below a double's rounding (its multiplier is 0.4 a period)."""
 SHORT = 5.0
 """Runs below this [s] are made three times."""
-FITTED = 1e3
+LONG = 1e3
 """The power of the growth is fitted from this horizon on [s]."""
 LAST = 20
 """The last sticks that are compared with the certified ones."""
 SEEN = 400
 """The last transitions that these are taken from."""
 _STICK, _RELEASE = 0, 1
+_Transition = tuple[tuple[float, float], int | None]
+"""Time, in two parts [s], and kind."""
 _Run = Callable[[], tuple[int, list[float]]]
 """A run: how many transitions there were, and how long the last sticks were [s]."""
 
 
 @dataclass(frozen=True)
-class Horizon:
+class Horizon(Row):
     """One solver's run."""
 
     solver: str
@@ -97,11 +103,11 @@ def _streamed(problem: Problem) -> Callable[[float], _Run]:
 
     def prepare(until: float) -> _Run:
         def run() -> tuple[int, list[float]]:
-            count, last = 0, _Last()
+            count, last = 0, deque[_Transition](maxlen=SEEN)
             for block in Run(integrator, replace(start, until=(until, 0.0))).stream():
                 count += len(block)
-                last.add(zip(block.times[-SEEN:], block.kinds[-SEEN:], strict=True))
-            return count, last.sticks
+                last.extend(zip(block.times[-SEEN:], block.kinds[-SEEN:], strict=True))
+            return count, _last_sticks(last)
 
         return run
 
@@ -117,33 +123,42 @@ def _whole(solver: str, problem: Problem) -> Callable[[float], _Run]:
         prepared = registry.solver(solver).prepare(longer, rtol=TOLERANCE, atol=TOLERANCE)
 
         def run() -> tuple[int, list[float]]:
-            transitions, last = prepared().transitions, _Last()
-            last.add(((t.time, t.time_low), codes.get(t.kind)) for t in transitions[-SEEN:])
-            return len(transitions), last.sticks
+            transitions = prepared().transitions
+            return len(transitions), _last_sticks(
+                ((t.time, t.time_low), codes.get(t.kind)) for t in transitions[-SEEN:]
+            )
 
         return run
 
     return prepare
 
 
-class _Last:
-    """The last sticks."""
-
-    def __init__(self) -> None:
-        self.sticks: list[float] = []
-        self._since: tuple[float, float] | None = None
-
-    def add(self, transitions: Iterable[tuple[tuple[float, float], int | None]]) -> None:
-        """Take in some more transitions: times (in two parts) and kinds."""
-        for (high, low), kind in transitions:
-            if kind == _STICK:
-                self._since = high, low
-            elif kind == _RELEASE and self._since is not None:
-                self.sticks.append((high - self._since[0]) + (low - self._since[1]))
-        del self.sticks[:-LAST]
+def _last_sticks(transitions: Iterable[_Transition]) -> list[float]:
+    """How long the last sticks were [s]."""
+    sticks, since = [], None
+    for (high, low), kind in transitions:
+        if kind == _STICK:
+            since = high, low
+        elif kind == _RELEASE and since is not None:
+            sticks.append((high - since[0]) + (low - since[1]))
+    return sticks[-LAST:]
 
 
-def exponent(found: Sequence[Horizon], solver: str) -> Fit:
-    """p of the fit: wall time of a run ~ horizon^p."""
-    own = [run for run in found if run.solver == solver and run.until >= FITTED]
-    return power([run.until for run in own], [run.wall_s for run in own])
+def growth_table(found: Sequence[Horizon]) -> Table:
+    """Cost, memory and accuracy over the horizon."""
+    lines: list[tuple[str, ...]] = [
+        (
+            f"`{own.solver}`",
+            f"{own.until:.0e} s",
+            f"{own.transitions}",
+            duration(own.wall_s),
+            duration(own.per_transition_s),
+            f"{own.grown:.1f} MiB",
+            "not settled yet" if math.isnan(own.stick_error_s) else f"{error(own.stick_error_s)} s",
+        )
+        for own in found
+    ]
+    headings = (
+        "solver", "horizon", "transitions", "wall time", "a transition", "growth of peak memory", "last sticks' error",
+    )  # fmt: skip
+    return Table(headings, "lrrrrrr", lines)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import sympy as sp
@@ -11,7 +11,13 @@ import sympy as sp
 from henon_ref.baselines.henon import HENON_BRENT, HENON_NEWTON, HENON_SOLVER
 from henon_ref.casefile.case import Case, parse_case
 from henon_ref.harness.campaign.interleaved import interleaved
-from henon_ref.harness.truth.reference import Truth, split_double
+from henon_ref.harness.report.text.formats import duration, error
+from henon_ref.harness.report.text.paired_times import FIRST
+from henon_ref.harness.rows import Row
+from henon_ref.harness.studies.price.measure import title
+from henon_ref.harness.table import Table
+from henon_ref.harness.truth.compute import stored_truth
+from henon_ref.harness.truth.reference import split_double
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.problem import Problem
 from henon_ref.trajectory import Trajectory
@@ -36,7 +42,7 @@ ROUNDS = 40
 
 
 @dataclass(frozen=True)
-class Landed:
+class Landed(Row):
     """One landing on one reading."""
 
     case: str
@@ -52,12 +58,12 @@ class Landed:
     """Worst error of a transition's time; NaN where the sequence is not the truth's."""
 
 
-def landings(cases: Sequence[Case], truths: dict[tuple[str, str], Truth]) -> list[Landed]:
+def landings(cases: Sequence[Case]) -> list[Landed]:
     """Run the three landings on every reading that has a stored truth with transitions."""
     found = []
     for case in cases:
         for reading in case.readings:
-            truth = truths.get((case.name, reading.name))
+            truth = stored_truth(case, reading)
             if truth is not None and truth.transitions and reading.solvers is None:
                 crossings = [t for t in truth.transitions if t.kind != "graze"]
                 exact = [split_double(t.time_digits) for t in crossings]
@@ -98,3 +104,28 @@ def _error(run: Trajectory, exact: Sequence[tuple[float, float]], modes: Sequenc
         return math.nan
     pairs = zip(own, exact, strict=True)
     return max((abs((t.time - high) + (t.time_low - low)) for t, (high, low) in pairs), default=0.0)
+
+
+def landing_table(found: Sequence[Landed]) -> Table:
+    """Evaluations, time and error of the three landings, and the time with Hénon's over that with bracketing."""
+    solvers = list(dict.fromkeys(one.solver for one in found))
+    columns: tuple[Callable[[Landed], str], ...] = (
+        lambda one: f"{one.evaluations:.1f}",
+        lambda one: duration(one.wall_s),
+        lambda one: "another sequence" if math.isnan(one.error_s) else error(one.error_s),
+    )
+    lines = []
+    for case, reading in dict.fromkeys((own.case, own.reading) for own in found):
+        own = {one.solver: one for one in found if (one.case, one.reading) == (case, reading)}
+        cells = [column(own[solver]) for column in columns for solver in solvers]
+        ratio = own[FIRST].to_bracketing
+        note = "bracketing is quicker" if ratio > 1 else ""
+        lines.append((title(case, reading), *cells, f"{ratio:.2f}", note))
+    words = ("evaluations", "run", "error [s]")
+    headings = (
+        "reading",
+        *(f"{word}, `{solver}`" for word in words for solver in solvers),
+        "run over bracketing",
+        "note",
+    )
+    return Table(headings, "l" + "r" * len(words) * len(solvers) + "rl", lines)

@@ -9,6 +9,7 @@ import numpy as np
 
 from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.harness.campaign.interleaved import interleaved
+from henon_ref.harness.rows import Row
 from henon_ref.integrator.integrator import Integrator
 from henon_ref.integrator.prepared_run import order_for
 from henon_ref.integrator.records import HENON
@@ -26,7 +27,7 @@ SIZE = 60
 
 
 @dataclass(frozen=True)
-class Work:
+class Work(Row):
     """A run's arithmetic."""
 
     expansion: int

@@ -10,9 +10,13 @@ from dataclasses import dataclass
 from henon_ref.casefile.case import parse_case
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.interleaved import Turns, interleaved
+from henon_ref.harness.report.text.formats import duration
+from henon_ref.harness.report.text.paired_times import FIRST
+from henon_ref.harness.rows import Row
 from henon_ref.harness.studies.paired_times.own_calls import clocked, own_part
-from henon_ref.harness.studies.price.fit import Fit, power
-from henon_ref.harness.studies.price.orbit import orbit_problem
+from henon_ref.harness.studies.price.measure import orbit_problem
+from henon_ref.harness.studies.runs import apart
+from henon_ref.harness.table import Table
 from henon_ref.modes.problem import Problem
 from henon_ref.solver import Run
 from henon_ref.trajectory import Trajectory
@@ -25,7 +29,7 @@ AGREED = 1e-9
 """Largest distance of two solvers' transition times [s] and last states at which their times are taken down."""
 GOLDEN = (math.sqrt(5) - 1) / 2
 """Its multiples modulo 1 spread the blocks' initial positions evenly, no two alike."""
-FITTED = 16
+MANY = 16
 """Powers are fitted from so many states on."""
 BELT, FAST = 0.2, 5.0
 """Velocity of the belt [m/s], and one that no block reaches."""
@@ -34,7 +38,7 @@ SMOOTH_S = 20.0
 
 
 @dataclass(frozen=True)
-class Size:
+class Size(Row):
     """One solver on the chains of one length."""
 
     states: int
@@ -109,13 +113,12 @@ def sizes(blocks: Sequence[int] = BLOCKS, solvers: Sequence[str] = SOLVERS) -> l
     for problem in (orbit_problem(), chain(3)):  # what chains of all lengths share is imported and compiled here
         for name in solvers:
             registry.solver(name).prepare(problem, rtol=RTOL)()
+    first = solvers[0]
     for count in blocks:
         problem = chain(count)
         ready, runs, times = _timed(problem, solvers)
-        ends = {name: run() for name, run in runs.items()}
         _, smooth_runs, smooth_times = _timed(chain(count, belt=FAST, until=SMOOTH_S), solvers)
-        smooth_ends = {name: run() for name, run in smooth_runs.items()}
-        first = solvers[0]
+        ends, smooth_ends = ({name: run() for name, run in own.items()} for own in (runs, smooth_runs))
         for name in solvers:
             found.append(
                 Size(
@@ -158,16 +161,27 @@ def _own_part(problem: Problem, name: str, run: Run) -> float:
 
 
 def _agree(first: Trajectory, other: Trajectory) -> bool:
-    pairs = zip(first.transitions, other.transitions, strict=False)
-    last = zip(first.end_state, other.end_state, strict=True)
-    return (
-        len(first.transitions) == len(other.transitions)
-        and all(a.to_mode == b.to_mode and abs(a.time - b.time) <= AGREED for a, b in pairs)
-        and all(abs(a - b) <= AGREED for a, b in last)
-    )
+    ends = zip(first.end_state, other.end_state, strict=True)
+    return apart(first, other) <= AGREED and all(abs(a - b) <= AGREED for a, b in ends)
 
 
-def fitted(found: Sequence[Size], solver: str, column: str) -> Fit:
-    """p of the fit: a column of :class:`Size` ~ states^p, from :data:`FITTED` states on."""
-    own = [size for size in found if size.solver == solver and size.states >= FITTED]
-    return power([size.states for size in own], [getattr(size, column) for size in own])
+def size_table(found: Sequence[Size]) -> Table:
+    """Time of a run with and without transitions, and of getting ready, over the number of states."""
+    solvers = list(dict.fromkeys(size.solver for size in found))
+    lines: list[tuple[str, ...]] = []
+    for states in dict.fromkeys(own.states for own in found):
+        own = {size.solver: size for size in found if size.states == states}
+        runs, smooth, ready = (
+            [duration(value(own[s])) if own[s].agrees else "other answer" for s in solvers]
+            for value in (lambda s: s.wall_s, lambda s: s.smooth_s, lambda s: s.ready_s)
+        )
+        ratios = [f"{value:.2g}" for value in (own["heyoka"].ratio, own["heyoka"].smooth_ratio)]
+        first, alone = own[FIRST], own["heyoka"].own_s
+        calls = "" if math.isnan(alone) else duration(alone)
+        lines.append((f"{states}", f"{first.transitions}", *runs, ratios[0], calls, *smooth, ratios[1], *ready))
+    names = [f"`{solver}`" for solver in solvers]
+    headings = (
+        "states", "transitions", *(f"run, {n}" for n in names), "`henon` / `heyoka`", "run, `heyoka`'s own calls alone",
+        *(f"without transitions, {n}" for n in names), "`henon` / `heyoka`", *(f"ready, {n}" for n in names),
+    )  # fmt: skip
+    return Table(headings, "r" * len(headings), lines)
