@@ -18,7 +18,6 @@ from henon_ref.casefile.kinks import Kinks
 from henon_ref.casefile.requirements import Requirements
 from henon_ref.casefile.source import Names, Path, Source, check_kinks, resolved
 from henon_ref.casefile.tree import MappingNode, ScalarNode, SequenceNode, child
-from henon_ref.casefile.work import names_in
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed
 
@@ -226,7 +225,7 @@ class _Reader:
 
     def _check_states(self, path: Path, key: Key) -> None:
         """Refuse states where a value is none of states."""
-        held = [name for name in names_in(self.source.text(path)) if name in self.states]
+        held = [name for name in self.source.names(path) if name in self.states]
         if held:
             allowed = "t and parameters" if key.of == "time" else "parameters"
             raise self.source.error(

@@ -5,6 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import sympy as sp
 
 Scalar = str | int | bool | Decimal | None
 PythonValue = Scalar | list["PythonValue"] | dict[str, "PythonValue"]
@@ -20,13 +24,22 @@ class Place:
 
 @dataclass(frozen=True, slots=True)
 class ScalarNode:
-    """A scalar: its value by the core schema, and its text as written."""
+    """A scalar: its value by the core schema, and its text as written; from Python also an expression of SymPy."""
 
     place: Place
     value: Scalar
-    text: str
+    given: str | sp.Expr
     text_place: Place | None
     """Where the first character of ``text`` stands, or None where text and file differ (escapes, folding)."""
+
+    @property
+    def text(self) -> str:
+        """As it is written, or an expression of SymPy in the words of a case file."""
+        if isinstance(self.given, str):
+            return self.given
+        from henon_ref.casefile.sympy_form import spelled_out  # what a tree of text alone does without
+
+        return spelled_out(self.given)
 
     @property
     def size(self) -> int:

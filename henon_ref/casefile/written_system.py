@@ -6,7 +6,7 @@ from collections.abc import Collection
 
 import sympy as sp
 
-from henon_ref.casefile.grammar import TAKEN, may_have_kinks, name_problem
+from henon_ref.casefile.grammar import TAKEN, name_problem
 from henon_ref.casefile.kinks import Kinks
 from henon_ref.casefile.source import Names, Path, Source, resolved
 from henon_ref.modes.overrides import Release, Reset, SlidingOverride
@@ -58,12 +58,17 @@ def build_system(source: Source) -> tuple[FilippovSystem, Names]:
         valid=tuple(valid),
         kinks=frozenset(i for i, sign in enumerate(made) if sign in kinks.surfaces or sign in branches),
         sections=tuple(value for sign, value in values_of.items() if value != sign),
-        written={
-            **{x: source.text(("system", "field", i)) for i, x in enumerate(names.states.values())},
-            **{names.signs[name]: source.text(("system", "surfaces", name)) for name in signs},
-        },
+        written=_texts(source, names, signs),
     )
     return system, names
+
+
+def _texts(source: Source, names: Names, signs: list[str]) -> dict[sp.Symbol, str]:
+    """Rates and surfaces that are given as text."""
+    paths: dict[sp.Symbol, Path] = {x: ("system", "field", i) for i, x in enumerate(names.states.values())}
+    paths |= {names.signs[name]: ("system", "surfaces", name) for name in signs}
+    found = {symbol: source.written(path) for symbol, path in paths.items()}
+    return {symbol: text for symbol, text in found.items() if isinstance(text, str)}
 
 
 def _guards(
@@ -171,7 +176,7 @@ def build_resets(source: Source, names: Names, system: FilippovSystem) -> dict[i
             if name not in names.states:
                 message = f"'{name}' is no state{did_you_mean(name, names.states)}; states: {listed(names.states)}"
                 raise source.error(place, message, key=True)
-            if may_have_kinks(source.text(place)):
+            if source.has_kinks(place):
                 raise source.error(place, f"in '{name}': {KINK_IN_MAP}")
             values[names.states[name]] = names.smooth(source, place)
         if all(x == value for x, value in values.items()):

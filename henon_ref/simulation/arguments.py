@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from henon_ref.casefile.model_form import check_form
 from henon_ref.casefile.problem import build_problem, unused_at_start
 from henon_ref.casefile.source import Source
 from henon_ref.casefile.tree import MappingNode, Node
@@ -17,7 +18,7 @@ from henon_ref.modes.bounds import put
 from henon_ref.modes.problem import Problem
 from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.system import System
-from henon_ref.simulation.written import argument_error, check_form, mapping, tree_of, written, written_name
+from henon_ref.simulation.written import argument_error, mapping, tree_of, written, written_name
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed, shortened
 

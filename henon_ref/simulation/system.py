@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import sympy as sp
 
 from henon_ref.casefile.expressions import parse_expression, parse_number
+from henon_ref.casefile.model_form import check_form
 from henon_ref.casefile.problem import written_model
 from henon_ref.casefile.source import Source
 from henon_ref.casefile.tree import MappingNode, ScalarNode, child, merged
@@ -22,7 +23,6 @@ from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.written import (
     Number,
     argument_error,
-    check_form,
     mapping,
     python_number,
     source_of,
