@@ -36,9 +36,8 @@ if TYPE_CHECKING:  # modules, too, under the names by which they go here
     from henon_ref.harness.report.sweep import sweep
     from henon_ref.modes.problem import Problem
     from henon_ref.modes.system import FilippovSystem
-    from henon_ref.simulation.loading import load_run
     from henon_ref.simulation.scene import Scene
-    from henon_ref.simulation.simulate import simulate, stream
+    from henon_ref.simulation.simulate import load_run, simulate, stream
     from henon_ref.simulation.solution import Solution
     from henon_ref.simulation.system import System
     from henon_ref.solver import Solver
@@ -63,7 +62,7 @@ _HOME = {
     "load_case": "casefile.case",
     "parse_case": "casefile.case",
     "FilippovSystem": "modes.system",
-    "load_run": "simulation.loading",
+    "load_run": "simulation.simulate",
     "Scene": "simulation.scene",
     "Solution": "simulation.solution",
     "System": "simulation.system",

@@ -19,8 +19,9 @@ from typing import Any
 from henon_ref.casefile import expected
 from henon_ref.casefile.assembly import Scene
 from henon_ref.casefile.expected import Exact, Expect, Gate, Orbit, Published
+from henon_ref.casefile.mathematics import mathematics
 from henon_ref.casefile.notebook import case_html
-from henon_ref.casefile.problem import build_problem, mathematics, read_scene
+from henon_ref.casefile.problem import build_problem, read_scene
 from henon_ref.casefile.schema import READING_KEYS, CaseForm, file_name, one_line
 from henon_ref.casefile.shipped import located
 from henon_ref.casefile.source import Path as KeyPath

@@ -8,6 +8,7 @@ of one model cost together is bounded (:mod:`henon_ref.casefile.work`), and none
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TypeAlias
 
 import sympy as sp
 
@@ -19,7 +20,7 @@ from henon_ref.casefile.work import CACHED, READ, Work, key_of, names_in, overla
 from henon_ref.errors import ExpressionError
 from henon_ref.modes.bounds import MAX_TERMS, check_constant, check_smooth, terms, with_known_functions
 
-Written = str | sp.Expr
+Written: TypeAlias = "str | sp.Expr"
 """An expression as it is given."""
 KINKED = (sp.Abs, sp.sign, sp.Max, sp.Min, sp.Piecewise, sp.Heaviside)
 """SymPy's functions with kinks or jumps."""

@@ -81,7 +81,8 @@ class Operation:
         first = self.arguments[0] if self.arguments else self
         match self.kind:
             case "number":
-                found, own = str(self.value), 9 if self.value.is_Integer and self.value >= 0 else 1
+                found = str(self.value)
+                own = 9 if found.isdigit() else 1
             case "name":
                 found = str(self.value)
             case "call":

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections import ChainMap
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -25,7 +24,6 @@ from henon_ref.casefile.expressions import (
     read,
 )
 from henon_ref.casefile.grammar import MAX_STATES, may_have_kinks, name_problem
-from henon_ref.casefile.kinks import MAX_INNER, Kinks, at_signs, without_signs
 from henon_ref.casefile.operations import Operation
 from henon_ref.casefile.tree import MappingNode, Place, ScalarNode, SequenceNode, child, locate
 from henon_ref.casefile.work import Work, key_of, names_in, overlaid
@@ -113,7 +111,7 @@ class Source:
         with self._at(path):
             return parse_number(self.written(path), names, self.work)
 
-    def operations(self, path: Path, names: Collection[str], functions: Mapping[str, int]) -> Operation:
+    def operations(self, path: Path, names: Mapping[str, object], functions: Mapping[str, int]) -> Operation:
         """The operations of an expression in some names (see :func:`henon_ref.casefile.expressions.read`)."""
         with self._at(path):
             return read(self.written(path), names, self.work, functions)
@@ -227,7 +225,7 @@ class Names:
 
     def _is_new(self, source: Source, path: Path, functions: Mapping[str, int]) -> bool:
         """Whether nothing that says the same of other states and signs has been checked with the parameters' values."""
-        known = source.operations(path, ChainMap(self._symbols, self.signs), functions)
+        known = source.operations(path, overlaid(self.signs, self._symbols), functions)
         moving = [name for name in known.names if name in self.states or name in self.signs]
         form = known.renamed({name: f"{'s' if name in self.signs else 'x'}#{k}" for k, name in enumerate(moving)})
         key = "checked", id(functions), key_of("", form, self.values)
@@ -248,39 +246,6 @@ class Names:
     def _own_signs(self, names: Sequence[str]) -> dict[str, sp.Expr]:
         """Those of some surfaces."""
         return {name: self.signs[name] for name in names}
-
-
-def resolved(
-    source: Source,
-    path: Path,
-    kinks: Kinks,
-    written: tuple[sp.Expr, list[sp.Expr]],
-    signs: Collection[sp.Symbol] = (),
-) -> sp.Expr:
-    """An expression with symbols for the signs of its kinks, and a value at both sides of each.
-
-    Where a kink's argument holds some of ``signs``, it is one kink for each of their sides.
-    """
-    expression, arguments = written
-    if any(len(argument.free_symbols & set(signs)) > MAX_INNER for argument in arguments):
-        raise source.error(path, f"a kink of what holds more than {MAX_INNER} signs; name surfaces and use their signs")
-    expression = without_signs(expression, signs)
-    arguments = [part for argument in arguments for part in at_signs(argument, signs)]
-    check_kinks(source, path, kinks, arguments)
-    found = kinks.resolved(expression, arguments)
-    for sign in kinks.used(found):
-        for side in (-1, 1):
-            if found.xreplace({sign: sp.Integer(side), **kinks.parameters}).has(sp.zoo, sp.nan, sp.oo, -sp.oo):
-                raise source.error(path, f"division by zero (where {kinks.surfaces[sign]} has the sign {side:+d})")
-    return found
-
-
-def check_kinks(source: Source, path: Path, kinks: Kinks, arguments: Sequence[sp.Expr]) -> None:
-    """Refuse kinks of parameters alone: what they are may change with these, when the equations are made."""
-    still = [a for a in arguments if a.free_symbols and a.free_symbols <= set(kinks.parameters)]
-    if still:
-        message = f"{still[0]} holds neither t nor a state, and no kink: make what is written of it a parameter"
-        raise source.error(path, f"{message} (where abs(...) is allowed)")
 
 
 def _symbols(names: Sequence[str]) -> dict[str, sp.Symbol]:

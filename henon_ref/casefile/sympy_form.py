@@ -98,6 +98,8 @@ class _Reader:
             return Operation("name", (), EULER if e is sp.E else CONSTANTS[0])
         if not e.args:
             check_name(str(e), (), {}, 0)
+        if isinstance(e, sp.cot):  # which SymPy makes of tan(x + pi/2)
+            return self.of(sp.cos(e.args[0]) / sp.sin(e.args[0]), depth)
         name = _CALLS.get(e.func, e.func.__name__)
         ordered = sorted(e.args, key=sp.default_sort_key) if isinstance(e, sp.Max | sp.Min) else e.args
         if not ordered or not all(isinstance(a, sp.Expr) for a in ordered):

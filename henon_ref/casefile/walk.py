@@ -10,7 +10,6 @@ from collections.abc import Callable, Collection, Mapping
 
 import sympy as sp
 
-from henon_ref.casefile import kinks
 from henon_ref.casefile.grammar import CONSTANT_FUNCTIONS, CONSTANTS, FUNCTIONS, KINK_FUNCTIONS, MAX_DEPTH
 from henon_ref.casefile.operations import Operation
 from henon_ref.casefile.work import OPERATION, Work, key_of
@@ -96,6 +95,8 @@ class Walk:
                 return self._call(str(part.value), values, part.offset)
 
     def _kinked(self, part: Operation, depth: int) -> sp.Expr:
+        from henon_ref.casefile import kinks  # many models have none
+
         arguments = [self._argument(argument, depth + 1) for argument in part.arguments]
         if part.value == "piecewise":
             strict = [condition.kind in ("<", ">") for condition in part.arguments[1::2]]
@@ -112,7 +113,11 @@ class Walk:
     def _power(self, base: sp.Expr, exponent: sp.Expr, offset: int) -> sp.Expr:
         """A power; where it is a root of a square, with that one's kink."""
         value = power(base, exponent, offset)
-        return kinks.without_roots_of_squares(value, offset) if self.kinked else value
+        if not self.kinked or not value.has(sp.Abs):
+            return value
+        from henon_ref.casefile.kinks import call
+
+        return value.replace(sp.Abs, lambda u: call("abs", [u], offset))
 
     def _call(self, name: str, arguments: list[sp.Expr], offset: int) -> sp.Expr:
         if name not in _SYMPY or len(arguments) != CONSTANT_FUNCTIONS.get(name, 1):
@@ -130,7 +135,9 @@ class Walk:
         found: list[sp.Expr] = []
         for part in operation.parts():
             if part.kind == "call" and part.value in KINK_FUNCTIONS:
-                found += kinks.compared(str(part.value), [self._argument(a, 0) for a in part.arguments])
+                from henon_ref.casefile.kinks import compared
+
+                found += compared(str(part.value), [self._argument(a, 0) for a in part.arguments])
             elif part.kind == "^" or part.value == "sqrt":
                 base, exponent = (*(self._of(a, 0) for a in part.arguments), _HALF)[:2]
                 roots = sp.Pow(base, exponent).atoms(sp.Abs)  # what SymPy takes the absolute value of

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from decimal import Decimal
 from fractions import Fraction
 from numbers import Integral, Rational, Real
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import sympy as sp
@@ -32,6 +32,22 @@ DEEPEST = 8
 Number = int | Fraction | Any
 """An exact number: whole, rational, or one of SymPy's (``sqrt(3)/9``)."""
 _OTHER = "wanted a number (int, float, Fraction), text or a SymPy expression"
+
+
+class OwnStart(NamedTuple):
+    """Where and how long the reading of a case runs, in the words of the file."""
+
+    initial: dict[str, str]
+    start: str
+    until: str
+    mode: dict[str, int]
+
+    @classmethod
+    def of(cls, source: Source, states: Sequence[str]) -> OwnStart:
+        """What a reading says of its start and horizon."""
+        start = source.word(("initial", "t"), "0")
+        mode = {name: int(source.text(("initial", "mode", name))) for name in source.keys(("initial", "mode"))}
+        return cls({x: source.text(("initial", x)) for x in states}, start, source.text(("until",)), mode)
 
 
 def written_name(value: object, what: str) -> str:

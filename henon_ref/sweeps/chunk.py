@@ -19,7 +19,7 @@ from henon_ref.integrator.integrator import Integrator
 from henon_ref.integrator.pairs import decimal_pairs
 from henon_ref.integrator.points import Keep
 from henon_ref.integrator.prepared_run import local_error
-from henon_ref.simulation.compiled import integrator_of
+from henon_ref.simulation.launch import integrator_of
 from henon_ref.sweeps.kernel import Ended, joined, refused_runs, run_points, together
 from henon_ref.sweeps.observations import Observation
 from henon_ref.sweeps.parameter_values import PointNumbers
