@@ -75,17 +75,11 @@ def parse_expression(written: Written, names: Mapping[str, sp.Expr], work: Work 
     ExpressionError
         With the offset of what is not allowed and what is.
     """
-    work = Work() if work is None else work
-    work.charge(CACHED, 0)
-    operation = read(written, names, work, SMOOTH)
-    key = key_of("expression", operation, names)
-    if key not in work.values:
-        work.values[key] = _smooth(Walk(names, work, kinked=False).value(operation))
-    return work.values[key]
+    return _worked_out(written, names, Work() if work is None else work, SMOOTH)[0]
 
 
 def parse_field(written: Written, names: Mapping[str, sp.Expr], work: Work) -> tuple[sp.Expr, list[sp.Expr]]:
-    """Read a component of a field, which may have kinks and jumps (see :mod:`henon_ref.casefile.kinks`).
+    """Read a component of a field likewise, which may have kinks and jumps (see :mod:`henon_ref.casefile.kinks`).
 
     Returns
     -------
@@ -93,53 +87,35 @@ def parse_field(written: Written, names: Mapping[str, sp.Expr], work: Work) -> t
         With a :class:`henon_ref.casefile.kinks.Sgn` for the sign of each argument.
     arguments : list of Expr
         What these are signs of, in order of appearance.
-
-    Raises
-    ------
-    ExpressionError
-        With the offset of what is not allowed and what is.
     """
-    work.charge(CACHED, 0)
-    operation = read(written, names, work, FIELD)
-    key = key_of("field", operation, names)
-    if key not in work.values:
-        walk = Walk(names, work, kinked=True)
-        work.values[key] = _smooth(walk.value(operation))
-        work.known[key] = walk.kinks(operation)
-    return work.values[key], work.known[key]
+    return _worked_out(written, names, work, FIELD)
 
 
 def parse_number(written: Written, names: Mapping[str, sp.Expr], work: Work | None = None) -> sp.Expr:
-    """Read an expression whose value is a number: a parameter, an initial value, a time.
+    """Read an expression whose value is a number likewise: a parameter, an initial value, a time.
 
-    Parameters
-    ----------
-    written : str or Expr
-        As for :func:`parse_expression`, with ``abs`` and ``atan2`` besides.
-    names : mapping
-        Name -> exact number.
-    work : Work, optional
-        That of the file which the expression stands in.
-
-    Returns
-    -------
-    Expr
-        An exact real number within the range of a double.
-
-    Raises
-    ------
-    ExpressionError
-        Also where the value is complex, infinite, undefined, or beyond the largest double.
+    It may have ``abs`` and ``atan2`` besides, and is a real number within the range of a double.
     """
-    work = Work() if work is None else work
+    return _worked_out(written, names, Work() if work is None else work, NUMBER)[0]
+
+
+def _worked_out(
+    written: Written, names: Mapping[str, sp.Expr], work: Work, functions: Mapping[str, int]
+) -> tuple[sp.Expr, list[sp.Expr]]:
+    """The value of an expression, and what it has kinks for; once for the same operations and names."""
     work.charge(CACHED, 0)
-    operation = read(written, names, work, NUMBER)
-    key = key_of("number", operation, names)
-    if key not in work.values:
-        value = Walk(names, work, kinked=False).value(operation)
-        check_constant(value, 0)
-        work.values[key] = value
-    return work.values[key]
+    operation = read(written, names, work, functions)
+    key = key_of(f"all, {id(functions)}", operation, names)
+    if key not in work.known:
+        walk = Walk(names, work, kinked=functions is FIELD)
+        value = walk.value(operation)
+        if functions is NUMBER:
+            check_constant(value, 0)
+        else:
+            value = _smooth(value)
+        work.known[key] = value, walk.kinks(operation) if functions is FIELD else []
+    found: tuple[sp.Expr, list[sp.Expr]] = work.known[key]
+    return found
 
 
 def _smooth(value: sp.Expr) -> sp.Expr:

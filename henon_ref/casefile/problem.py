@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from henon_ref.casefile.assembly import Scene
 
 NO_VALUE = (sp.nan, sp.zoo, sp.oo, -sp.oo)
+PARTIAL = (sp.tan, sp.log, sp.asin, sp.acos)
+"""Functions that have no value at some numbers."""
 
 
 def build_problem(source: Source) -> tuple[Problem, Names]:
@@ -108,11 +110,11 @@ def _check_start(source: Source, problem: Problem) -> None:
             value = put(problem.system.numeric(expression), _start(problem))
         except ModelError as error:
             raise source.error(("initial",), f"{what} has no value at the start: {error}", key=True) from error
-        if (value.has(*NO_VALUE) or value.is_real is False) and not unused_at_start(problem, expression):
+        if (value.has(*NO_VALUE) or value.is_real is False) and not _unused_at_start(problem, expression):
             raise source.error(("initial",), f"{what} has no finite real value at the start", key=True)
 
 
-def unused_at_start(problem: Problem, surface: sp.Expr) -> bool:
+def _unused_at_start(problem: Problem, surface: sp.Expr) -> bool:
     """Whether an expression is a kink of a branch that is not in use at the start, where it has no value."""
     system = problem.system
     return surface in system.surfaces and system.surfaces.index(surface) in system.unused_kinks(_sides(problem))
@@ -139,7 +141,7 @@ def _sides(problem: Problem) -> tuple[int, ...]:
 def _without_value(problem: Problem, expression: sp.Expr) -> bool:
     """Whether an expression has no real value at the start, or one that is the end of its range."""
     powers = [p for p in expression.atoms(sp.Pow) if _may_fail(p)]
-    if not powers and not expression.has(sp.tan, sp.log, sp.asin, sp.acos):
+    if not powers and not expression.has(*PARTIAL):
         return False
     at, numeric = _start(problem), problem.system.numeric
     value = put(numeric(expression), at)
@@ -167,7 +169,7 @@ def _delicate(system: FilippovSystem) -> list[tuple[str, sp.Expr]]:
     """Surfaces, and expressions of ``valid``, that may have no value at a point."""
     named = [(f"the surface of '{s}'", h) for s, h in zip(system.sign_names, system.surfaces, strict=True)]
     named += [("an expression of 'valid'", v) for v in system.valid]
-    return [(what, e) for what, e in named if e.has(sp.tan, sp.log) or any(_may_fail(p) for p in e.atoms(sp.Pow))]
+    return [(what, e) for what, e in named if e.has(*PARTIAL) or any(_may_fail(p) for p in e.atoms(sp.Pow))]
 
 
 def _may_fail(power: sp.Pow) -> bool:

@@ -10,13 +10,12 @@ from collections.abc import Sequence
 import sympy as sp
 
 from henon_ref.casefile.assembly import Connection, Scene
-from henon_ref.casefile.bodies import Body, read_bodies
+from henon_ref.casefile.bodies import Body, Requirements, read_bodies
 from henon_ref.casefile.connection import Key, Kind, Link
 from henon_ref.casefile.connections import KINDS
 from henon_ref.casefile.grammar import MAX_STATES, name_problem
 from henon_ref.casefile.kinks import Kinks
 from henon_ref.casefile.model_kinks import check_kinks, resolved
-from henon_ref.casefile.requirements import Requirements
 from henon_ref.casefile.source import Names, Path, Source
 from henon_ref.casefile.tree import MappingNode, ScalarNode, SequenceNode, child
 from henon_ref.taylor.tape import TIME

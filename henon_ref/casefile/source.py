@@ -205,22 +205,21 @@ class Names:
         It is read with the parameters' values put in as well, and with each sign at -1 and +1, so that
         a division by zero or a giant power is found here, with its place, and not in the middle of a run.
         """
-        own = self._own_signs(signs)
-        expression = source.expression(path, overlaid(own, self._symbols))
-        if self._is_new(source, path, SMOOTH):
-            if self.values:
-                source.expression(path, overlaid(own, self._numbers), WITH_VALUES)
-            source.check_sides(path, self._numbers, own)
-        return expression
+        return self._checked(source, path, signs, source.expression, SMOOTH)
 
     def written(self, source: Source, path: Path, *, signs: Sequence[str] = ()) -> tuple[sp.Expr, list[sp.Expr]]:
         """Read an expression that may have kinks, and what they are kinks of; checked as in :meth:`smooth`."""
-        own = self._own_signs(signs)
-        found = source.field(path, overlaid(own, self._symbols))
-        if self._is_new(source, path, FIELD):
+        return self._checked(source, path, signs, source.field, FIELD)
+
+    def _checked(
+        self, source: Source, path: Path, signs: Sequence[str], read: Callable[..., T], functions: Mapping[str, int]
+    ) -> T:
+        own = {name: self.signs[name] for name in signs}
+        found = read(path, overlaid(own, self._symbols))
+        if self._is_new(source, path, functions):
             if self.values:
-                source.field(path, overlaid(own, self._numbers), WITH_VALUES)
-            source.check_sides(path, self._numbers, own, kinks=True)
+                read(path, overlaid(own, self._numbers), WITH_VALUES)
+            source.check_sides(path, self._numbers, own, kinks=functions is FIELD)
         return found
 
     def _is_new(self, source: Source, path: Path, functions: Mapping[str, int]) -> bool:
@@ -242,10 +241,6 @@ class Names:
     def _numbers(self) -> dict[str, sp.Expr]:
         """The same with the values of the parameters."""
         return {"t": TIME, **self.states, **self.values}
-
-    def _own_signs(self, names: Sequence[str]) -> dict[str, sp.Expr]:
-        """Those of some surfaces."""
-        return {name: self.signs[name] for name in names}
 
 
 def _symbols(names: Sequence[str]) -> dict[str, sp.Symbol]:

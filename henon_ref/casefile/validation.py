@@ -7,7 +7,7 @@ from typing import Any, TypeVar, get_args
 
 from pydantic import ValidationError
 
-from henon_ref.casefile.model_form import LIST, MAPPING, NAMED, given
+from henon_ref.casefile.model_form import FEW, LIST, MAPPING, NAMED, given
 from henon_ref.casefile.schema import CaseForm, Form
 from henon_ref.casefile.tree import MappingNode, Node, Place, child, locate, to_python
 from henon_ref.errors import CaseError
@@ -82,7 +82,7 @@ _MESSAGES = {
     "dict_type": NAMED,
     "model_type": MAPPING,
     "model_attributes_type": MAPPING,
-    "too_short": "must have at least one entry",
+    "too_short": FEW,
 }
 
 
