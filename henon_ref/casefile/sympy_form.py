@@ -13,16 +13,12 @@ import sympy as sp
 from henon_ref.casefile.grammar import (
     CONSTANTS,
     EULER,
-    LONGEST_WHOLE,
     MAX_DEPTH,
-    MAX_DIGITS,
-    MAX_LENGTH,
     NAME,
     check_name,
 )
 from henon_ref.casefile.operations import Operation
 from henon_ref.errors import ExpressionError
-from henon_ref.taylor.size import size
 from henon_ref.text import shortened
 
 _CALLS = {sp.Abs: "abs", sp.Max: "max", sp.Min: "min"}
@@ -42,12 +38,8 @@ def operation_of(expression: sp.Expr, names: Collection[str], functions: Mapping
     Raises
     ------
     ExpressionError
-        For what is too large, for a name or a function that is not allowed, and for what is no expression.
+        For a name or a function that is not allowed, and for what is no expression.
     """
-    if size(expression, MAX_LENGTH) > MAX_LENGTH:
-        raise ExpressionError(f"more than {MAX_LENGTH} operations")
-    if any(max(n.p.bit_length(), n.q.bit_length()) > LONGEST_WHOLE for n in expression.atoms(sp.Rational)):
-        raise ExpressionError(f"a number of more than {MAX_DIGITS} digits")
     found = _Reader().of(expression, 0)
     for part in found.parts():
         if part.kind == "name":

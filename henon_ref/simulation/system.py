@@ -23,6 +23,7 @@ from henon_ref.simulation.written import (
     Number,
     OwnStart,
     argument_error,
+    checked_size,
     mapping,
     python_number,
     source_of,
@@ -275,7 +276,7 @@ class System:
 
     def _parsed(self, parse: Callable[..., sp.Expr], value: object, names: Mapping[str, sp.Expr], what: str) -> sp.Expr:
         try:
-            return parse(value if isinstance(value, sp.Expr) else written(value, what), names)
+            return parse(checked_size(value, what) if isinstance(value, sp.Expr) else written(value, what), names)
         except ExpressionError as error:
             raise ArgumentError(f"{what}: {error.message}") from None
 

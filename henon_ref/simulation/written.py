@@ -16,11 +16,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import sympy as sp
 
-from henon_ref.casefile.grammar import LONGEST_WHOLE, MAX_DIGITS, MAX_STATES, MOST_STATES
+from henon_ref.casefile.grammar import LONGEST_WHOLE, MAX_DIGITS, MAX_LENGTH, MAX_STATES, MOST_STATES
 from henon_ref.casefile.source import Source
 from henon_ref.casefile.tree import MappingNode, Node, Place, ScalarNode, SequenceNode, child
 from henon_ref.casefile.work import Work
 from henon_ref.errors import ArgumentError, HenonRefError
+from henon_ref.taylor.size import size
 from henon_ref.text import shortened
 
 NOWHERE = Place(0, 0)
@@ -106,6 +107,21 @@ def written(value: object, what: str) -> str:
     raise ArgumentError(f"{what} is {_shown(value)}; {_OTHER}")
 
 
+def checked_size(expression: sp.Expr, what: str) -> sp.Expr:
+    """An expression of SymPy that is no larger than a text may be: written out, shared parts may be without end.
+
+    Raises
+    ------
+    ArgumentError
+        For more operations, or longer numbers.
+    """
+    if size(expression, MAX_LENGTH) > MAX_LENGTH:
+        raise ArgumentError(f"{what} has more than {MAX_LENGTH} operations")
+    if any(max(n.p.bit_length(), n.q.bit_length()) > LONGEST_WHOLE for n in expression.atoms(sp.Rational)):
+        raise ArgumentError(f"{what} holds a number of more than {MAX_DIGITS} digits")
+    return expression
+
+
 def tree_of(value: object, what: str, depth: int = 0, place: Place = NOWHERE) -> Node:
     """A value as the node of a case file's tree: mapping, list, or scalar.
 
@@ -144,7 +160,7 @@ def tree_of(value: object, what: str, depth: int = 0, place: Place = NOWHERE) ->
     if value is None:
         return ScalarNode(place, None, "", None)
     if isinstance(value, sp.Expr):
-        return ScalarNode(place, "", value, None)
+        return ScalarNode(place, "", checked_size(value, what), None)
     text = written(value, what)
     if isinstance(value, Integral):
         return ScalarNode(place, int(value), text, None)

@@ -123,7 +123,7 @@ def test_they_have_one_tape() -> None:
 def test_their_runs_have_the_same_bits(form: tuple[Any, str]) -> None:
     runs = [hr.simulate(system(rate), {"x": 0.3, "v": 0.2}, until=2) for rate in form]
     assert runs[0].y.tolist() == runs[1].y.tolist()
-    assert runs[0].trajectory.transitions == runs[1].trajectory.transitions
+    assert runs[0].transitions.values.tolist() == runs[1].transitions.values.tolist()
 
 
 def test_every_argument_may_be_sympy() -> None:
@@ -165,7 +165,7 @@ REFUSED: list[tuple[Any, str]] = [
     (1 / (sp.Symbol("F") - sp.Rational(1, 2)), "division by zero .*with the values of the parameters"),
     (x / (s - 1), r"division by zero \(at s = \+1\)"),
     (x**1000, "the exponent 1000 is too large"),
-    (sp.Integer(10) ** 500 * x, "a number of more than 400 digits"),
+    (sp.Integer(10) ** 500 * x, "holds a number of more than 400 digits"),
     (sp.Pow(sp.Integer(9), sp.Pow(9, 9, evaluate=False), evaluate=False), "too large"),
     (sp.Piecewise((1, x > 0)), "end it with"),
     (sp.Piecewise((1, sp.Ne(x, 0)), (0, True)), "a condition compares with"),
