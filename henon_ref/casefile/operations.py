@@ -26,15 +26,15 @@ class Operation:
     value : Rational or str
         Of a number; the name; the function's.
     arguments : tuple of Operation
-    offset, operator : int
-        Where it begins in its text, and where its operator stands; 0 where there is no text.
+    offset : int
+        Where it begins in its text, or of ``/`` and ``^`` where the operator stands; 0 where there is no text.
     names : tuple of str
         Those in it, in order of appearance.
     length : int
         Characters that it counts for.
     """
 
-    __slots__ = ("_hash", "arguments", "kind", "length", "names", "offset", "operator", "value")
+    __slots__ = ("_hash", "arguments", "kind", "length", "names", "offset", "value")
 
     def __init__(
         self,
@@ -42,13 +42,12 @@ class Operation:
         arguments: tuple[Operation, ...] = (),
         value: sp.Rational | str = "",
         offset: int = 0,
-        operator: int = 0,
     ) -> None:
-        self.kind, self.arguments, self.value, self.offset, self.operator = kind, arguments, value, offset, operator
+        self.kind, self.arguments, self.value, self.offset = kind, arguments, value, offset
         own = (str(value),) if kind == "name" else ()
-        self.names = own or tuple(dict.fromkeys(name for part in arguments for name in part.names))
+        self.names: tuple[str, ...] = own or tuple(dict.fromkeys(name for part in arguments for name in part.names))
         length = min(len(str(value)), LONGEST_NUMBER) if kind == "number" else len(str(value))
-        self.length = length + 1 + sum(part.length + 2 for part in arguments)
+        self.length: int = length + 1 + sum(part.length + 2 for part in arguments)
         self._hash = hash((kind, value, arguments))
 
     def __hash__(self) -> int:
@@ -59,6 +58,11 @@ class Operation:
             return NotImplemented
         same = self is other or (self._hash, self.kind, self.value) == (other._hash, other.kind, other.value)
         return same and self.arguments == other.arguments
+
+    @property
+    def begin(self) -> int:
+        """Where it begins in its text."""
+        return self.arguments[0].begin if self.kind == "^" else self.offset
 
     def parts(self, inside: Callable[[Operation], bool] = lambda _: True) -> Iterator[Operation]:
         """It and all that stands in it, each before its arguments; not what is in a part that is not ``inside``."""
@@ -121,6 +125,6 @@ def checked_nesting(operation: Operation) -> Operation:
         part, level = waiting.pop()
         level += part.kind in ("call", "^")
         if level > MAX_NESTING:
-            raise ExpressionError(f"functions and powers nest deeper than {MAX_NESTING}", part.offset)
+            raise ExpressionError(f"functions and powers nest deeper than {MAX_NESTING}", part.begin)
         waiting += [(inner, level) for inner in part.arguments]
     return operation

@@ -135,15 +135,14 @@ class _Parser:
         factors = list(first.arguments) if first.kind == "*" else [first]
         while operator := self._takes("*", "/"):
             factor = self._power()
-            at = operator.offset
-            factors.append(Operation("/", (factor,), "", at, at) if operator.text == "/" else factor)
+            factors.append(Operation("/", (factor,), "", operator.offset) if operator.text == "/" else factor)
         return self._joined("*", first, factors)
 
     @staticmethod
     def _joined(kind: str, first: Operation, parts: list[Operation]) -> Operation:
         """A sum or a product, which is the first of its parts where nothing follows that."""
         alone = len(parts) == 1 or (first.kind == kind and len(parts) == len(first.arguments))
-        return first if alone else Operation(kind, tuple(parts), "", first.offset)
+        return first if alone else Operation(kind, tuple(parts), "", first.begin)
 
     def _power(self) -> Operation:
         """A tower of powers, each with the signs before it; in a loop, since it may be high."""
@@ -152,10 +151,10 @@ class _Parser:
             operators.append(operator.offset)
             levels.append((self._signed(), self._operand()))
         negative, found = levels.pop()
-        for (sign, base), operator_offset in zip(reversed(levels), reversed(operators), strict=True):
-            exponent = Operation("-", (found,), "", found.offset) if negative else found
-            negative, found = sign, Operation("^", (base, exponent), "", base.offset, operator_offset)
-        return Operation("-", (found,), "", found.offset) if negative else found
+        for (sign, base), offset in zip(reversed(levels), reversed(operators), strict=True):
+            exponent = Operation("-", (found,), "", found.begin) if negative else found
+            negative, found = sign, Operation("^", (base, exponent), "", offset)
+        return Operation("-", (found,), "", found.begin) if negative else found
 
     def _signed(self) -> bool:
         """Whether the signs before an operand make it its opposite."""
@@ -269,7 +268,7 @@ class _Parser:
             if own.compared:
                 raise ExpressionError(TWO_CONDITIONS, operator.offset)
             own.compared = True
-            found = Operation(operator.text, (found, self._sum()), "", found.offset)
+            found = Operation(operator.text, (found, self._sum()), "", found.begin)
         if own.is_condition and not own.compared and self.token is not None:
             raise ExpressionError("a condition has one comparison, as in x < 1", self.token.offset)
         return found

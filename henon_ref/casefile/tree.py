@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from typing import TYPE_CHECKING
@@ -72,20 +72,20 @@ Node = ScalarNode | SequenceNode | MappingNode
 
 def to_python(node: Node) -> PythonValue:
     """The tree as Python values: dict, list, str, int, Decimal, bool, None."""
-    if isinstance(node, MappingNode):
-        return {key: to_python(value) for key, value in node.entries.items()}
-    if isinstance(node, SequenceNode):
-        return [to_python(item) for item in node.items]
-    return node.value
+    return _values(node, lambda scalar: scalar.value)
 
 
 def as_written(node: Node) -> PythonValue:
     """The tree as values for a file: as :func:`to_python`, but numbers that are not whole are text, with all digits."""
+    return _values(node, lambda n: n.value if n.value is None or isinstance(n.value, bool | int) else n.text)
+
+
+def _values(node: Node, of: Callable[[ScalarNode], Scalar]) -> PythonValue:
     if isinstance(node, MappingNode):
-        return {key: as_written(value) for key, value in node.entries.items()}
+        return {key: _values(value, of) for key, value in node.entries.items()}
     if isinstance(node, SequenceNode):
-        return [as_written(item) for item in node.items]
-    return node.value if node.value is None or isinstance(node.value, bool | int) else node.text
+        return [_values(item, of) for item in node.items]
+    return of(node)
 
 
 def locate(node: Node, path: Sequence[str | int], *, key: bool = False) -> Place:

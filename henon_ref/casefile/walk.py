@@ -60,7 +60,7 @@ class Walk:
 
     def _of(self, part: Operation, depth: int) -> sp.Expr:
         if depth > MAX_DEPTH:
-            raise ExpressionError(f"nested deeper than {MAX_DEPTH}", part.offset)
+            raise ExpressionError(f"nested deeper than {MAX_DEPTH}", part.begin)
         match part.kind:
             case "number":
                 return part.value
@@ -70,7 +70,7 @@ class Walk:
             case "-":
                 return -self._of(part.arguments[0], depth + 1)
             case "/":
-                return power(self._of(part.arguments[0], depth + 1), sp.S.NegativeOne, part.operator)
+                return power(self._of(part.arguments[0], depth + 1), sp.S.NegativeOne, part.offset)
         key = key_of(f"value{'+' if self.kinked else ''}", part, self.names)
         if key not in self.work.values:
             self.work.charge(OPERATION + part.length, part.offset)
@@ -90,7 +90,7 @@ class Walk:
             case "*":
                 return checked(sp.Mul(*values), part.offset)
             case "^":
-                return self._power(values[0], values[1], part.operator)
+                return self._power(values[0], values[1], part.offset)
             case _:
                 return self._call(str(part.value), values, part.offset)
 

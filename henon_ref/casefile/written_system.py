@@ -45,6 +45,8 @@ def build_system(source: Source) -> tuple[FilippovSystem, Names]:
         made, field, kinks, sections = with_kinks(source, names, surfaces, rates)
         names = Names.of(states, [sign.name for sign in made], values)
     valid = [names.smooth(source, ("system", "valid", i)) for i in range(source.length(("system", "valid")))]
+    places: dict[sp.Symbol, Path] = {x: ("system", "field", i) for i, x in enumerate(names.states.values())}
+    places |= {names.signs[name]: ("system", "surfaces", name) for name in signs}
     system = FilippovSystem(
         states=tuple(names.states.values()),
         signs=tuple(names.signs.values()),
@@ -54,7 +56,7 @@ def build_system(source: Source) -> tuple[FilippovSystem, Names]:
         valid=tuple(valid),
         kinks=kinks,
         sections=sections,
-        written=_texts(source, names, signs),
+        written={s: text for s, path in places.items() if isinstance(text := source.written(path), str)},
     )
     return system, names
 
@@ -66,14 +68,6 @@ def _surface_of(source: Source, names: Names, name: str) -> tuple[sp.Expr, list[
     if not found[0].free_symbols & {TIME, *names.states.values()}:
         raise source.error(path, f"the surface '{name}' never changes: it holds no state and no t")
     return found
-
-
-def _texts(source: Source, names: Names, signs: list[str]) -> dict[sp.Symbol, str]:
-    """Rates and surfaces that are given as text."""
-    paths: dict[sp.Symbol, Path] = {x: ("system", "field", i) for i, x in enumerate(names.states.values())}
-    paths |= {names.signs[name]: ("system", "surfaces", name) for name in signs}
-    found = {symbol: source.written(path) for symbol, path in paths.items()}
-    return {symbol: text for symbol, text in found.items() if isinstance(text, str)}
 
 
 def _check_names(source: Source, states: list[str], signs: list[str], parameters: set[str]) -> None:
