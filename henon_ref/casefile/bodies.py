@@ -61,28 +61,15 @@ class Requirements:
     expressions: list[sp.Expr] = field(default_factory=list)
     """Checked; where new values of the parameters make all of these larger than 0, the scene allows them."""
 
-    def positive(self, expression: sp.Expr, value: sp.Expr, path: Path, what: str) -> None:
-        """Want an expression to be larger than 0.
-
-        Raises
-        ------
-        CaseError
-            At ``path``, where its value is not.
-        """
-        self._want(expression, path, f"{what} must be larger than 0", exact_sign(value) > 0)
-
-    def nonnegative(self, expression: sp.Expr, value: sp.Expr, path: Path, message: str) -> None:
-        """Want an expression to be 0 or larger.
+    def want(self, expression: sp.Expr, value: sp.Expr, path: Path, message: str, *, above: bool = False) -> None:
+        """Want an expression to be 0 or larger; with ``above`` larger than 0.
 
         Raises
         ------
         CaseError
             At ``path``, with the message, where its value is not.
         """
-        self._want(expression, path, message, exact_sign(value) >= 0)
-
-    def _want(self, expression: sp.Expr, path: Path, message: str, met: bool) -> None:
-        if not met:
+        if exact_sign(value) < above:
             raise self.source.error(path, message)
         self.expressions.append(expression)
 
@@ -157,7 +144,8 @@ def _read(source: Source, path: Path, values: Mapping[str, sp.Expr], requirement
     symbols = {p: sp.Symbol(p, real=True) for p in values}
     inertia = source.expression((*path, key), symbols)
     what = f"'{key}' [{KEYS[key][1]}] of '{name}'"
-    requirements.positive(inertia, source.number((*path, key), values), (*path, key), what)
+    message = f"{what} must be larger than 0"
+    requirements.want(inertia, source.number((*path, key), values), (*path, key), message, above=True)
     position, velocity = (sp.Symbol(x, real=True) for x in _state_names(source, path, kind))
     return Body(name, kind, position, velocity, inertia)
 

@@ -252,11 +252,11 @@ class _Reader:
         expression = self.source.expression(path, self.symbols)
         value = self.source.number(path, self.values)
         if key.range == "positive":
-            self.requirements.positive(expression, value, path, what)
+            self.requirements.want(expression, value, path, f"{what} must be larger than 0", above=True)
         elif key.range in ("nonnegative", "fraction"):
-            self.requirements.nonnegative(expression, value, path, f"{what} must be 0 or larger")
+            self.requirements.want(expression, value, path, f"{what} must be 0 or larger")
         if key.range == "fraction":
-            self.requirements.nonnegative(1 - expression, 1 - value, path, f"{what} must be at most 1")
+            self.requirements.want(1 - expression, 1 - value, path, f"{what} must be at most 1")
         return expression
 
     def _check_static(self, link: Link) -> None:
@@ -265,7 +265,7 @@ class _Reader:
             path = (*link.path, "static")
             value = self.source.number(path, self.values) - self.source.number((*link.path, "force"), self.values)
             message = "'static' must not be smaller than 'force': a contact holds at least what it slides with"
-            self.requirements.nonnegative(link.values["static"] - link.values["force"], value, path, message)
+            self.requirements.want(link.values["static"] - link.values["force"], value, path, message)
 
 
 def _choice(words: Sequence[str]) -> str:
