@@ -34,11 +34,8 @@ if TYPE_CHECKING:  # modules, too, under the names by which they go here
     )
     from henon_ref.harness.campaign.comparison import Comparison, compare
     from henon_ref.harness.report.sweep import sweep
-    from henon_ref.modes.problem import Problem
-    from henon_ref.modes.system import FilippovSystem
-    from henon_ref.simulation.loading import load_run
     from henon_ref.simulation.scene import Scene
-    from henon_ref.simulation.simulate import simulate, stream
+    from henon_ref.simulation.simulate import load_run, simulate, stream
     from henon_ref.simulation.solution import Solution
     from henon_ref.simulation.system import System
     from henon_ref.solver import Solver
@@ -62,8 +59,7 @@ _HOME = {
     "Reading": "casefile.case",
     "load_case": "casefile.case",
     "parse_case": "casefile.case",
-    "FilippovSystem": "modes.system",
-    "load_run": "simulation.loading",
+    "load_run": "simulation.simulate",
     "Scene": "simulation.scene",
     "Solution": "simulation.solution",
     "System": "simulation.system",
@@ -75,7 +71,6 @@ _HOME = {
     "tangent_points": "analysis.tangent",
     "Solver": "solver",
     "Counts": "trajectory",
-    "Problem": "modes.problem",
     "Trajectory": "trajectory",
     "Transition": "trajectory",
 }
@@ -89,11 +84,9 @@ __all__ = [
     "CaseError",
     "Comparison",
     "Counts",
-    "FilippovSystem",
     "HenonRefError",
     "ModeSolver",
     "ModelError",
-    "Problem",
     "ProgramSolver",
     "Reading",
     "Scene",

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import sympy as sp
 
 from henon_ref.casefile.grammar import NAME, TAKEN, name_problem
-from henon_ref.casefile.requirements import Requirements
 from henon_ref.casefile.source import Path, Source
 from henon_ref.casefile.tree import MappingNode, ScalarNode, SequenceNode, child
+from henon_ref.modes.exact_numbers import exact_sign
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed
 
@@ -51,6 +51,27 @@ class Body:
     def acceleration(self) -> sp.Expr:
         """The acceleration of a body whose motion is given [m/s^2 or rad/s^2]."""
         return sp.diff(self.velocity, TIME)
+
+
+@dataclass
+class Requirements:
+    """Collects the expressions that must be larger than 0, or not smaller, and checks their values."""
+
+    source: Source
+    expressions: list[sp.Expr] = field(default_factory=list)
+    """Checked; where new values of the parameters make all of these larger than 0, the scene allows them."""
+
+    def want(self, expression: sp.Expr, value: sp.Expr, path: Path, message: str, *, above: bool = False) -> None:
+        """Want an expression to be 0 or larger; with ``above`` larger than 0.
+
+        Raises
+        ------
+        CaseError
+            At ``path``, with the message, where its value is not.
+        """
+        if exact_sign(value) < above:
+            raise self.source.error(path, message)
+        self.expressions.append(expression)
 
 
 def read_bodies(source: Source, values: Mapping[str, sp.Expr], requirements: Requirements) -> dict[str, Body]:
@@ -123,7 +144,8 @@ def _read(source: Source, path: Path, values: Mapping[str, sp.Expr], requirement
     symbols = {p: sp.Symbol(p, real=True) for p in values}
     inertia = source.expression((*path, key), symbols)
     what = f"'{key}' [{KEYS[key][1]}] of '{name}'"
-    requirements.positive(inertia, source.number((*path, key), values), (*path, key), what)
+    message = f"{what} must be larger than 0"
+    requirements.want(inertia, source.number((*path, key), values), (*path, key), message, above=True)
     position, velocity = (sp.Symbol(x, real=True) for x in _state_names(source, path, kind))
     return Body(name, kind, position, velocity, inertia)
 

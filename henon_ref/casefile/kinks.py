@@ -103,11 +103,6 @@ def chosen(first: sp.Expr, difference: sp.Expr, second: sp.Expr) -> sp.Expr:
     return first if first == second else first * (1 + sign) / 2 + second * (1 - sign) / 2
 
 
-def without_roots_of_squares(value: sp.Expr, offset: int) -> sp.Expr:
-    """What SymPy makes of ``sqrt(u**2)``, as ``abs(u)`` is written here."""
-    return value.replace(sp.Abs, lambda u: call("abs", [u], offset)) if value.has(sp.Abs) else value
-
-
 def compared(name: str, arguments: Sequence[sp.Expr]) -> Sequence[sp.Expr]:
     """What a call has a kink or a jump for where it is 0."""
     if name in ("min", "max"):

@@ -1,114 +1,133 @@
-"""The form of a model that comes from Python: what plainly fits is not put to pydantic, which takes longer to load."""
+"""The form of a model that comes from Python: which keys there are, and what they hold.
+
+A file has the same form by :mod:`henon_ref.casefile.schema`, of which a system from Python needs neither the classes
+nor what they take to load; what is wrong is said in the same words.
+"""
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Callable, Mapping
 from decimal import Decimal
+from typing import Any
 
-from henon_ref.casefile.grammar import MOST_STATES, NAME
+from henon_ref.casefile.grammar import MOST_STATES
 from henon_ref.casefile.tree import MappingNode, Node, ScalarNode, SequenceNode
+from henon_ref.errors import CaseError
+from henon_ref.text import did_you_mean, listed, shortened
 
 DATE = re.compile(r"[0-9]{4}-[0-9]{1,2}-[0-9]{1,2}")
 """What YAML 1.1 takes for one."""
-_LARGE = 10**15
-"""Whole numbers below this are doubles."""
-Check = Callable[[Node], bool]
+LIST, MAPPING = "must be a list, as in [1, 2]", "must be a mapping, as in {key: value}"
+NAMED, FEW = "must be a mapping, as in {name: value}", "must have at least one entry"
+_FULL = ("state", "release", "map", "bodies")
+"""Keys of what has at least one entry."""
+_MANY = ("state", "surfaces")
+"""Keys of what may have ``MOST_STATES``."""
+_Value = str | int | Decimal | bool | None
+_Scalar = Callable[[_Value], str]
+"""Says what is wrong with the value of a scalar; empty if nothing is."""
 
 
-def plainly_fits(tree: MappingNode) -> bool:
-    """Whether some keys of a case file certainly have the form that :mod:`henon_ref.casefile.schema` wants of them.
+def given(node: Node) -> str:
+    """What stands where something else has to, for a message."""
+    if isinstance(node, ScalarNode):
+        shown = f"the text {shortened(node.text)}" if isinstance(node.value, str) else node.text
+        return f"; here it is {shown or 'empty'}"
+    return "; here it is a mapping" if isinstance(node, MappingNode) else "; here it is a list"
 
-    (But for the number of states and surfaces, which is larger here.)
 
-    Where it says no, :func:`henon_ref.casefile.validation.check_model` decides, and says what is wrong.
+def _expression(value: _Value) -> str:
+    if isinstance(value, str) and DATE.fullmatch(value.strip()):
+        return f"{value.strip()} is a date; a difference is written with blanks, as in 3 - 2 - 1"
+    if isinstance(value, Decimal) and not value.is_finite():
+        return "must be a finite number or an expression"
+    return "must be a number or an expression (text)" if value is None or isinstance(value, bool) else ""
 
-    Parameters
-    ----------
-    tree : MappingNode
-        The model (``system`` or ``scene``, ``sliding``, ``resets``); ``initial`` and ``until`` may stand beside it.
+
+def _number(value: _Value) -> str:
+    finite = type(value) is int or (isinstance(value, Decimal) and value.is_finite())
+    return "" if finite else "must be a number"
+
+
+def _name(value: _Value) -> str:
+    text = isinstance(value, str) and value.strip()
+    return "" if text else "must be text (a number or a word such as true stands in quotes)"
+
+
+def _one_of(*values: str | int) -> _Scalar:
+    message = f"must be {' or '.join([', '.join(map(repr, values[:-1])), repr(values[-1])]).removeprefix(' or ')}"
+    return lambda value: "" if value in values and not isinstance(value, bool) else message
+
+
+_MODE = {...: _one_of(-1, 0, 1)}
+_RELEASE = {"when": _expression, "direction": _one_of("rising", "falling"), "to": _one_of(-1, 1)}
+_SLIDING = {"field": [_expression], "release": [_RELEASE], "entry?": _one_of("attracting", "inside")}
+_RESET = {"map": {...: _expression}, "when?": _one_of("falling"), "priority?": _number}
+_SYSTEM = {
+    "state": [_name],
+    "parameters?": {...: _expression},
+    "surfaces?": {...: _expression},
+    "field": [_expression],
+    "valid?": [_expression],
+}
+_MODEL: dict[Any, Any] = {
+    "system?": _SYSTEM,
+    "scene?": {"parameters?": {...: _expression}, "bodies": {...: None}, "connections": [None]},
+    "initial?": {"mode?": _MODE, ...: _expression},
+    "until?": _expression,
+    "sliding?": {...: _SLIDING},
+    "resets?": {...: _RESET},
+}
+"""Keys, those that may be left out with a ``?``, and what they hold: a list, a mapping (``...``: of any names), a
+scalar by what says what is wrong with it, or anything (None)."""
+
+
+def check_form(tree: MappingNode) -> None:
+    """Check the form of a model: ``system`` or ``scene``, ``sliding``, ``resets``; and of a start and a horizon.
+
+    Raises
+    ------
+    CaseError
+        For the first key or value that does not fit.
     """
-    return _KEYS(tree) and ("system" in tree.entries) != ("scene" in tree.entries)
+    _check(tree, _MODEL, "", "")
 
 
-def _expression(node: Node) -> bool:
-    if not isinstance(node, ScalarNode):
-        return False
-    value = node.value
-    if isinstance(value, str):
-        return not DATE.fullmatch(value.strip())
-    return type(value) is int or (isinstance(value, Decimal) and value.is_finite())
+def _check(node: Node, form: Any, key: str, within: str) -> None:
+    """Check that a node has a form; ``key`` and ``within`` say where it stands."""
+    message, shows = "", True
+    entries: Mapping[str, Node] = node.entries if isinstance(node, MappingNode) else {}
+    items = node.items if isinstance(node, SequenceNode) else tuple(entries.values())
+    if isinstance(form, list | dict) and not isinstance(node, SequenceNode if isinstance(form, list) else MappingNode):
+        message = LIST if isinstance(form, list) else NAMED if ... in form else MAPPING
+    elif callable(form):
+        message = form(node.value if isinstance(node, ScalarNode) else None)
+        shows = form is not _expression and form is not _name
+    elif key in _FULL and not items:
+        message, shows = FEW, False
+    elif key in _MANY and len(items) > MOST_STATES:
+        message, shows = f"may have at most {MOST_STATES} entries", False
+    if message:
+        name, where = f"'{key}'" if key else "an entry", f" in '{within}'" if within else ""
+        raise CaseError(f"{name}{where}: {message}{given(node) if shows else ''}", line=node.place.line)
+    if isinstance(form, list):
+        for item in items:
+            _check(item, form[0], "", key)
+    elif isinstance(form, dict):
+        _check_keys(node, form, entries, key)
+        for name, entry in entries.items():
+            _check(entry, form.get(name, form.get(f"{name}?", form.get(...))), name, key)
 
 
-def _number(node: Node) -> bool:
-    value = node.value if isinstance(node, ScalarNode) else None
-    return type(value) is int and abs(value) < _LARGE
-
-
-def _name(node: Node) -> bool:
-    return isinstance(node, ScalarNode) and isinstance(node.value, str) and bool(NAME.fullmatch(node.value))
-
-
-def _word(*words: str) -> Check:
-    return lambda node: isinstance(node, ScalarNode) and node.value in words
-
-
-def _whole(*numbers: int) -> Check:
-    return lambda node: isinstance(node, ScalarNode) and type(node.value) is int and node.value in numbers
-
-
-def _any(node: Node) -> bool:
-    return True
-
-
-def _list(entry: Check, least: int = 0, most: float = math.inf) -> Check:
-    return lambda node: (
-        isinstance(node, SequenceNode) and least <= len(node.items) <= most and all(map(entry, node.items))
-    )
-
-
-def _mapping(entry: Check, least: int = 0, most: float = math.inf) -> Check:
-    return lambda node: (
-        isinstance(node, MappingNode) and least <= len(node.entries) <= most and all(map(entry, node.entries.values()))
-    )
-
-
-def _form(needed: Mapping[str, Check], others: Mapping[str, Check]) -> Check:
-    """A mapping with some keys, and maybe others."""
-    known = {**needed, **others}
-    return lambda node: (
-        isinstance(node, MappingNode)
-        and needed.keys() <= node.entries.keys() <= known.keys()
-        and all(known[key](entry) for key, entry in node.entries.items())
-    )
-
-
-_MODE = _mapping(_whole(-1, 0, 1))
-
-
-def _initial(node: Node) -> bool:
-    """Numbers by the names of states, ``t`` and a ``mode``."""
-    return isinstance(node, MappingNode) and all(
-        _MODE(entry) if key == "mode" else _expression(entry) for key, entry in node.entries.items()
-    )
-
-
-_EXPRESSIONS, _NAMED = _list(_expression), _mapping(_expression)
-_RELEASE = _form({"when": _expression, "direction": _word("rising", "falling"), "to": _whole(-1, 1)}, {})
-_KEYS = _form(
-    {},
-    {
-        "system": _form(
-            {"state": _list(_name, 1, MOST_STATES), "field": _EXPRESSIONS},
-            {"parameters": _NAMED, "surfaces": _mapping(_expression, 0, MOST_STATES), "valid": _EXPRESSIONS},
-        ),
-        "scene": _form({"bodies": _mapping(_any, 1), "connections": _list(_any)}, {"parameters": _NAMED}),
-        "sliding": _mapping(
-            _form({"field": _EXPRESSIONS, "release": _list(_RELEASE, 1)}, {"entry": _word("attracting", "inside")})
-        ),
-        "resets": _mapping(_form({"map": _mapping(_expression, 1)}, {"when": _word("falling"), "priority": _number})),
-        "initial": _initial,
-        "until": _expression,
-    },
-)
+def _check_keys(node: Node, form: Mapping[Any, Any], entries: Mapping[str, Node], key: str) -> None:
+    """Refuse a key that is not known, and the lack of one that is needed."""
+    where = f" in '{key}'" if key else ""
+    known = [name.removesuffix("?") for name in form if name is not ...]
+    for name in entries:
+        if name not in known and ... not in form:
+            meant = f"{did_you_mean(name, known)}; allowed: {listed(known)}"
+            raise CaseError(f"unknown key '{name}'{where}{meant}", line=node.place.line)
+    for name in form:
+        if name is not ... and not name.endswith("?") and name not in entries:
+            raise CaseError(f"the key '{name}' is missing{where}", line=node.place.line)

@@ -1,9 +1,9 @@
-"""A case file's tree to an initial-value problem in exact numbers, and the text that identifies it."""
+"""A model's tree to an initial-value problem in exact numbers."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import sympy as sp
 
@@ -15,9 +15,7 @@ from henon_ref.modes.algebra import MAX_SIZE
 from henon_ref.modes.bounds import put
 from henon_ref.modes.exact_numbers import exact_sign
 from henon_ref.modes.exponents import with_rational_exponents
-from henon_ref.modes.overrides import SlidingOverride
 from henon_ref.modes.problem import Problem
-from henon_ref.modes.resting import impact_of, into_surface, with_resting
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.size import size
 from henon_ref.taylor.tape import TIME
@@ -27,6 +25,8 @@ if TYPE_CHECKING:
     from henon_ref.casefile.assembly import Scene
 
 NO_VALUE = (sp.nan, sp.zoo, sp.oo, -sp.oo)
+PARTIAL = (sp.tan, sp.log, sp.asin, sp.acos)
+"""Functions that have no value at some numbers."""
 
 
 def build_problem(source: Source) -> tuple[Problem, Names]:
@@ -71,6 +71,8 @@ def written_model(source: Source) -> tuple[FilippovSystem, Names]:
         system = replace(system, overrides={**system.overrides, **overrides})
     resets = build_resets(source, names, system)
     if resets:
+        from henon_ref.modes.resting import with_resting
+
         system = with_resting(replace(system, resets={**system.resets, **resets}))
     if len(system.surfaces) > 1:
         from henon_ref.modes.held_loops import with_held_loops
@@ -84,51 +86,6 @@ def read_scene(source: Source) -> tuple[Scene, Names]:
     from henon_ref.casefile.scene import build_scene  # few systems are scenes, and the kinds of connections are many
 
     return source.once("scene", ("scene",), lambda: build_scene(source))
-
-
-def mathematics(problem: Problem) -> dict[str, Any]:
-    """Everything that decides the solution, and nothing else, as text fit for JSON.
-
-    Parameters that nothing uses are left out; so are titles, tolerances and the order of the file.
-    """
-    system = problem.system
-    expressions = [*system.surfaces, *system.field, *system.valid]
-    for override in system.overrides.values():
-        expressions += [*override.field, *(release.when for release in override.release)]
-    for reset in system.resets.values():
-        expressions += reset.map.values()
-    used = set().union(*(e.free_symbols for e in expressions))
-    found = {
-        "states": list(system.state_names),
-        "surfaces": [[name, str(h)] for name, h in zip(system.sign_names, system.surfaces, strict=True)],
-        "field": [str(f) for f in system.field],
-        "valid": [str(v) for v in system.valid],
-        "parameters": {p.name: str(v) for p, v in sorted(system.parameters.items(), key=str) if p in used},
-        "sliding": {system.sign_names[i]: _override_text(o) for i, o in sorted(system.overrides.items())},
-        "start": str(problem.start),
-        "initial": [str(x) for x in problem.initial],
-        "until": str(problem.until),
-        "mode": {system.sign_names[i]: s for i, s in sorted(problem.initial_mode.items())},
-    }
-    if system.resets:  # what is stored without them stays valid
-        found["resets"] = {
-            system.sign_names[i]: {x.name: str(value) for x, value in reset.map.items()}
-            for i, reset in sorted(system.resets.items())
-        }
-        priorities = {system.sign_names[i]: r.priority for i, r in sorted(system.resets.items()) if r.priority}
-        if priorities:
-            found["priorities"] = priorities
-    return found
-
-
-def _override_text(override: SlidingOverride) -> dict[str, Any]:
-    text: dict[str, Any] = {
-        "field": [str(f) for f in override.field],
-        "release": [[str(r.when), r.direction, r.to] for r in override.release],
-    }
-    if override.entry != "attracting":  # the default is not written out: what is stored without it stays valid
-        text["entry"] = override.entry
-    return text
 
 
 def _initial(source: Source, names: Names) -> tuple[sp.Expr, ...]:
@@ -153,11 +110,11 @@ def _check_start(source: Source, problem: Problem) -> None:
             value = put(problem.system.numeric(expression), _start(problem))
         except ModelError as error:
             raise source.error(("initial",), f"{what} has no value at the start: {error}", key=True) from error
-        if (value.has(*NO_VALUE) or value.is_real is False) and not unused_at_start(problem, expression):
+        if (value.has(*NO_VALUE) or value.is_real is False) and not _unused_at_start(problem, expression):
             raise source.error(("initial",), f"{what} has no finite real value at the start", key=True)
 
 
-def unused_at_start(problem: Problem, surface: sp.Expr) -> bool:
+def _unused_at_start(problem: Problem, surface: sp.Expr) -> bool:
     """Whether an expression is a kink of a branch that is not in use at the start, where it has no value."""
     system = problem.system
     return surface in system.surfaces and system.surfaces.index(surface) in system.unused_kinks(_sides(problem))
@@ -184,7 +141,7 @@ def _sides(problem: Problem) -> tuple[int, ...]:
 def _without_value(problem: Problem, expression: sp.Expr) -> bool:
     """Whether an expression has no real value at the start, or one that is the end of its range."""
     powers = [p for p in expression.atoms(sp.Pow) if _may_fail(p)]
-    if not powers and not expression.has(sp.tan, sp.log, sp.asin, sp.acos):
+    if not powers and not expression.has(*PARTIAL):
         return False
     at, numeric = _start(problem), problem.system.numeric
     value = put(numeric(expression), at)
@@ -194,6 +151,8 @@ def _without_value(problem: Problem, expression: sp.Expr) -> bool:
 
 def _check_stops(source: Source, problem: Problem) -> None:
     """Refuse a start beyond a hard stop of a scene, or on one and moving into it."""
+    from henon_ref.modes.resting import impact_of, into_surface
+
     system = problem.system
     for i in sorted(system.resets):
         name, impact = system.sign_names[i], impact_of(system, i)
@@ -210,7 +169,7 @@ def _delicate(system: FilippovSystem) -> list[tuple[str, sp.Expr]]:
     """Surfaces, and expressions of ``valid``, that may have no value at a point."""
     named = [(f"the surface of '{s}'", h) for s, h in zip(system.sign_names, system.surfaces, strict=True)]
     named += [("an expression of 'valid'", v) for v in system.valid]
-    return [(what, e) for what, e in named if e.has(sp.tan, sp.log) or any(_may_fail(p) for p in e.atoms(sp.Pow))]
+    return [(what, e) for what, e in named if e.has(*PARTIAL) or any(_may_fail(p) for p in e.atoms(sp.Pow))]
 
 
 def _may_fail(power: sp.Pow) -> bool:

@@ -10,15 +10,14 @@ from collections.abc import Sequence
 import sympy as sp
 
 from henon_ref.casefile.assembly import Connection, Scene
-from henon_ref.casefile.bodies import Body, read_bodies
+from henon_ref.casefile.bodies import Body, Requirements, read_bodies
 from henon_ref.casefile.connection import Key, Kind, Link
 from henon_ref.casefile.connections import KINDS
 from henon_ref.casefile.grammar import MAX_STATES, name_problem
 from henon_ref.casefile.kinks import Kinks
-from henon_ref.casefile.requirements import Requirements
-from henon_ref.casefile.source import Names, Path, Source, check_kinks, resolved
+from henon_ref.casefile.model_kinks import check_kinks, resolved
+from henon_ref.casefile.source import Names, Path, Source
 from henon_ref.casefile.tree import MappingNode, ScalarNode, SequenceNode, child
-from henon_ref.casefile.work import names_in
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed
 
@@ -226,7 +225,7 @@ class _Reader:
 
     def _check_states(self, path: Path, key: Key) -> None:
         """Refuse states where a value is none of states."""
-        held = [name for name in names_in(self.source.text(path)) if name in self.states]
+        held = [name for name in self.source.names(path) if name in self.states]
         if held:
             allowed = "t and parameters" if key.of == "time" else "parameters"
             raise self.source.error(
@@ -253,11 +252,11 @@ class _Reader:
         expression = self.source.expression(path, self.symbols)
         value = self.source.number(path, self.values)
         if key.range == "positive":
-            self.requirements.positive(expression, value, path, what)
+            self.requirements.want(expression, value, path, f"{what} must be larger than 0", above=True)
         elif key.range in ("nonnegative", "fraction"):
-            self.requirements.nonnegative(expression, value, path, f"{what} must be 0 or larger")
+            self.requirements.want(expression, value, path, f"{what} must be 0 or larger")
         if key.range == "fraction":
-            self.requirements.nonnegative(1 - expression, 1 - value, path, f"{what} must be at most 1")
+            self.requirements.want(1 - expression, 1 - value, path, f"{what} must be at most 1")
         return expression
 
     def _check_static(self, link: Link) -> None:
@@ -266,7 +265,7 @@ class _Reader:
             path = (*link.path, "static")
             value = self.source.number(path, self.values) - self.source.number((*link.path, "force"), self.values)
             message = "'static' must not be smaller than 'force': a contact holds at least what it slides with"
-            self.requirements.nonnegative(link.values["static"] - link.values["force"], value, path, message)
+            self.requirements.want(link.values["static"] - link.values["force"], value, path, message)
 
 
 def _choice(words: Sequence[str]) -> str:

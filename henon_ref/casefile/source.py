@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 from graphlib import CycleError, TopologicalSorter
@@ -11,18 +11,27 @@ from typing import TypeVar
 
 import sympy as sp
 
-from henon_ref.casefile.expressions import check_sides, parse_expression, parse_field, parse_number
-from henon_ref.casefile.grammar import MAX_STATES, name_problem, scan
-from henon_ref.casefile.kinks import MAX_INNER, Kinks, at_signs, without_signs
-from henon_ref.casefile.tree import MappingNode, ScalarNode, SequenceNode, child, locate
-from henon_ref.casefile.work import Work, names_in, overlaid
+from henon_ref.casefile.expressions import (
+    FIELD,
+    KINKED,
+    NUMBER,
+    SMOOTH,
+    Written,
+    check_sides,
+    parse_expression,
+    parse_field,
+    parse_number,
+    read,
+)
+from henon_ref.casefile.grammar import MAX_STATES, may_have_kinks, name_problem
+from henon_ref.casefile.operations import Operation
+from henon_ref.casefile.tree import MappingNode, Place, ScalarNode, SequenceNode, child, locate
+from henon_ref.casefile.work import Work, key_of, names_in, overlaid
 from henon_ref.errors import CaseError, ExpressionError
 from henon_ref.taylor.tape import TIME
 
 T = TypeVar("T")
 WITH_VALUES = " (with the values of the parameters)"
-_NAME = re.compile(r"(?<![\w.])[^\W\d]\w*")
-"""A name, not an exponent of a number."""
 Path = Sequence[str | int]
 """Keys and indices from the top of the file, as ``("system", "field", 0)``."""
 
@@ -73,33 +82,44 @@ class Source:
         node = child(self.tree, path)
         return default if node is None else self.text(path)
 
+    def written(self, path: Path) -> Written:
+        """An expression as it is given: text, or SymPy."""
+        node = child(self.tree, path)
+        return self.text(path) if not isinstance(node, ScalarNode) or isinstance(node.given, str) else node.given
+
+    def names(self, path: Path) -> list[str]:
+        """Names that may stand in an expression."""
+        return names_in(self.written(path))
+
+    def has_kinks(self, path: Path) -> bool:
+        """Whether an expression has a function with a kink or a jump."""
+        written = self.written(path)
+        return may_have_kinks(written) if isinstance(written, str) else written.has(*KINKED)
+
     def expression(self, path: Path, names: Mapping[str, sp.Expr], note: str = "") -> sp.Expr:
         """A smooth expression (see :func:`henon_ref.casefile.expressions.parse_expression`)."""
-        try:
-            return parse_expression(self.text(path), names, self.work)
-        except ExpressionError as error:
-            raise self._placed(path, error, note) from None
+        with self._at(path, note):
+            return parse_expression(self.written(path), names, self.work)
 
     def field(self, path: Path, names: Mapping[str, sp.Expr], note: str = "") -> tuple[sp.Expr, list[sp.Expr]]:
         """A component of a field, which may have kinks (see :func:`henon_ref.casefile.expressions.parse_field`)."""
-        try:
-            return parse_field(self.text(path), names, self.work)
-        except ExpressionError as error:
-            raise self._placed(path, error, note) from None
+        with self._at(path, note):
+            return parse_field(self.written(path), names, self.work)
 
     def number(self, path: Path, names: Mapping[str, sp.Expr]) -> sp.Expr:
         """An expression whose value is a number (see :func:`henon_ref.casefile.expressions.parse_number`)."""
-        try:
-            return parse_number(self.text(path), names, self.work)
-        except ExpressionError as error:
-            raise self._placed(path, error, "") from None
+        with self._at(path):
+            return parse_number(self.written(path), names, self.work)
+
+    def operations(self, path: Path, names: Mapping[str, object], functions: Mapping[str, int]) -> Operation:
+        """The operations of an expression in some names (see :func:`henon_ref.casefile.expressions.read`)."""
+        with self._at(path):
+            return read(self.written(path), names, self.work, functions)
 
     def charge(self, path: Path, characters: int) -> None:
         """Count work that is done for what a path leads to (see :class:`henon_ref.casefile.work.Work`)."""
-        try:
+        with self._at(path):
             self.work.charge(characters, 0)
-        except ExpressionError as error:
-            raise self._placed(path, error, "") from None
 
     def once(self, what: str, keys: Sequence[str], build: Callable[[], T]) -> T:
         """What is built of the values of some keys at the top, once for all readings that have the same ones."""
@@ -114,19 +134,22 @@ class Source:
         self, path: Path, names: Mapping[str, sp.Expr], signs: Mapping[str, sp.Symbol], *, kinks: bool = False
     ) -> None:
         """Check that an expression has values at both sides of each sign."""
-        try:
-            check_sides(self.text(path), names, signs, self.work, kinks=kinks)
-        except ExpressionError as error:
-            raise self._placed(path, error, "") from None
+        with self._at(path):
+            check_sides(self.written(path), names, signs, self.work, kinks=kinks)
 
-    def _placed(self, path: Path, error: ExpressionError, note: str) -> CaseError:
-        node = child(self.tree, path)
-        start = node.text_place if isinstance(node, ScalarNode) else None
-        name = next((str(part) for part in reversed(path) if isinstance(part, str)), "")
-        message = f"in '{name}': {error.message}{note}"
-        if start is None:
-            return self.error(path, message)
-        return CaseError(message + self.within, file=self.file, line=start.line, column=start.column + error.offset)
+    @contextmanager
+    def _at(self, path: Path, note: str = "") -> Iterator[None]:
+        """Say of what is wrong with an expression where it stands."""
+        try:
+            yield
+        except ExpressionError as error:
+            name = next((str(part) for part in reversed(path) if isinstance(part, str)), "")
+            message, node = f"in '{name}': {error.message}{note}", child(self.tree, path)
+            start = node.text_place if isinstance(node, ScalarNode) else None
+            if start is None:
+                raise self.error(path, message) from None
+            place = Place(start.line, start.column + error.offset)
+            raise CaseError(message + self.within, file=self.file, line=place.line, column=place.column) from None
 
     def parameters(self, path: Path) -> dict[str, sp.Expr]:
         """Exact values of a mapping of parameters, each of which may use the others.
@@ -144,7 +167,8 @@ class Source:
             problem = name_problem(name, parameter=True)
             if problem:
                 raise self.error([*path, name], problem, key=True)
-            uses[name] = self._names_in([*path, name], node.entries)
+            found = self.operations([*path, name], node.entries, NUMBER).names
+            uses[name] = {other for other in found if other in node.entries}
         values: dict[str, sp.Expr] = {}
         try:
             for name in TopologicalSorter(uses).static_order():
@@ -154,13 +178,6 @@ class Source:
             message = f"parameters depend on each other in a circle: {' -> '.join(circle)}"
             raise self.error([*path, circle[0]], message) from None
         return {name: values[name] for name in node.entries}
-
-    def _names_in(self, path: Path, known: Mapping[str, object]) -> set[str]:
-        try:
-            tokens = scan(self.text(path), known, constant=True).tokens
-        except ExpressionError as error:
-            raise self._placed(path, error, "") from None
-        return {token.text for token in tokens if token.kind == "name" and token.text in known}
 
 
 @dataclass(frozen=True)
@@ -188,39 +205,32 @@ class Names:
         It is read with the parameters' values put in as well, and with each sign at -1 and +1, so that
         a division by zero or a giant power is found here, with its place, and not in the middle of a run.
         """
-        own = self._own_signs(signs)
-        expression = source.expression(path, overlaid(own, self._symbols))
-        if self._is_new(source, path, "smooth"):
-            if self.values:
-                source.expression(path, overlaid(own, self._numbers), WITH_VALUES)
-            source.check_sides(path, self._numbers, own)
-        return expression
+        return self._checked(source, path, signs, source.expression, SMOOTH)
 
     def written(self, source: Source, path: Path, *, signs: Sequence[str] = ()) -> tuple[sp.Expr, list[sp.Expr]]:
         """Read an expression that may have kinks, and what they are kinks of; checked as in :meth:`smooth`."""
-        own = self._own_signs(signs)
-        found = source.field(path, overlaid(own, self._symbols))
-        if self._is_new(source, path, "written"):
+        return self._checked(source, path, signs, source.field, FIELD)
+
+    def _checked(
+        self, source: Source, path: Path, signs: Sequence[str], read: Callable[..., T], functions: Mapping[str, int]
+    ) -> T:
+        own = {name: self.signs[name] for name in signs}
+        found = read(path, overlaid(own, self._symbols))
+        if self._is_new(source, path, functions):
             if self.values:
-                source.field(path, overlaid(own, self._numbers), WITH_VALUES)
-            source.check_sides(path, self._numbers, own, kinks=True)
+                read(path, overlaid(own, self._numbers), WITH_VALUES)
+            source.check_sides(path, self._numbers, own, kinks=functions is FIELD)
         return found
 
-    def _is_new(self, source: Source, path: Path, kind: str) -> bool:
-        """Whether no text that says the same of other states and signs has been checked with the parameters' values."""
-        text, found = source.text(path), dict[str, str]()
-
-        def renamed(match: re.Match[str]) -> str:
-            name = match[0]
-            if name in self.states or name in self.signs:
-                return found.setdefault(name, f"{'s' if name in self.signs else 'x'}#{len(found)}")
-            return name
-
-        form = _NAME.sub(renamed, text)
-        key = kind, form, tuple((name, self.values.get(name)) for name in names_in(form))
-        known = key in source.work.texts
-        source.work.texts[key] = None
-        return not known
+    def _is_new(self, source: Source, path: Path, functions: Mapping[str, int]) -> bool:
+        """Whether nothing that says the same of other states and signs has been checked with the parameters' values."""
+        known = source.operations(path, overlaid(self.signs, self._symbols), functions)
+        moving = [name for name in known.names if name in self.states or name in self.signs]
+        form = known.renamed({name: f"{'s' if name in self.signs else 'x'}#{k}" for k, name in enumerate(moving)})
+        key = "checked", id(functions), key_of("", form, self.values)
+        new = key not in source.work.known
+        source.work.known[key] = None
+        return new
 
     @cached_property
     def _symbols(self) -> dict[str, sp.Expr]:
@@ -231,43 +241,6 @@ class Names:
     def _numbers(self) -> dict[str, sp.Expr]:
         """The same with the values of the parameters."""
         return {"t": TIME, **self.states, **self.values}
-
-    def _own_signs(self, names: Sequence[str]) -> dict[str, sp.Expr]:
-        """Those of some surfaces."""
-        return {name: self.signs[name] for name in names}
-
-
-def resolved(
-    source: Source,
-    path: Path,
-    kinks: Kinks,
-    written: tuple[sp.Expr, list[sp.Expr]],
-    signs: Collection[sp.Symbol] = (),
-) -> sp.Expr:
-    """An expression with symbols for the signs of its kinks, and a value at both sides of each.
-
-    Where a kink's argument holds some of ``signs``, it is one kink for each of their sides.
-    """
-    expression, arguments = written
-    if any(len(argument.free_symbols & set(signs)) > MAX_INNER for argument in arguments):
-        raise source.error(path, f"a kink of what holds more than {MAX_INNER} signs; name surfaces and use their signs")
-    expression = without_signs(expression, signs)
-    arguments = [part for argument in arguments for part in at_signs(argument, signs)]
-    check_kinks(source, path, kinks, arguments)
-    found = kinks.resolved(expression, arguments)
-    for sign in kinks.used(found):
-        for side in (-1, 1):
-            if found.xreplace({sign: sp.Integer(side), **kinks.parameters}).has(sp.zoo, sp.nan, sp.oo, -sp.oo):
-                raise source.error(path, f"division by zero (where {kinks.surfaces[sign]} has the sign {side:+d})")
-    return found
-
-
-def check_kinks(source: Source, path: Path, kinks: Kinks, arguments: Sequence[sp.Expr]) -> None:
-    """Refuse kinks of parameters alone: what they are may change with these, when the equations are made."""
-    still = [a for a in arguments if a.free_symbols and a.free_symbols <= set(kinks.parameters)]
-    if still:
-        message = f"{still[0]} holds neither t nor a state, and no kink: make what is written of it a parameter"
-        raise source.error(path, f"{message} (where abs(...) is allowed)")
 
 
 def _symbols(names: Sequence[str]) -> dict[str, sp.Symbol]:

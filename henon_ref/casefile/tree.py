@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import sympy as sp
 
 Scalar = str | int | bool | Decimal | None
 PythonValue = Scalar | list["PythonValue"] | dict[str, "PythonValue"]
@@ -20,13 +24,22 @@ class Place:
 
 @dataclass(frozen=True, slots=True)
 class ScalarNode:
-    """A scalar: its value by the core schema, and its text as written."""
+    """A scalar: its value by the core schema, and its text as written; from Python also an expression of SymPy."""
 
     place: Place
     value: Scalar
-    text: str
+    given: str | sp.Expr
     text_place: Place | None
     """Where the first character of ``text`` stands, or None where text and file differ (escapes, folding)."""
+
+    @property
+    def text(self) -> str:
+        """As it is written, or an expression of SymPy in the words of a case file."""
+        if isinstance(self.given, str):
+            return self.given
+        from henon_ref.casefile.sympy_form import spelled_out  # what a tree of text alone does without
+
+        return spelled_out(self.given)
 
     @property
     def size(self) -> int:
@@ -59,20 +72,20 @@ Node = ScalarNode | SequenceNode | MappingNode
 
 def to_python(node: Node) -> PythonValue:
     """The tree as Python values: dict, list, str, int, Decimal, bool, None."""
-    if isinstance(node, MappingNode):
-        return {key: to_python(value) for key, value in node.entries.items()}
-    if isinstance(node, SequenceNode):
-        return [to_python(item) for item in node.items]
-    return node.value
+    return _values(node, lambda scalar: scalar.value)
 
 
 def as_written(node: Node) -> PythonValue:
     """The tree as values for a file: as :func:`to_python`, but numbers that are not whole are text, with all digits."""
+    return _values(node, lambda n: n.value if n.value is None or isinstance(n.value, bool | int) else n.text)
+
+
+def _values(node: Node, of: Callable[[ScalarNode], Scalar]) -> PythonValue:
     if isinstance(node, MappingNode):
-        return {key: as_written(value) for key, value in node.entries.items()}
+        return {key: _values(value, of) for key, value in node.entries.items()}
     if isinstance(node, SequenceNode):
-        return [as_written(item) for item in node.items]
-    return node.value if node.value is None or isinstance(node.value, bool | int) else node.text
+        return [_values(item, of) for item in node.items]
+    return of(node)
 
 
 def locate(node: Node, path: Sequence[str | int], *, key: bool = False) -> Place:

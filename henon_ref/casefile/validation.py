@@ -7,11 +7,11 @@ from typing import Any, TypeVar, get_args
 
 from pydantic import ValidationError
 
-from henon_ref.casefile.grammar import MOST_STATES
+from henon_ref.casefile.model_form import FEW, LIST, MAPPING, NAMED, given
 from henon_ref.casefile.schema import CaseForm, Form
-from henon_ref.casefile.tree import MappingNode, Node, Place, ScalarNode, child, locate, to_python
+from henon_ref.casefile.tree import MappingNode, Node, Place, child, locate, to_python
 from henon_ref.errors import CaseError
-from henon_ref.text import did_you_mean, listed, shortened
+from henon_ref.text import did_you_mean, listed
 
 AnyForm = TypeVar("AnyForm", bound=Form)
 
@@ -25,26 +25,6 @@ def validated(tree: MappingNode, *, file: str | None, within: str = "") -> CaseF
         At the line and column of the first key or value that does not fit.
     """
     return validated_as(CaseForm, tree, file=file, within=within)
-
-
-def check_model(tree: MappingNode) -> None:
-    """Check the form of a case whose system comes from Python, where it may have up to ``MOST_STATES`` states.
-
-    Raises
-    ------
-    CaseError
-        For the first key or value that does not fit.
-    """
-    for key in ("state", "surfaces"):
-        entries = to_python(found) if (found := child(tree, ["system", key])) else ()
-        if isinstance(entries, list | dict) and len(entries) > MOST_STATES:
-            raise CaseError(f"'{key}' in 'system': may have at most {MOST_STATES} entries")
-    try:
-        CaseForm.model_validate(to_python(tree))
-    except ValidationError as error:
-        items = [item for item in error.errors(include_url=False) if item["type"] != "too_long"]
-        if items:
-            raise _first(CaseForm, tree, items, None, "") from None
 
 
 def validated_as(form: type[AnyForm], tree: MappingNode, *, file: str | None, within: str = "") -> AnyForm:
@@ -93,26 +73,17 @@ def _explained(whole: type[Form], tree: Node, error: dict[str, Any]) -> tuple[Pl
         message = f"may have at most {error['ctx']['max_length']} entries"
     elif message is None:
         message = error["msg"]
-    return locate(tree, path), f"{name}{where}: {message}{_given(tree, path, kind)}"
+    node = None if kind in ("value_error", "too_short", "too_long") else child(tree, path)
+    return locate(tree, path), f"{name}{where}: {message}{given(node) if node is not None else ''}"
 
 
 _MESSAGES = {
-    "list_type": "must be a list, as in [1, 2]",
-    "dict_type": "must be a mapping, as in {name: value}",
-    "model_type": "must be a mapping, as in {key: value}",
-    "model_attributes_type": "must be a mapping, as in {key: value}",
-    "too_short": "must have at least one entry",
+    "list_type": LIST,
+    "dict_type": NAMED,
+    "model_type": MAPPING,
+    "model_attributes_type": MAPPING,
+    "too_short": FEW,
 }
-
-
-def _given(tree: Node, path: list[str | int], kind: str) -> str:
-    node = child(tree, path)
-    if kind in ("value_error", "too_short", "too_long") or node is None:
-        return ""
-    if isinstance(node, ScalarNode):
-        shown = f"the text {shortened(node.text)}" if isinstance(node.value, str) else node.text
-        return f"; here it is {shown or 'empty'}"
-    return "; here it is a mapping" if isinstance(node, MappingNode) else "; here it is a list"
 
 
 def _form_at(form: type[Form], path: list[Any]) -> type[Form]:

@@ -10,11 +10,12 @@ from typing import Any
 
 import sympy as sp
 
+from henon_ref.casefile.operations import Operation
 from henon_ref.errors import ExpressionError
 
 MAX_WORK = 1_000_000
 """Characters that the expressions of one file may count; SymPy takes two microseconds or three for each."""
-OPERATION, SCAN, CACHED = 20, 2, 3
+OPERATION, READ, CACHED = 20, 2, 3
 """An operation counts as so many characters besides its own, taking a text apart as so many for each of it, and a text
 that is known already as so many."""
 
@@ -29,10 +30,9 @@ class Work:
     files: int = 1
     """As many files' work is allowed: a system from Python may be larger than one of a file."""
     values: dict[Hashable, sp.Expr] = field(default_factory=dict)
-    """What a text stands for, by the text and what its names stand for."""
-
-    texts: dict[Hashable, Any] = field(default_factory=dict)
-    """What is known of a text whatever its names stand for."""
+    """What an expression stands for, or a part of it, by its operations and what its names stand for."""
+    known: dict[Hashable, Any] = field(default_factory=dict)
+    """What else is known: operations of texts and of SymPy, kinks of operations, and what has been checked."""
     built: dict[Hashable, tuple[object, Any]] = field(default_factory=dict)
     """What is built of parts of the file, by these parts, which are kept beside it."""
 
@@ -55,9 +55,9 @@ class Work:
             )
 
 
-def key_of(kind: str, text: str, names: Mapping[str, sp.Expr]) -> Hashable:
-    """What decides the value of a text: itself, and what the names in it stand for."""
-    return kind, text, tuple((name, names.get(name)) for name in names_in(text))
+def key_of(kind: str, part: Operation, names: Mapping[str, sp.Expr]) -> Hashable:
+    """What decides the value of a part of an expression: itself, and what the names in it stand for."""
+    return kind, part, tuple(names.get(name) for name in part.names)
 
 
 def overlaid(over: Mapping[str, sp.Expr], names: Mapping[str, sp.Expr]) -> Mapping[str, sp.Expr]:
@@ -65,6 +65,8 @@ def overlaid(over: Mapping[str, sp.Expr], names: Mapping[str, sp.Expr]) -> Mappi
     return ChainMap(over, names)  # type: ignore[arg-type]  # only read
 
 
-def names_in(text: str) -> list[str]:
-    """Names that may stand in a text, each once."""
-    return list(dict.fromkeys(_NAME.findall(text)))
+def names_in(written: str | sp.Expr) -> list[str]:
+    """Names that may stand in a text, or in an expression of SymPy, each once."""
+    if isinstance(written, str):
+        return list(dict.fromkeys(_NAME.findall(written)))
+    return sorted({symbol.name for symbol in written.free_symbols})

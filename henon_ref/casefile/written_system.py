@@ -6,9 +6,8 @@ from collections.abc import Collection
 
 import sympy as sp
 
-from henon_ref.casefile.grammar import TAKEN, may_have_kinks, name_problem
-from henon_ref.casefile.kinks import Kinks
-from henon_ref.casefile.source import Names, Path, Source, resolved
+from henon_ref.casefile.grammar import TAKEN, name_problem
+from henon_ref.casefile.source import Names, Path, Source
 from henon_ref.modes.overrides import Release, Reset, SlidingOverride
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
@@ -30,25 +29,24 @@ def build_system(source: Source) -> tuple[FilippovSystem, Names]:
         whose length is not that of the state.
     """
     states = [source.text(("system", "state", i)) for i in range(source.length(("system", "state")))]
-    signs, rates = source.keys(("system", "surfaces")), source.length(("system", "field"))
+    signs, rates_given = source.keys(("system", "surfaces")), source.length(("system", "field"))
     values = source.parameters(("system", "parameters"))
     _check_names(source, states, signs, set(values))
     names = Names.of(states, signs, values)
-    if rates != len(states):
-        raise source.error(("system", "field"), _wrong_length(rates, states))
-    kinks = Kinks(names.exact_parameters())
-    surfaces, values_of = _guards(source, names, signs, kinks)
-    field = []
-    for i in range(len(states)):
-        path: Path = ("system", "field", i)
-        rate = resolved(source, path, kinks, names.written(source, path, signs=signs), names.signs.values())
-        field.append(rate.xreplace(values_of))
-    _check_guards(source, names, signs, surfaces)
-    _check_kinks(source, kinks, {*states, *(sign.name for sign in surfaces), *values})
-    made = {**surfaces, **kinks.surfaces}
-    branches = {sign for sign in surfaces if sign.name not in signs or values_of[sign] != sign}
-    names = Names.of(states, [sign.name for sign in made], values)
+    if rates_given != len(states):
+        raise source.error(("system", "field"), _wrong_length(rates_given, states))
+    surfaces = {names.signs[name]: _surface_of(source, names, name) for name in signs}
+    rates = [names.written(source, ("system", "field", i), signs=signs) for i in range(rates_given)]
+    made = {sign: surface for sign, (surface, _) in surfaces.items()}
+    field, kinks, sections = [rate for rate, _ in rates], frozenset[int](), tuple[sp.Expr, ...]()
+    if any(arguments for _, arguments in (*surfaces.values(), *rates)):
+        from henon_ref.casefile.model_kinks import with_kinks  # many models have none
+
+        made, field, kinks, sections = with_kinks(source, names, surfaces, rates)
+        names = Names.of(states, [sign.name for sign in made], values)
     valid = [names.smooth(source, ("system", "valid", i)) for i in range(source.length(("system", "valid")))]
+    places: dict[sp.Symbol, Path] = {x: ("system", "field", i) for i, x in enumerate(names.states.values())}
+    places |= {names.signs[name]: ("system", "surfaces", name) for name in signs}
     system = FilippovSystem(
         states=tuple(names.states.values()),
         signs=tuple(names.signs.values()),
@@ -56,57 +54,20 @@ def build_system(source: Source) -> tuple[FilippovSystem, Names]:
         field=tuple(field),
         parameters=names.exact_parameters(),
         valid=tuple(valid),
-        kinks=frozenset(i for i, sign in enumerate(made) if sign in kinks.surfaces or sign in branches),
-        sections=tuple(value for sign, value in values_of.items() if value != sign),
-        written={
-            **{x: source.text(("system", "field", i)) for i, x in enumerate(names.states.values())},
-            **{names.signs[name]: source.text(("system", "surfaces", name)) for name in signs},
-        },
+        kinks=kinks,
+        sections=sections,
+        written={s: text for s, path in places.items() if isinstance(text := source.written(path), str)},
     )
     return system, names
 
 
-def _guards(
-    source: Source, names: Names, signs: list[str], kinks: Kinks
-) -> tuple[dict[sp.Symbol, sp.Expr], dict[sp.Symbol, sp.Expr]]:
-    """Surfaces by their signs, and what each sign of the file is by them (itself, unless its surface has kinks)."""
-    surfaces: dict[sp.Symbol, sp.Expr] = {}
-    values: dict[sp.Symbol, sp.Expr] = {}
-    written = {}
-    for name in signs:
-        path: Path = ("system", "surfaces", name)
-        expression, arguments = written[name] = names.written(source, path)
-        if not expression.free_symbols & {TIME, *names.states.values()}:
-            raise source.error(path, f"the surface '{name}' never changes: it holds no state and no t")
-        if not arguments:
-            kinks.declare(names.signs[name], expression)
-    for name, found in written.items():
-        sign = names.signs[name]
-        own, values[sign] = kinks.guard(sign, *found)
-        surfaces |= own
-    return surfaces, values
-
-
-def _check_guards(source: Source, names: Names, signs: list[str], surfaces: dict[sp.Symbol, sp.Expr]) -> None:
-    """Refuse a surface with kinks whose branches' names are taken."""
-    taken = {*names.states, *names.parameters}
-    for sign in surfaces:
-        if sign.name in signs:
-            name = sign.name
-            continue
-        path: Path = ("system", "surfaces", name)
-        if sign.name in taken:
-            raise source.error(path, f"'{sign.name}' is the name of a branch of '{name}'; rename what has it", key=True)
-
-
-def _check_kinks(source: Source, kinks: Kinks, taken: set[str]) -> None:
-    for sign in kinks.surfaces:
-        if sign.name in taken:
-            message = f"kink1, kink2, ... are the names of what has a kink here; '{sign.name}' is taken: rename it"
-            raise source.error(("system", "field"), message, key=True)
-    if len(kinks.surfaces) > source.most_states:
-        message = f"'field' has {len(kinks.surfaces)} kinks; at most {source.most_states} are allowed"
-        raise source.error(("system", "field"), message, key=True)
+def _surface_of(source: Source, names: Names, name: str) -> tuple[sp.Expr, list[sp.Expr]]:
+    """A surface, and what it has kinks for."""
+    path: Path = ("system", "surfaces", name)
+    found = names.written(source, path)
+    if not found[0].free_symbols & {TIME, *names.states.values()}:
+        raise source.error(path, f"the surface '{name}' never changes: it holds no state and no t")
+    return found
 
 
 def _check_names(source: Source, states: list[str], signs: list[str], parameters: set[str]) -> None:
@@ -171,7 +132,7 @@ def build_resets(source: Source, names: Names, system: FilippovSystem) -> dict[i
             if name not in names.states:
                 message = f"'{name}' is no state{did_you_mean(name, names.states)}; states: {listed(names.states)}"
                 raise source.error(place, message, key=True)
-            if may_have_kinks(source.text(place)):
+            if source.has_kinks(place):
                 raise source.error(place, f"in '{name}': {KINK_IN_MAP}")
             values[names.states[name]] = names.smooth(source, place)
         if all(x == value for x, value in values.items()):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import re
 from collections.abc import Sequence
 from functools import lru_cache
@@ -15,6 +16,9 @@ from henon_ref.text import spelled
 MOST_OPERATIONS, MOST_IN_ALL = 500, 2_500
 """Operations up to which an expression, and all that stand together, are set as formulas: a printer sorts their terms,
 and asks of each many questions."""
+
+MOST_IN_CELL = 200
+"""Operations up to which an expression is a formula in a table."""
 
 _GREEK = (
     "alpha|beta|gamma|delta|epsilon|zeta|eta|theta|iota|kappa|lambda|mu|nu|xi|pi|rho|sigma|tau|upsilon|phi|chi|psi"
@@ -71,6 +75,23 @@ def general_form(system: SwitchedField) -> str:
         if printable(surface):
             lines.append(rf"{symbol(sign.name)} &= \operatorname{{sgn}}\left({latex(surface)}\right)")
     return aligned(lines) if lines and few([*system.field, *system.surfaces]) else ""
+
+
+def table_html(system: SwitchedField) -> str:
+    """What a notebook shows of a system: rates, surfaces and parameters, those that are short as formulas."""
+
+    def cell(expression: sp.Expr) -> str:
+        return (
+            f"${html.escape(latex(expression))}$"
+            if size(expression, MOST_IN_CELL) <= MOST_IN_CELL
+            else "<code>...</code>"
+        )
+
+    rows = [(rf"\dot{{{latex(x)}}}", f) for x, f in zip(system.states, system.field, strict=True)]
+    rows += [(rf"{latex(s)} = \mathrm{{sign}}", h) for s, h in zip(system.signs, system.surfaces, strict=True)]
+    rows += [(latex(p), value) for p, value in system.parameters.items()]
+    body = "".join(f"<tr><td>${left}$</td><td>{cell(right)}</td></tr>" for left, right in rows)
+    return f"<table><caption>Filippov system</caption><tbody>{body}</tbody></table>"
 
 
 def printable(expression: sp.Expr) -> bool:

@@ -9,16 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from henon_ref.casefile.problem import build_problem, unused_at_start
+from henon_ref.casefile.model_form import check_form
+from henon_ref.casefile.problem import build_problem
 from henon_ref.casefile.source import Source
 from henon_ref.casefile.tree import MappingNode, Node
 from henon_ref.errors import ArgumentError, HenonRefError
-from henon_ref.modes.bounds import put
 from henon_ref.modes.problem import Problem
 from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.system import System
-from henon_ref.simulation.written import argument_error, check_form, mapping, tree_of, written, written_name
-from henon_ref.taylor.tape import TIME
+from henon_ref.simulation.written import argument_error, mapping, tree_of, written, written_name
 from henon_ref.text import did_you_mean, listed, shortened
 
 DIRECTIONS = ("falling", "rising")
@@ -120,23 +119,9 @@ def problem_of(
     try:
         with one_at_a_time():
             check_form(source.tree)
-            problem, _ = build_problem(source)
-            _check_surfaces(problem)
-            return system, problem
+            return system, build_problem(source)[0]
     except HenonRefError as error:
         raise argument_error(error) from None
-
-
-def _check_surfaces(problem: Problem) -> None:
-    """Refuse a start at which a surface, or an expression of ``valid``, has no finite real value."""
-    system = problem.system
-    at = {TIME: problem.start, **dict(zip(system.states, problem.initial, strict=True))}
-    named = [(f"the surface of '{name}'", h) for name, h in zip(system.sign_names, system.surfaces, strict=True)]
-    for what, expression in [*named, *(("an expression of 'valid'", v) for v in system.valid)]:
-        value = put(system.numeric(expression), at)
-        finite = value.is_Rational or (value.is_finite and value.is_extended_real)
-        if not (finite or unused_at_start(problem, expression)):
-            raise ArgumentError(f"{what} has no finite real value at the start")
 
 
 def _mapping(value: object, what: str, kind: str, known: tuple[str, ...]) -> MappingNode:

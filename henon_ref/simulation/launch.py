@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from collections.abc import Mapping
 from dataclasses import replace
+from threading import Lock
 from typing import Any, NamedTuple
 
 from henon_ref.errors import ArgumentError
 from henon_ref.integrator.integrator import Integrator
-from henon_ref.integrator.prepared_run import local_error
+from henon_ref.integrator.prepared_run import local_error, order_for
 from henon_ref.integrator.records import HENON
 from henon_ref.integrator.start import MOST_STEPS, NO_LIMIT, Start
 from henon_ref.integrator.transition_array import TransitionArray
-from henon_ref.modes.kinks import hidden_kinks
 from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.arguments import (
     check_absolute_tolerance,
@@ -22,7 +23,6 @@ from henon_ref.simulation.arguments import (
     tolerance_of,
     whole_number,
 )
-from henon_ref.simulation.compiled import integrator_of
 from henon_ref.simulation.notice import notice_if_slow
 from henon_ref.simulation.quick_start import QuickStart
 from henon_ref.simulation.system import System
@@ -30,6 +30,31 @@ from henon_ref.trajectory import Trajectory
 
 MOST_PREPARED = 32
 """Tolerances of one system that are kept."""
+KEPT = 64
+"""Systems and orders that are kept compiled; the one not used for the longest time goes first."""
+
+_kept: OrderedDict[tuple[object, int, frozenset[int]], Integrator] = OrderedDict()
+_lock = Lock()
+
+
+def integrator_of(system: System, tolerance: float, open_kinks: frozenset[int] = frozenset()) -> Integrator:
+    """What runs a system, with any values of its parameters, at the order of a local error.
+
+    ``open_kinks``: see :class:`henon_ref.modes.system.FilippovSystem`.
+
+    It is compiled the first time that a system of this structure is asked for. One thread compiles at a time; the
+    others wait for it.
+    """
+    key = system.structure, order_for(tolerance), open_kinks
+    with _lock:
+        if key in _kept:
+            _kept.move_to_end(key)
+            return _kept[key]
+        made = Integrator(replace(system.model, parameters={}, open_kinks=open_kinks), key[1])
+        _kept[key] = made
+        while len(_kept) > KEPT:
+            _kept.popitem(last=False)
+        return made
 
 
 class Prepared(NamedTuple):
@@ -59,6 +84,8 @@ class Launch(NamedTuple):
                 name = self.base.model.sign_names[last.surface]
                 trajectory = trajectory._replace(reason=f"the run stopped on the surface of {name}, as it was to")
         if self.base.model.kinks:
+            from henon_ref.modes.kinks import hidden_kinks
+
             kinks = hidden_kinks(self.base.model)
             trajectory = trajectory._replace(end_mode=kinks.shown(trajectory.end_mode))
             if isinstance(found, TransitionArray):

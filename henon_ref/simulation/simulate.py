@@ -1,8 +1,14 @@
-"""One run of a system: all of it at once, or its transitions as they come."""
+"""One run of a system: all of it at once, or its transitions as they come.
+
+The method is a Taylor series method (Jorba and Zou, *Exp. Math.* 14 (2005) 99-117) with Hénon's landing on the surfaces
+(Hénon, *Physica D* 5 (1982) 412-413) and Filippov's sliding (Filippov, 1988). A system is compiled once an order;
+it may be simulated from several threads at once.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Never
 
 from henon_ref.integrator.run import Run
@@ -38,17 +44,16 @@ def simulate(
     ----------
     system : System
     initial : mapping, or array of shape (n,)
-        State -> number (int, float, Fraction, or text in parameters), or the numbers in the order of the states; of a
-        system from a case it may be left out, like all that says where and how long its reading runs.
+        State -> number (int, float, Fraction, or text in parameters), or numbers in the order of the states. A system
+        from a case has its own, with start, horizon and mode.
     until : number
         Horizon: the run ends here [s].
     start : number, optional
         Initial time [s]; 0 (or that of the case) if left out.
     rtol : float
-        Tolerance, from 1e-16 to below 1: a tenth of it is the local error of a step relative to each state's (and
-        guard's) own size on the step. Order and step follow from it.
+        Tolerance, from 1e-16 to below 1: a tenth of it is the local error of a step relative to each state's size.
     atol : float, optional
-        Not used (units of a model do not matter); there for those who come from SciPy.
+        Not used: units of a model do not matter.
     parameters : mapping, optional
         Values in place of the system's; parameters that are expressions in them follow.
     mode : mapping, optional
@@ -63,19 +68,12 @@ def simulate(
     Returns
     -------
     Solution
-        A run that ends otherwise than at its horizon (or where it was to stop) is no exception: its ``success`` is
-        False and its ``message`` says why.
+        Of any run that began; where it ended otherwise than planned ``success`` is False, and ``message`` says why.
 
     Raises
     ------
     HenonRefError
         Also a ValueError, before anything runs, for what cannot be meant.
-
-    Notes
-    -----
-    The method is a Taylor series method (Jorba and Zou, *Exp. Math.* 14 (2005) 99-117) with Hénon's landing on the
-    surfaces (Hénon, *Physica D* 5 (1982) 412-413) and Filippov's sliding (Filippov, 1988). A system is compiled once an
-    order; it may be simulated from several threads at once.
 
     Examples
     --------
@@ -141,3 +139,17 @@ def stream(
     if others:
         refuse("stream", others)
     return TransitionStream(launch(system, initial, until, start, rtol, atol, parameters, mode, stop, max_steps))
+
+
+def load_run(path: str | Path) -> Solution:
+    """The run that :meth:`Solution.save` has written: the same transitions and sticks, and ``sol(t)`` to the last bit.
+
+    Raises
+    ------
+    ArgumentError
+        Also a ValueError, for a file that cannot be read, or is none of these.
+    """
+    from henon_ref.simulation.run_file import read_run
+
+    run = read_run(path)
+    return Solution(run.system, None, run.start, run.initial, run.trajectory, run.steps)

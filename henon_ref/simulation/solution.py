@@ -18,7 +18,6 @@ from henon_ref.modes.mode import Mode
 from henon_ref.simulation.dense_output import DenseOutput, checked_times
 from henon_ref.simulation.outcome import Outcome
 from henon_ref.simulation.system import System
-from henon_ref.simulation.tables import stick_table, transition_table
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed
 from henon_ref.trajectory import Trajectory
@@ -143,11 +142,15 @@ class Solution(Outcome):
     @cached_property
     def transitions(self) -> pd.DataFrame:
         """A row a transition: ``time_s, kind, surface, from_mode, to_mode``, then the states by name."""
+        from henon_ref.simulation.tables import transition_table
+
         return transition_table(self._base.model, self.trajectory.transitions)
 
     @cached_property
     def sticks(self) -> pd.DataFrame:
         """A row a whole stick: ``start_s, duration_s, surface``; one that the end of the run cuts off is left out."""
+        from henon_ref.simulation.tables import stick_table
+
         return stick_table(self._base.model, self.trajectory.transitions, self.start_time)
 
     def __getitem__(self, name: str) -> NDArray[np.float64]:
@@ -180,7 +183,7 @@ class Solution(Outcome):
         ArgumentError
             For a time outside the run, and for times without dense output.
         """
-        import pandas as pd
+        from henon_ref.simulation.tables import state_table
 
         if times is None:
             at, states = self.t, self.y.T
@@ -192,13 +195,7 @@ class Solution(Outcome):
                 raise ArgumentError(f"times {_NO_DENSE}")
             at = np.atleast_1d(checked_times(times, self.start_time, self.trajectory.end_time))
             states, modes = self.sol(at).T, self._modes(at)
-        signs = self._base.model.sign_names
-        table = np.array([mode or (0,) * len(signs) for mode in modes], dtype=np.int64).reshape(len(at), len(signs))
-        return pd.DataFrame(
-            {TIME.name: at}
-            | dict(zip(self._base.state, states.T, strict=True))
-            | dict(zip(signs, table.T, strict=True))
-        )
+        return state_table(self._base.model, at, states, modes)
 
     def save(self, path: str | Path) -> None:
         """Write the run to a file that NumPy reads; :func:`henon_ref.load_run` makes a run of it again.

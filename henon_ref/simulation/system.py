@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import html
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import sympy as sp
 
 from henon_ref.casefile.expressions import parse_expression, parse_number
+from henon_ref.casefile.model_form import check_form
 from henon_ref.casefile.problem import written_model
 from henon_ref.casefile.source import Source
 from henon_ref.casefile.tree import MappingNode, ScalarNode, child, merged
@@ -21,8 +21,9 @@ from henon_ref.modes.exponents import parameters_in_exponents, with_rational_exp
 from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.written import (
     Number,
+    OwnStart,
     argument_error,
-    check_form,
+    checked_size,
     mapping,
     python_number,
     source_of,
@@ -149,11 +150,7 @@ class System:
         self = cls.__new__(cls)
         source = dict(reading_sources(tree, None))[chosen.name]
         self._read(source.tree)
-        problem = chosen.problem
-        self.own_start = written_start(source, self.state)
-        self.initial = dict(zip(self.state, map(python_number, problem.initial), strict=True))
-        self.start, self.until = python_number(problem.start), python_number(problem.until)
-        self.mode = {problem.system.sign_names[i]: entry for i, entry in problem.initial_mode.items()}
+        self.own_start = OwnStart.of(source, self.state)
         return self
 
     @classmethod
@@ -185,10 +182,6 @@ class System:
     def _begin(self) -> None:
         """What the system has of its own, apart from what it says."""
         self.state: tuple[str, ...] = self.model.state_names
-        self.initial: dict[str, Number] | None = None
-        self.start: Number | None = None
-        self.until: Number | None = None
-        self.mode: dict[str, int] | None = None
         self.own_start: OwnStart | None = None
         self.prepared: dict[float, Any] = {}
 
@@ -203,6 +196,23 @@ class System:
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "prepared": {}}
+
+    @property
+    def initial(self) -> dict[str, Number] | None:
+        own = self.own_start
+        return None if own is None else {x: python_number(self.number(value)) for x, value in own.initial.items()}
+
+    @property
+    def start(self) -> Number | None:
+        return None if self.own_start is None else python_number(self.number(self.own_start.start))
+
+    @property
+    def until(self) -> Number | None:
+        return None if self.own_start is None else python_number(self.number(self.own_start.until))
+
+    @property
+    def mode(self) -> dict[str, int] | None:
+        return None if self.own_start is None else dict(self.own_start.mode)
 
     @property
     def parameters(self) -> dict[str, Number]:
@@ -266,7 +276,7 @@ class System:
 
     def _parsed(self, parse: Callable[..., sp.Expr], value: object, names: Mapping[str, sp.Expr], what: str) -> sp.Expr:
         try:
-            return parse(written(value, what), names)
+            return parse(checked_size(value, what) if isinstance(value, sp.Expr) else written(value, what), names)
         except ExpressionError as error:
             raise ArgumentError(f"{what}: {error.message}") from None
 
@@ -289,8 +299,8 @@ class System:
         """Parameters that are given as text -> that, in symbols for other parameters."""
         tree = child(self.tree, ["system" if "system" in self.tree.entries else "scene", "parameters"])
         nodes = tree.entries if isinstance(tree, MappingNode) else {}
-        texts = {n: x.text for n, x in nodes.items() if isinstance(x, ScalarNode) and isinstance(x.value, str)}
-        return {name: parse_expression(text, self._names.parameters) for name, text in texts.items()}
+        given = {n: x.given for n, x in nodes.items() if isinstance(x, ScalarNode) and isinstance(x.value, str)}
+        return {name: parse_expression(value, self._names.parameters) for name, value in given.items()}
 
     @cached_property
     def exponent_parameters(self) -> frozenset[str]:
@@ -337,43 +347,11 @@ class System:
         return f"System({'; '.join(part for part in (listed(self.state, 8), surfaces + more, values) if part)})"
 
     def _repr_html_(self) -> str:
-        from henon_ref.modes.latex import latex
+        from henon_ref.modes.latex import table_html
 
-        model = self.model
-        rows = [(rf"\dot{{{latex(x)}}}", _formula(f)) for x, f in zip(model.states, model.field, strict=True)]
-        rows += [
-            (rf"{latex(s)} = \mathrm{{sign}}", _formula(h)) for s, h in zip(model.signs, model.surfaces, strict=True)
-        ]
-        rows += [(latex(p), _formula(v)) for p, v in model.parameters.items()]
-        body = "".join(f"<tr><td>${left}$</td><td>{right}</td></tr>" for left, right in rows)
-        return f"<table><caption>Filippov system</caption><tbody>{body}</tbody></table>"
-
-
-class OwnStart(NamedTuple):
-    """Where and how long the reading of a case runs, in the words of the file."""
-
-    initial: dict[str, str]
-    start: str
-    until: str
-    mode: dict[str, int]
-
-
-def written_start(source: Source, states: Sequence[str]) -> OwnStart:
-    """What a reading says of its start and horizon."""
-    keys = source.keys(("initial",))
-    start = source.text(("initial", "t")) if "t" in keys else "0"
-    mode = {name: int(source.text(("initial", "mode", name))) for name in source.keys(("initial", "mode"))}
-    return OwnStart({x: source.text(("initial", x)) for x in states}, start, source.text(("until",)), mode)
+        return table_html(self.model)
 
 
 def _short(expression: sp.Expr) -> str:
     text = str(expression) if size(expression, LONGEST_SHOWN) <= LONGEST_SHOWN else "..."
     return text if len(text) <= 40 else text[:37] + "..."
-
-
-def _formula(expression: sp.Expr) -> str:
-    if size(expression, LONGEST_SHOWN) <= LONGEST_SHOWN:
-        from henon_ref.modes.latex import latex
-
-        return f"${html.escape(latex(expression))}$"
-    return "<code>...</code>"

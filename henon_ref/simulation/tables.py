@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.integrator.transition_array import KINDS, TransitionArray
-from henon_ref.modes.mode import mode_text
+from henon_ref.modes.mode import Mode, mode_text
 from henon_ref.modes.system import FilippovSystem
+from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Transition, sticks
 
 if TYPE_CHECKING:
@@ -74,3 +75,15 @@ def stick_table(system: FilippovSystem, transitions: Sequence[Transition], start
         np.array([system.sign_names[s.surface] for s in found], dtype=object),
     )
     return pd.DataFrame(dict(zip(STICK_COLUMNS, columns, strict=True)))
+
+
+def state_table(
+    system: FilippovSystem, times: NDArray[np.float64], states: NDArray[np.float64], modes: Sequence[Mode]
+) -> pd.DataFrame:
+    """A row a time: ``t``, the states by name, and by surface its sign; ``states`` has shape (k, n)."""
+    import pandas as pd
+
+    signs = system.sign_names
+    table = np.array([mode or (0,) * len(signs) for mode in modes], dtype=np.int64).reshape(len(times), len(signs))
+    named = dict(zip(system.state_names, states.T, strict=True)) | dict(zip(signs, table.T, strict=True))
+    return pd.DataFrame({TIME.name: times} | named)

@@ -11,14 +11,12 @@ from collections.abc import Mapping, Sequence
 from decimal import Decimal
 from fractions import Fraction
 from numbers import Integral, Rational, Real
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import sympy as sp
-from sympy.printing.str import StrPrinter
 
-from henon_ref.casefile.grammar import MAX_DIGITS, MAX_LENGTH, MAX_STATES, MOST_STATES, NAME
-from henon_ref.casefile.model_form import plainly_fits
+from henon_ref.casefile.grammar import LONGEST_WHOLE, MAX_DIGITS, MAX_LENGTH, MAX_STATES, MOST_STATES
 from henon_ref.casefile.source import Source
 from henon_ref.casefile.tree import MappingNode, Node, Place, ScalarNode, SequenceNode, child
 from henon_ref.casefile.work import Work
@@ -32,13 +30,25 @@ MOST_ENTRIES = 10_000
 """Entries that one list or mapping may have."""
 DEEPEST = 8
 """How deep lists and mappings may stand in each other."""
-LONGEST_WHOLE = 4 * MAX_DIGITS
-"""Bits of a whole number that may be written out."""
 Number = int | Fraction | Any
 """An exact number: whole, rational, or one of SymPy's (``sqrt(3)/9``)."""
-_REST: Mapping[str, object] = {"schema": 1, "name": "system", "title": "system", "initial": {}, "until": 1}
-"""What the form of a case file wants besides the system."""
 _OTHER = "wanted a number (int, float, Fraction), text or a SymPy expression"
+
+
+class OwnStart(NamedTuple):
+    """Where and how long the reading of a case runs, in the words of the file."""
+
+    initial: dict[str, str]
+    start: str
+    until: str
+    mode: dict[str, int]
+
+    @classmethod
+    def of(cls, source: Source, states: Sequence[str]) -> OwnStart:
+        """What a reading says of its start and horizon."""
+        start = source.word(("initial", "t"), "0")
+        mode = {name: int(source.text(("initial", "mode", name))) for name in source.keys(("initial", "mode"))}
+        return cls({x: source.text(("initial", x)) for x in states}, start, source.text(("until",)), mode)
 
 
 def written_name(value: object, what: str) -> str:
@@ -81,7 +91,9 @@ def written(value: object, what: str) -> str:
     if isinstance(value, str):
         return str(value)
     if isinstance(value, sp.Expr):
-        return _printed(value, what)
+        from henon_ref.casefile.sympy_form import spelled_out  # for files and messages
+
+        return spelled_out(value)
     if isinstance(value, bool):
         raise ArgumentError(f"{what} is {value}; {_OTHER}")
     if isinstance(value, Rational):
@@ -93,6 +105,21 @@ def written(value: object, what: str) -> str:
             raise ArgumentError(f"{what} is {value}; a number must be finite")
         return str(value) if isinstance(value, Decimal) else float.__repr__(float(value))
     raise ArgumentError(f"{what} is {_shown(value)}; {_OTHER}")
+
+
+def checked_size(expression: sp.Expr, what: str) -> sp.Expr:
+    """An expression of SymPy that is no larger than a text may be: written out, shared parts may be without end.
+
+    Raises
+    ------
+    ArgumentError
+        For more operations, or longer numbers.
+    """
+    if size(expression, MAX_LENGTH) > MAX_LENGTH:
+        raise ArgumentError(f"{what} has more than {MAX_LENGTH} operations")
+    if any(max(n.p.bit_length(), n.q.bit_length()) > LONGEST_WHOLE for n in expression.atoms(sp.Rational)):
+        raise ArgumentError(f"{what} holds a number of more than {MAX_DIGITS} digits")
+    return expression
 
 
 def tree_of(value: object, what: str, depth: int = 0, place: Place = NOWHERE) -> Node:
@@ -132,8 +159,12 @@ def tree_of(value: object, what: str, depth: int = 0, place: Place = NOWHERE) ->
         )
     if value is None:
         return ScalarNode(place, None, "", None)
+    if isinstance(value, sp.Expr):
+        return ScalarNode(place, "", checked_size(value, what), None)
     text = written(value, what)
-    return ScalarNode(place, int(value) if isinstance(value, int) else text, text, None)
+    if isinstance(value, Integral):
+        return ScalarNode(place, int(value), text, None)
+    return ScalarNode(place, Decimal(text) if isinstance(value, float | Decimal) else text, text, None)
 
 
 def mapping(entries: Mapping[str, Node], place: Place = NOWHERE) -> MappingNode:
@@ -160,21 +191,6 @@ def argument_error(error: HenonRefError, declared: Sequence[str] = ()) -> Argume
     return ArgumentError(f"{declared[line - 1]}: {message}" if declared and line else message)
 
 
-def check_form(tree: MappingNode) -> None:
-    """Check the form of a model, and of the start and horizon that may stand beside it.
-
-    Raises
-    ------
-    CaseError
-        For the first key or value that does not fit.
-    """
-    if not plainly_fits(tree):
-        from henon_ref.casefile.validation import check_model
-
-        rest = {key: tree_of(value, key) for key, value in _REST.items()}
-        check_model(mapping({**rest, **tree.entries}))
-
-
 def source_of(tree: MappingNode) -> Source:
     """A model from Python, whose expressions may cost the more the more states it has."""
     state = child(tree, ["system", "state"])
@@ -188,69 +204,3 @@ def _shown(value: object) -> str:
         return shortened(repr(value))[1:-1]
     except Exception:  # noqa: BLE001 - somebody's repr may raise anything, and the message is about the value
         return f"a {type(value).__name__}"
-
-
-def _printed(expression: sp.Expr, what: str) -> str:
-    if size(expression, MAX_LENGTH) > MAX_LENGTH:
-        raise ArgumentError(f"{what} has more than {MAX_LENGTH} operations")
-    if any(max(n.p.bit_length(), n.q.bit_length()) > LONGEST_WHOLE for n in expression.atoms(sp.Rational)):
-        raise ArgumentError(f"{what} holds a number of more than {MAX_DIGITS} digits")
-    try:
-        return str(_CasePrinter().doprint(expression))
-    except RecursionError:
-        raise ArgumentError(f"{what} is nested too deeply") from None
-
-
-class _CasePrinter(StrPrinter):
-    """SymPy in the words of a case file; symbols go by their names, whatever is assumed of them."""
-
-    def _print_Symbol(self, expr: sp.Symbol) -> str:  # noqa: N802 - SymPy's name
-        if not NAME.fullmatch(expr.name):
-            raise ArgumentError(f"the symbol {shortened(expr.name)} is no name: letters, digits and underscores only")
-        return str(expr.name)
-
-    _print_Dummy = _print_Symbol  # noqa: N815
-
-    def _print_Abs(self, expr: sp.Expr) -> str:  # noqa: N802
-        return f"abs({self._print(expr.args[0])})"
-
-    def _print_Max(self, expr: sp.Expr) -> str:  # noqa: N802
-        name = type(expr).__name__.lower()
-        return f"{name}({', '.join(map(self._print, sorted(expr.args, key=sp.default_sort_key)))})"
-
-    _print_Min = _print_Max  # noqa: N815
-
-    def _print_Heaviside(self, expr: sp.Expr) -> str:  # noqa: N802
-        return f"piecewise(1, {self._print(expr.args[0])} > 0, 0)"
-
-    def _print_Piecewise(self, expr: sp.Piecewise) -> str:  # noqa: N802
-        return self._chosen([(value, condition) for value, condition in expr.args])
-
-    def _chosen(self, pairs: list[tuple[sp.Expr, sp.Basic]]) -> str:
-        """The first value whose condition holds; of several conditions in one a choice within a choice."""
-        if not pairs:
-            raise ArgumentError(
-                "a Piecewise has no value where none of its conditions holds: end it with (value, True)"
-            )
-        (value, condition), *others = pairs
-        if condition == sp.true:
-            return str(self._print(value))
-        if isinstance(condition, sp.And | sp.Or):
-            first, *rest = sorted(condition.args, key=sp.default_sort_key)
-            second = condition.func(*rest)
-            both = isinstance(condition, sp.And)
-            within = self._chosen([(value, second), *others])
-            held, otherwise = (within, self._chosen(others)) if both else (str(self._print(value)), within)
-            return f"piecewise({held}, {self._compared(first)}, {otherwise})"
-        return f"piecewise({self._print(value)}, {self._compared(condition)}, {self._chosen(others)})"
-
-    def _compared(self, condition: sp.Basic) -> str:
-        if not isinstance(condition, sp.StrictLessThan | sp.LessThan | sp.StrictGreaterThan | sp.GreaterThan):
-            raise ArgumentError(f"a condition compares with <, <=, > or >=, not {shortened(str(condition))}")
-        return f"{self._print(condition.lhs)} {condition.rel_op} {self._print(condition.rhs)}"
-
-    def _print_Exp1(self, expr: sp.Expr) -> str:  # noqa: N802
-        return "e"
-
-    def _print_Float(self, expr: sp.Float) -> str:  # noqa: N802
-        return repr(float(expr)) if expr._prec == 53 else str(super()._print_Float(expr))

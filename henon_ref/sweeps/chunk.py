@@ -22,8 +22,8 @@ from henon_ref.integrator.pairs import decimal_pairs
 from henon_ref.integrator.points import Keep
 from henon_ref.integrator.prepared_run import local_error
 from henon_ref.modes.exact_numbers import double_double
-from henon_ref.simulation.compiled import integrator_of
 from henon_ref.simulation.dependent_parameters import following, pairs_at, without_others
+from henon_ref.simulation.launch import integrator_of
 from henon_ref.simulation.system import System
 from henon_ref.simulation.written import written
 from henon_ref.sweeps.kernel import Ended, joined, refused_runs, run_points, together

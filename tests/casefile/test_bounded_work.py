@@ -18,7 +18,7 @@ import sympy as sp
 from henon_ref.casefile import case as case_module
 from henon_ref.casefile import work as work_module
 from henon_ref.casefile.case import parse_case
-from henon_ref.casefile.syntax_walk import SyntaxWalk
+from henon_ref.casefile.walk import Walk
 from henon_ref.errors import CaseError, ModelError
 from henon_ref.harness.report.text.model import as_written, general_form, mode_equations
 from henon_ref.harness.truth.proofs import prove
@@ -70,13 +70,13 @@ def dense(count: int, row: Callable[[int], str], *, extra: str = "") -> str:
 def operations(monkeypatch) -> Counter[str]:
     """How often the operation of each text is worked out."""
     seen: Counter[str] = Counter()
-    kept = SyntaxWalk._operation
+    kept = Walk._operation
 
     def counted(self, node, depth):  # type: ignore[no-untyped-def]
-        seen[self.scanned.python[node.col_offset : node.end_col_offset].decode()] += 1
+        seen[node.text()] += 1
         return kept(self, node, depth)
 
-    monkeypatch.setattr(SyntaxWalk, "_operation", counted)
+    monkeypatch.setattr(Walk, "_operation", counted)
     return seen
 
 

@@ -21,7 +21,7 @@ from henon_ref.kernel.shared import ffi, kernel
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.selection import after_event
 from henon_ref.modes.system import FilippovSystem
-from henon_ref.simulation.compiled import integrator_of
+from henon_ref.simulation.launch import integrator_of
 from henon_ref.trajectory import Decisions, Trajectory, Transition
 
 RTOL = 1e-9

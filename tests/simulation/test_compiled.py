@@ -9,7 +9,7 @@ from threading import Barrier
 import pytest
 
 import henon_ref as hr
-from henon_ref.simulation import compiled
+from henon_ref.simulation import launch as compiled
 
 CASES = Path(__file__).parents[2] / "cases"
 

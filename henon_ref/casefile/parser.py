@@ -1,0 +1,315 @@
+"""The text of an expression to its operations; everything that can be refused before anything is computed is, here.
+
+Characters, names, parentheses and the order of operands and operators are checked, each message with its place.
+``eval``, ``sympify`` and ``parse_expr`` are never called.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+
+import sympy as sp
+
+from henon_ref.casefile.grammar import (
+    LETTER,
+    LOOKALIKES,
+    MANY,
+    MAX_DEPTH,
+    MAX_DIGITS,
+    MAX_LENGTH,
+    MAX_TOKENS,
+    TWO_CONDITIONS,
+    check_name,
+)
+from henon_ref.casefile.operations import Operation
+from henon_ref.errors import ExpressionError
+from henon_ref.text import shortened
+
+_TOKEN = re.compile(
+    r"(?P<space>\s+)|(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)"
+    rf"|(?P<name>[{LETTER}_][{LETTER}0-9_]*)"
+    r"|(?P<operator>\*\*|[-+*/^])|(?P<bracket>[(),])|(?P<comparison>[<>]=?)",
+    re.ASCII,
+)
+_ALLOWED = "numbers, names, + - * / ** ^ and parentheses"
+_CONNECTIVES = ("and", "or", "not")
+
+
+def parsed(text: str, names: Collection[str], functions: Mapping[str, int]) -> Operation:
+    """What a text says.
+
+    Parameters
+    ----------
+    text : str
+    names : collection of str
+        Names that may stand in it besides ``pi`` and ``e``.
+    functions : mapping
+        Functions that may -> how many arguments they take.
+
+    Raises
+    ------
+    ExpressionError
+        With the offset of the first thing that is not allowed.
+    """
+    if len(text) > MAX_LENGTH:
+        raise ExpressionError(f"an expression of {len(text)} characters; at most {MAX_LENGTH} are allowed", 0)
+    return _Parser(text, names, functions).whole()
+
+
+@dataclass(frozen=True, slots=True)
+class _Token:
+    """One token of an expression."""
+
+    kind: str
+    """``number``, ``name``, ``operator``, ``bracket`` or ``comparison``."""
+    text: str
+    offset: int
+
+
+@dataclass
+class _Open:
+    """A parenthesis that is open."""
+
+    bracket: _Token
+    function: _Token | None
+    """The function before it."""
+    commas: int = 0
+    """So far."""
+    compared: bool = False
+    """Whether this argument has its comparison."""
+
+    @property
+    def is_condition(self) -> bool:
+        """Whether the argument is a condition: every second one of ``piecewise`` but for the last."""
+        return self.function is not None and self.function.text == "piecewise" and self.commas % 2 == 1
+
+
+class _Parser:
+    """Reads a text by recursive descent; powers bind as in Python: ``-x^2`` is ``-(x^2)``, ``2^3^2`` is ``2^(3^2)``."""
+
+    def __init__(self, text: str, names: Collection[str], functions: Mapping[str, int]) -> None:
+        self.text, self.names, self.functions = text, names, functions
+        self.open: list[_Open] = []
+        self.position = self.count = 0
+        self.last: _Token | None = None
+        self.token: _Token | None = None
+        self._advance()
+
+    def _advance(self) -> _Token | None:
+        """Take the token and look at the next one."""
+        self.last, self.token = self.token, None
+        while self.position < len(self.text) and self.token is None:
+            match = _TOKEN.match(self.text, self.position)
+            if match is None:
+                raise _bad_character(self.text, self.position)
+            if match.lastgroup != "space":
+                self.token = _Token(str(match.lastgroup), match.group(), self.position)
+                self.count += 1
+                if self.count > MAX_TOKENS:
+                    raise ExpressionError(f"more than {MAX_TOKENS} numbers, names and operators", self.position)
+            self.position = match.end()
+        return self.last
+
+    def _takes(self, *texts: str) -> _Token | None:
+        """The next token, taken, if it is one of some."""
+        return self._advance() if self.token is not None and self.token.text in texts else None
+
+    def whole(self) -> Operation:
+        found = self._sum()
+        if self.token is not None:  # a bracket or a comma
+            raise ExpressionError(f"'{self.token.text}' without a '(' before it", self.token.offset)
+        return found
+
+    def _sum(self) -> Operation:
+        first = self._product()
+        terms = list(first.arguments) if first.kind == "+" else [first]
+        while operator := self._takes("+", "-"):
+            term = self._product()
+            terms.append(Operation("-", (term,)) if operator.text == "-" else term)
+        return self._joined("+", first, terms)
+
+    def _product(self) -> Operation:
+        first = self._power()
+        factors = list(first.arguments) if first.kind == "*" else [first]
+        while operator := self._takes("*", "/"):
+            factor = self._power()
+            factors.append(Operation("/", (factor,), "", operator.offset) if operator.text == "/" else factor)
+        return self._joined("*", first, factors)
+
+    @staticmethod
+    def _joined(kind: str, first: Operation, parts: list[Operation]) -> Operation:
+        """A sum or a product, which is the first of its parts where nothing follows that."""
+        alone = len(parts) == 1 or (first.kind == kind and len(parts) == len(first.arguments))
+        return first if alone else Operation(kind, tuple(parts), "", first.begin)
+
+    def _power(self) -> Operation:
+        """A tower of powers, each with the signs before it; in a loop, since it may be high."""
+        levels, operators = [(self._signed(), self._operand())], []
+        while operator := self._takes("**", "^"):
+            operators.append(operator.offset)
+            levels.append((self._signed(), self._operand()))
+        negative, found = levels.pop()
+        for (sign, base), offset in zip(reversed(levels), reversed(operators), strict=True):
+            exponent = Operation("-", (found,), "", found.begin) if negative else found
+            negative, found = sign, Operation("^", (base, exponent), "", offset)
+        return Operation("-", (found,), "", found.begin) if negative else found
+
+    def _signed(self) -> bool:
+        """Whether the signs before an operand make it its opposite."""
+        count, negative = 0, False
+        while sign := self._takes("+", "-"):
+            count += 1
+            if count > MAX_DEPTH:
+                raise ExpressionError(f"more than {MAX_DEPTH} signs in a row", sign.offset)
+            negative ^= sign.text == "-"
+        return negative
+
+    def _operand(self) -> Operation:
+        token = self.token
+        if token is None:
+            raise self._ended()
+        if token.text == "(":
+            found = self._brackets(None)[0]
+        elif token.kind in ("number", "name"):
+            found = self._named(token)
+        else:
+            raise self._missing(token)
+        self._check_next()
+        return found
+
+    def _ended(self) -> ExpressionError:
+        if self.last is None:
+            return ExpressionError("an empty expression; write a number or a formula", 0)
+        ends = f"the expression ends after '{self.last.text}' where a number or a name is missing"
+        return ExpressionError(ends, len(self.text))
+
+    def _missing(self, token: _Token) -> ExpressionError:
+        """What is said of an operator, a bracket or a comparison where an operand has to stand."""
+        if token.kind == "bracket":
+            before = self.last.text if self.last is not None else "the beginning"
+            between = f"a number or a name is missing between '{before}' and '{token.text}'"
+            return ExpressionError(between, token.offset)
+        if token.kind == "comparison" and not (self.open and self.open[-1].is_condition):
+            return self._misplaced(token)
+        after = f" after '{self.last.text}'" if self.last is not None and token.kind == "operator" else ""
+        return ExpressionError(f"a number or a name is missing{after} before '{token.text}'", token.offset)
+
+    def _check_next(self) -> None:
+        """Refuse what cannot stand behind an operand."""
+        token, last = self.token, self.last
+        if token is None or last is None:
+            return
+        if token.text in _CONNECTIVES and token.text not in self.names:
+            raise ExpressionError(f"'{token.text}' is no operator here; {TWO_CONDITIONS}", token.offset)
+        if token.kind in ("number", "name"):
+            what = f"an operator is missing between '{last.text}' and '{token.text}'"
+        elif token.text == "(":
+            what = f"'{last.text}' is no function" if last.kind == "name" else "an operator is missing before '('"
+        elif token.kind == "comparison" and not (self.open and self.open[-1].is_condition):
+            raise self._misplaced(token)
+        else:
+            return
+        raise ExpressionError(f"{what}; a product is written with *", token.offset)
+
+    def _misplaced(self, token: _Token) -> ExpressionError:
+        """What is said of a comparison that stands in no condition."""
+        if any(bracket.is_condition for bracket in self.open):
+            return ExpressionError(f"a comparison has no parentheses of its own; {TWO_CONDITIONS}", token.offset)
+        return ExpressionError(f"'{token.text}' stands in a condition of 'piecewise' only", token.offset)
+
+    def _named(self, token: _Token) -> Operation:
+        """A number, a name, or a call."""
+        name = token.text
+        if token.kind == "number":
+            _check_number(token)
+            self._advance()
+            return Operation("number", (), exact(name), token.offset)
+        if name in _CONNECTIVES and name not in self.names:
+            raise ExpressionError(f"'{name}' is no operator here; {TWO_CONDITIONS}", token.offset)
+        check_name(name, self.names, self.functions, token.offset)
+        self._advance()
+        if name not in self.functions:
+            return Operation("name", (), name, token.offset)
+        if self.token is None or self.token.text != "(":
+            raise ExpressionError(f"the function '{name}' needs its argument: {name}(...)", token.offset)
+        return Operation("call", tuple(self._brackets(token)), name, token.offset)
+
+    def _brackets(self, function: _Token | None) -> list[Operation]:
+        """What stands in parentheses: arguments of a function, or one expression."""
+        bracket = self._advance()
+        assert bracket is not None
+        own = _Open(bracket, function)
+        self.open.append(own)
+        if len(self.open) > MAX_DEPTH:
+            raise ExpressionError(f"parentheses nest deeper than {MAX_DEPTH}", bracket.offset)
+        arity = self.functions[function.text] if function is not None else 1
+        arguments = [self._argument(own)]
+        while comma := self._takes(","):
+            if own.commas + 1 >= arity:
+                several = f"'{function.text}' takes {arity} argument{'s' if arity > 1 else ''}" if function else ""
+                what = several or "',' stands between arguments only"
+                raise ExpressionError(f"{what}; a decimal point is written '.'", comma.offset)
+            own.commas += 1
+            own.compared = False
+            arguments.append(self._argument(own))
+        if not self._takes(")"):
+            raise ExpressionError("'(' is never closed", bracket.offset)
+        self.open.pop()
+        if function is not None:
+            _check_arguments(function, arity, own.commas)
+        return arguments
+
+    def _argument(self, own: _Open) -> Operation:
+        """An argument; a condition is a comparison."""
+        found = self._sum()
+        while operator := self._takes("<", "<=", ">", ">="):
+            if own.compared:
+                raise ExpressionError(TWO_CONDITIONS, operator.offset)
+            own.compared = True
+            found = Operation(operator.text, (found, self._sum()), "", found.begin)
+        if own.is_condition and not own.compared and self.token is not None:
+            raise ExpressionError("a condition has one comparison, as in x < 1", self.token.offset)
+        return found
+
+
+def _check_arguments(function: _Token, arity: int, commas: int) -> None:
+    """Refuse a call with too few arguments, or a ``piecewise`` that does not end with a value."""
+    if function.text == "piecewise" and (commas < 2 or commas % 2):
+        raise ExpressionError(
+            f"'{function.text}' takes a value and its condition, more of both, and the value otherwise, "
+            "as in piecewise(1, x < 0, 2)",
+            function.offset,
+        )
+    if commas + 1 < (2 if arity == MANY else arity):
+        several = "two arguments or more" if arity == MANY else f"{arity} arguments"
+        raise ExpressionError(f"'{function.text}' takes {several}", function.offset)
+
+
+def exact(number: str) -> sp.Rational:
+    """A decimal number as the fraction that it is."""
+    mantissa, _, exponent = number.lower().partition("e")
+    whole, _, decimals = mantissa.partition(".")
+    shift = int(exponent or 0) - len(decimals)
+    return sp.Rational(int(whole + decimals) * 10 ** max(shift, 0), 10 ** max(-shift, 0))
+
+
+def _check_number(token: _Token) -> None:
+    mantissa, _, exponent = token.text.lower().partition("e")
+    if len(mantissa) > MAX_DIGITS or len(exponent) > 5 or abs(int(exponent or 0)) > MAX_DIGITS:
+        raise ExpressionError(
+            f"the number {shortened(token.text, 24)} is too long; at most {MAX_DIGITS} digits and an exponent "
+            f"between -{MAX_DIGITS} and {MAX_DIGITS} are allowed",
+            token.offset,
+        )
+
+
+def _bad_character(text: str, offset: int) -> ExpressionError:
+    character = text[offset]
+    if character in "&|=!" and text[:offset].rfind("piecewise") >= 0:
+        equal = "an equation holds at single points only: compare with <, <=, > or >="
+        return ExpressionError(equal if character in "=!" else TWO_CONDITIONS, offset)
+    like = LOOKALIKES.get(character)
+    hint = f"; write {like}" if like else ""
+    return ExpressionError(f"{character!r} is not allowed in an expression{hint}; allowed: {_ALLOWED}", offset)
