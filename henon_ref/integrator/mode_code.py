@@ -16,6 +16,7 @@ from henon_ref.modes.decoupled_contacts import SwitchedEquations
 from henon_ref.modes.equations import Guard, along
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.mode_evaluation import ModeTape
+from henon_ref.modes.patterns import by_pattern
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.machine_code import Part, machine_code
 from henon_ref.taylor.tape import Tape, build_tape
@@ -168,10 +169,14 @@ def _speeds(
         if guard.kind == "surface":
             sign = system.signs[guard.index]
             normal = (normals or {}).get(guard.index, system.normal_velocity(guard.index))
-            found += [-sign * normal, -sign * normal.xreplace({sign: -sign})]
+            found += by_pattern(_on_both_sides, sign, normal) or ()
         else:
             found += [sp.Integer(0), sp.Integer(0)]
     return found
+
+
+def _on_both_sides(sign: sp.Symbol, normal: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
+    return -sign * normal, -sign * normal.xreplace({sign: -sign})
 
 
 @dataclass(frozen=True, eq=False)

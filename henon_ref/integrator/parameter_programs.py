@@ -20,6 +20,7 @@ from henon_ref.integrator.pairs import Three
 from henon_ref.kernel.shared import doubles, ffi, integers, kernel
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.mode_evaluation import ModeWithTape, mode_with_tape
+from henon_ref.modes.patterns import renamed
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.precision import one_at_a_time
 from henon_ref.taylor.tape import TIME, Tape, build_tape
@@ -35,7 +36,7 @@ CLEAR = 1e-9
 """Part of the size of its terms that a sum is larger than where its sign is beyond rounding: a thousand terms of a
 thousand factors each are off by less."""
 MOST_TERMS = 100
-"""Terms of one polynomial: more are left to others."""
+"""Terms of one polynomial, and polynomials: more are left to others."""
 
 
 class LoopData(NamedTuple):
@@ -257,8 +258,10 @@ class ParameterPrograms:
         key = tuple(names), tuple(expressions)
         if key not in self._functions:
             with one_at_a_time():
-                arguments = [TIME, *names, *self.parameters]
-                self._functions[key] = sp.lambdify(arguments, list(expressions), "math", cse=True)
+                places = {symbol: k for k, symbol in enumerate((TIME, *names, *self.parameters))}
+                forms, own = renamed(expressions)
+                function, of = _in_doubles(tuple(own.values()), forms), [places[symbol] for symbol in own]
+                self._functions[key] = lambda *point: function(*[point[k] for k in of])
         return self._functions[key]
 
     def tape(self, names: tuple[sp.Symbol, ...], expressions: tuple[sp.Expr, ...]) -> Tape:
@@ -278,6 +281,13 @@ class ParameterPrograms:
         constants, normals = self.table.constants.expressions[: compiled.constants], self.table.normals
         velocities = () if normals is None else normals.tape.constants
         return LoopProgram(compiled, self.program(tuple(constants)), self.program(tuple(velocities)), self.table)
+
+
+@lru_cache(maxsize=KEPT)
+def _in_doubles(names: tuple[sp.Symbol, ...], expressions: tuple[sp.Expr, ...]) -> Callable[..., list[Any]]:
+    """(*names) -> values of expressions in these; kept for all of one pattern."""
+    made: Callable[..., list[Any]] = sp.lambdify(names, list(expressions), "math", cse=True)
+    return made
 
 
 def parameters_in(system: FilippovSystem) -> tuple[sp.Symbol, ...]:
@@ -307,6 +317,8 @@ def sign_function(
     callable or None
         It returns None where a sign is not beyond rounding.
     """
+    if len(expressions) > MOST_TERMS:
+        return None
     sums = [sp.Add.make_args(sp.expand(e)) for e in expressions]
     if any(len(terms) > MOST_TERMS or not all(map(_is_product, terms)) for terms in sums):
         return None
