@@ -50,7 +50,7 @@ def _with_names(e: sp.Basic, known: dict[sp.Basic, sp.Basic]) -> sp.Basic:
     if e not in known:
         parts = tuple(_with_names(part, known) for part in e.args)
         same = all(part is old for part, old in zip(parts, e.args, strict=True))
-        known[e] = e if same else e._from_args(parts) if e.is_Add or e.is_Mul else e.func(*parts)
+        known[e] = e if same else e._from_args(parts) if e.is_Add or e.is_Mul else e.func(*parts, evaluate=False)
     return known[e]
 
 

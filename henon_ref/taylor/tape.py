@@ -190,7 +190,7 @@ class _Builder:
         if e.is_Mul:
             constant = [f for f in e.args if self._is_constant(f)]
             rest = [f for f in e.args if not self._is_constant(f)]
-            return (sp.Mul(*constant), sp.Mul(*rest)) if constant else (sp.S.One, e)
+            return (sp.Mul(*constant), sp.Mul._from_args(rest)) if constant else (sp.S.One, e)  # sorted as they are
         return (e, sp.Integer(1)) if self._is_constant(e) else (sp.Integer(1), e)
 
     def _terms(self, terms: Iterable[sp.Expr], factor: sp.Expr) -> tuple[sp.Expr, list[tuple[sp.Expr, sp.Expr]]]:
