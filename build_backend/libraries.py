@@ -93,13 +93,17 @@ def _compile(
     file: Path,
     environment: Mapping[str, str],
 ) -> None:
-    """Compile one library; a process that runs the one that was there goes on with it."""
+    """Compile one library; a process that runs the one that was there goes on with it.
+
+    It is linked in a folder of its own: for Windows a linker leaves an import library and debugging information beside
+    it, and writes the file's name into it.
+    """
     file.parent.mkdir(parents=True, exist_ok=True)
-    new = file.with_name(f"{file.stem}.{os.getpid()}.so")
-    line = chosen.line(flags, architecture, source, str(new.absolute()))
-    done = subprocess.run(line, cwd=root, env=environment, capture_output=True, text=True, check=False)
-    if done.returncode != 0:
-        new.unlink(missing_ok=True)
-        raise CompilerError(f"{source} does not compile:\n{shlex.join(line)}\n{done.stderr}")
-    new.chmod(0o644)
-    new.replace(file)
+    with tempfile.TemporaryDirectory(dir=file.parent) as folder:
+        new = Path(folder, file.name).absolute()
+        line = chosen.line(flags, architecture, source, str(new))
+        done = subprocess.run(line, cwd=root, env=environment, capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            raise CompilerError(f"{source} does not compile:\n{shlex.join(line)}\n{done.stderr}")
+        new.chmod(0o644)
+        new.replace(file)

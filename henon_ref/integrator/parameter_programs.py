@@ -37,7 +37,7 @@ CLEAR = 1e-9
 """Part of the size of its terms that a sum is larger than where its sign is beyond rounding: a thousand terms of a
 thousand factors each are off by less."""
 MOST_TERMS = 100
-"""Terms of one polynomial: more are left to others."""
+"""Terms of one polynomial, and polynomials: more are left to others."""
 
 
 class LoopData(NamedTuple):
@@ -282,6 +282,8 @@ def sign_function(
     callable or None
         It returns None where a sign is not beyond rounding.
     """
+    if len(expressions) > MOST_TERMS:
+        return None
     sums = [sp.Add.make_args(sp.expand(e)) for e in expressions]
     if any(len(terms) > MOST_TERMS or not all(map(_is_product, terms)) for terms in sums):
         return None

@@ -14,9 +14,13 @@ from henon_ref.modes.in_balls import BALLS, ball_function
 from henon_ref.modes.in_doubles import DOUBLES
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.mode_evaluation import ModeEvaluation, ModeWithTape, mode_with_tape
+from henon_ref.modes.patterns import renamed
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.precision import one_at_a_time
 from henon_ref.taylor.tape import TIME, Tape, build_tape
+
+KEPT = 64
+"""Functions of one pattern each that are kept."""
 
 
 class SharedTapes:
@@ -58,10 +62,10 @@ class SharedTapes:
     def _function(self, names: tuple[sp.Symbol, ...], expressions: tuple[sp.Expr, ...]) -> Callable[..., list[Any]]:
         """(t, *names, *parameters) -> values of expressions, in double precision."""
         with one_at_a_time():
-            made: Callable[..., list[Any]] = sp.lambdify(
-                [TIME, *names, *self._parameters], list(expressions), "math", cse=True
-            )
-            return made
+            places = {symbol: k for k, symbol in enumerate((TIME, *names, *self._parameters))}
+            forms, own = renamed(expressions)
+            function, of = _in_doubles(tuple(own.values()), forms), [places[symbol] for symbol in own]
+            return lambda *point: function(*[point[k] for k in of])
 
     def _tape(self, names: tuple[sp.Symbol, ...], expressions: tuple[sp.Expr, ...]) -> Tape:
         """Expressions in time and these names as a tape."""
@@ -94,3 +98,10 @@ class _InBalls:
     def function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
         tape = self._shared.tape(tuple(names), tuple(expressions))
         return ball_function(tape, self.constants(tape))
+
+
+@lru_cache(maxsize=KEPT)
+def _in_doubles(names: tuple[sp.Symbol, ...], expressions: tuple[sp.Expr, ...]) -> Callable[..., list[Any]]:
+    """(*names) -> values of expressions in these; kept for all of one pattern."""
+    made: Callable[..., list[Any]] = sp.lambdify(names, list(expressions), "math", cse=True)
+    return made

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from functools import lru_cache
-from itertools import chain, islice
 
 import sympy as sp
 
@@ -18,7 +17,7 @@ from henon_ref.modes.arithmetic import NO_VALUE, ZERO, Point
 from henon_ref.modes.equations import Guard
 from henon_ref.modes.held_groups import IDENTICALLY_ZERO, Broken, order_of
 from henon_ref.modes.mode import Mode, replaced
-from henon_ref.precision import one_at_a_time
+from henon_ref.modes.patterns import by_pattern
 
 
 def violations(at: Point, mode: Mode, active: Collection[int], zero: float) -> list[tuple[Guard, bool]] | None:
@@ -145,19 +144,20 @@ def way_out(at: Point, mode: Mode, index: int) -> int:
 
 @lru_cache(maxsize=1024)
 def _terms(expression: sp.Expr) -> tuple[sp.Expr, ...]:
-    with one_at_a_time():
-        return sp.Add.make_args(sp.expand_mul(expression))
+    return by_pattern(_multiplied_out, expression) or ()
+
+
+def _multiplied_out(expression: sp.Expr) -> tuple[sp.Expr, ...]:
+    return tuple(sp.Add.make_args(sp.expand_mul(expression)))
 
 
 def clear_signs(at: Point, signs: Mode, expressions: Sequence[sp.Expr]) -> list[int]:
     """Signs of expressions in time, states and signs at a point; 0 where the terms of one may cancel."""
-    sums = [_terms(expression) for expression in expressions]
-    values = at.values(tuple(chain.from_iterable(sums)), signs)
-    if values is None:
-        return [0] * len(sums)
-    found, rest, negative = [], iter(values), at.arithmetic.negative
-    for terms in sums:
-        own = list(islice(rest, len(terms)))
+    sums = [at.values(_terms(expression), signs) for expression in expressions]
+    found, negative = list[int](), at.arithmetic.negative
+    for own in sums:
+        if own is None:
+            return [0] * len(sums)
         value, size = sum(own[1:], own[0]), sum(map(abs, own[1:]), abs(own[0]))
         found.append(-1 if negative(value, size) else int(negative(-value, size)))
     return found

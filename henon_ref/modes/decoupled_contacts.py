@@ -26,6 +26,7 @@ from henon_ref.modes.branches import leaves_out
 from henon_ref.modes.equations import Guard, ModeEquations, along
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.overrides import SlidingOverride
+from henon_ref.modes.patterns import by_pattern
 from henon_ref.taylor.tape import TIME
 
 
@@ -307,18 +308,42 @@ def _contact(system: Contacts, index: int, acting: Sequence[int], places: Mappin
     row = _own_state(h, places)
     if row is None or acting != [row]:
         return None
-    x, rate = system.states[row], system.field[row]
-    if not common_to_all(rate, x, sign, {TIME, *places}):
+    x, rate, held = system.states[row], system.field[row], ()
+    if index in system.overrides:
+        ends = _two_ends(system, index)
+        if ends is None:
+            return None
+        held = system.overrides[index].field[row], *(end.expression for end in ends)
+    moving = (s for s in sorted(rate.free_symbols, key=str) if s in places)
+    made = by_pattern(_in_slip_and_slide, h, x, sign, rate, sp.Tuple(*moving), *held)
+    if made is None:
+        return None
+    speed, first, second = made
+    if not held:
+        return Contact(row, rate, speed, (Guard("release", index, 1, first), Guard("release", index, -1, second)))
+    if _moves_others(system, index, row, {x: sp.expand(x - h / sp.diff(h, x))}):
+        return None
+    return Contact(row, rate, speed, (replace(ends[0], expression=first), replace(ends[1], expression=second)))
+
+
+def _in_slip_and_slide(
+    h: sp.Expr, x: sp.Symbol, sign: sp.Symbol, rate: sp.Expr, moving: sp.Tuple, *held: sp.Expr
+) -> tuple[sp.Expr, sp.Expr, sp.Expr] | None:
+    """The rate that keeps a surface, and the two ends of its slide; None where these are not those of all modes.
+
+    ``held``: of static friction, the rate and the ends as they are written.
+    """
+    if not common_to_all(rate, x, sign, {TIME, *moving}):
         return None
     slope = sp.diff(h, x)
     there = sp.expand(x - h / slope)
     speed = sp.diff(there, TIME)
-    if index in system.overrides:
-        ends = _hold_zone(system, index, {x: there}, row, speed)
-        return None if ends is None else Contact(row, rate, speed, ends)
+    if held:
+        kept, first, second = (put(e, {x: there}) for e in held)
+        return None if sp.expand(kept - speed) != 0 else (speed, first, second)
     normal = sp.expand(slope * (rate.xreplace({x: there}) - speed), deep=False)
     beyond, before = (normal.xreplace({sign: sp.Integer(side)}) for side in (1, -1))
-    return Contact(row, rate, speed, (Guard("release", index, 1, -beyond), Guard("release", index, -1, before)))
+    return speed, -beyond, before
 
 
 def common_to_all(rate: sp.Expr, x: sp.Symbol, sign: sp.Symbol, moving: set[sp.Symbol]) -> bool:
@@ -335,20 +360,16 @@ def _branching(expression: sp.Expr) -> list[sp.Expr]:
     return [e for e in found if not (e.is_Pow and e.exp.is_Integer)]
 
 
-def _hold_zone(
-    system: Contacts, index: int, there: Mapping[sp.Symbol, sp.Expr], row: int, speed: sp.Expr
-) -> tuple[Guard, Guard] | None:
-    """Ends of what static friction holds; None where its override moves other states than the surface does."""
-    own, ends = system.overrides[index], system.hold_guards(index)
-    if own.entry != "inside" or len(ends) != 2:
-        return None
-    others = (pair for k, pair in enumerate(zip(own.field, system.field, strict=True)) if k != row)
-    if sp.expand(put(own.field[row], there) - speed) != 0 or any(
-        kept != moved and put(kept, there) != put(moved, there) for kept, moved in others
-    ):
-        return None
-    first, second = (replace(end, expression=put(end.expression, there)) for end in ends)
-    return first, second
+def _two_ends(system: Contacts, index: int) -> tuple[Guard, Guard] | None:
+    """Ends of what static friction holds."""
+    ends = system.hold_guards(index)
+    return (ends[0], ends[1]) if system.overrides[index].entry == "inside" and len(ends) == 2 else None
+
+
+def _moves_others(system: Contacts, index: int, row: int, there: Mapping[sp.Symbol, sp.Expr]) -> bool:
+    """Whether an override moves other states than the surface does."""
+    others = (pair for k, pair in enumerate(zip(system.overrides[index].field, system.field, strict=True)) if k != row)
+    return any(kept != moved and put(kept, there) != put(moved, there) for kept, moved in others)
 
 
 def _own_state(surface: sp.Expr, places: Mapping[sp.Symbol, int]) -> int | None:

@@ -297,6 +297,8 @@ class FilippovSystem(SwitchedField):
         """
         if guard.kind not in ("surface", "release"):
             return False
+        if self._beside[guard.index] <= {guard.index} and not self.has_loops:
+            return False
         others = self.in_play([guard.index], sliding) - {guard.index}
         return bool(others) and (
             guard.kind == "surface" or self.held_inside(guard.index) or any(map(self.rests, others))

@@ -126,14 +126,14 @@ class _Builder:
     """Turns expressions into nodes; equal expressions become one node."""
 
     def __init__(self, states: tuple[sp.Symbol, ...], repeated: frozenset[sp.Expr], names: set[sp.Symbol]) -> None:
-        self.moving = {TIME, *states, *names}
         self.repeated = repeated
         self.nodes: list[Node] = []
         self.constants: list[sp.Expr] = []
         self._constant_index: dict[sp.Expr, int] = {}
         self._memo: dict[sp.Expr, int] = {x: self._add("state", (i,)) for i, x in enumerate(states)}
         self._interned: dict[tuple[object, ...], int] = {}
-        self._moves: dict[sp.Basic, bool] = dict.fromkeys(self.moving, True)
+        self._of_states: dict[sp.Basic, bool] = dict.fromkeys((*states, *names), True)
+        self._moves: dict[sp.Basic, bool] = {TIME: True, **self._of_states}
 
     def node(self, expression: sp.Expr) -> int:
         """The node of an expression (made on first sight)."""
@@ -147,10 +147,8 @@ class _Builder:
         self._memo[name] = self.node(expression)
 
     def _is_constant(self, expression: sp.Expr) -> bool:
-        """Whether it holds neither time nor states (SymPy would look through it for its symbols again each time)."""
-        if expression not in self._moves:
-            self._moves[expression] = not all(map(self._is_constant, expression.args))
-        return not self._moves[expression]
+        """Whether it holds neither time nor states."""
+        return not _holds(expression, self._moves)
 
     def _constant(self, value: sp.Expr) -> int:
         if value not in self._constant_index:
@@ -174,7 +172,7 @@ class _Builder:
     def _make(self, e: sp.Expr) -> int:
         if self._is_constant(e):
             return self._op("constant", constants=(e,))
-        if not e.free_symbols & (self.moving - {TIME}) and size(e, MAX_CLOCK) <= MAX_CLOCK and sp.diff(e, TIME, 2) == 0:
+        if not _holds(e, self._of_states) and size(e, MAX_CLOCK) <= MAX_CLOCK and sp.diff(e, TIME, 2) == 0:
             slope = sp.cancel(sp.diff(e, TIME))  # of a quotient that is linear, but not by its form
             start = sp.expand(sp.cancel(e - slope * TIME) if e.is_rational_function(TIME) else e - slope * TIME)
             if not slope.has(TIME) and not start.has(TIME):
@@ -192,7 +190,7 @@ class _Builder:
         if e.is_Mul:
             constant = [f for f in e.args if self._is_constant(f)]
             rest = [f for f in e.args if not self._is_constant(f)]
-            return sp.Mul(*constant), sp.Mul(*rest)
+            return (sp.Mul(*constant), sp.Mul._from_args(rest)) if constant else (sp.S.One, e)  # sorted as they are
         return (e, sp.Integer(1)) if self._is_constant(e) else (sp.Integer(1), e)
 
     def _terms(self, terms: Iterable[sp.Expr], factor: sp.Expr) -> tuple[sp.Expr, list[tuple[sp.Expr, sp.Expr]]]:
@@ -203,15 +201,16 @@ class _Builder:
         constant: sp.Expr = sp.Integer(0)
         moving: list[tuple[sp.Expr, sp.Expr]] = []
         for term in terms:
-            c, rest = self._split(term)
+            own, rest = self._split(term)
+            c = own if factor is sp.S.One else factor * own
             if rest == 1:
-                constant += factor * c
+                constant += c
             elif rest.is_Add and rest not in self.repeated:
-                inner_constant, inner = self._terms(rest.args, factor * c)
+                inner_constant, inner = self._terms(rest.args, c)
                 constant += inner_constant
                 moving += inner
             else:
-                moving.append((factor * c, rest))
+                moving.append((c, rest))
         return constant, moving
 
     def _sum(self, terms: Iterable[sp.Expr], factor: sp.Expr) -> int:
@@ -357,4 +356,11 @@ def _repeated(expressions: Iterable[sp.Expr]) -> frozenset[sp.Expr]:
 def _quotient(e: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
     """Numerator and denominator by sight."""
     above, below = fraction(e)
-    return sp.Mul(*above), sp.Mul(*below)
+    return (sp.Mul(*above), sp.Mul(*below)) if below else (e, sp.S.One)
+
+
+def _holds(expression: sp.Basic, known: dict[sp.Basic, bool]) -> bool:
+    """Whether a symbol stands in it that is known to count (SymPy would look through all parts again each time)."""
+    if expression not in known:
+        known[expression] = any(_holds(part, known) for part in expression.args)
+    return known[expression]

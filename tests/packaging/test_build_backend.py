@@ -16,7 +16,7 @@ from packaging.requirements import Requirement
 from small_tree import small_tree
 
 from build_backend.compilers import COMMANDS, PLATFORM_VARIABLE, PLATFORMS, ZIGLANG, Compiler, CompilerError, choose
-from build_backend.libraries import FLAGS, compiler, installed, library_files
+from build_backend.libraries import FLAGS, compile_all, compiler, installed, library_files
 from henon_ref.kernel.compilation import variants
 
 PATH = os.environ["PATH"]
@@ -92,6 +92,16 @@ def test_a_wheel_for_another_platform_is_compiled_by_ziglang(name: str, monkeypa
         {"arm64"},
         {"aarch64"},
     )
+
+
+def test_what_a_linker_leaves_beside_a_library_is_not_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    leaves = 'while [ "$1" != -o ]; do shift; done\nfor end in "" .pdb .lib; do echo > "$2$end"; done'
+    write_command(tmp_path / "linker", leaves)
+    monkeypatch.setattr("build_backend.libraries.compiler", lambda: Compiler((str(tmp_path / "linker"),)))
+    into = tmp_path / "into"
+    compile_all(into)
+    found = {file.relative_to(into) for file in into.rglob("*") if not file.is_dir()}
+    assert found == {installed(file) for file in library_files()}
 
 
 def test_a_platform_that_is_not_known_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
