@@ -12,7 +12,7 @@ from henon_ref.harness.campaign.results import ReadingResult
 from henon_ref.harness.campaign.rows import Outcome, Record, record, scored
 from henon_ref.harness.campaign.settings import Setting
 from henon_ref.harness.campaign.worker import Failure
-from henon_ref.harness.report.files.manifest import Provenance
+from henon_ref.harness.report.manifest import Provenance
 from henon_ref.harness.table import Table
 
 ORIGIN = Provenance(

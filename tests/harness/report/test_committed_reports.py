@@ -7,11 +7,10 @@ from pathlib import Path
 import pytest
 
 from henon_ref.harness.cli.check import page_differences
-from henon_ref.harness.report.files.links import dead_links
-from henon_ref.harness.report.files.write import INDEX, MANIFEST, MATRIX_PAGE, PAGE, RUNS
+from henon_ref.harness.report.folder import INDEX, MANIFEST, MATRIX_PAGE, PAGE, RUNS, dead_links
 from henon_ref.harness.report.html.rendering import MOST_BYTES as MOST_BYTES_OF_A_PAGE
 from henon_ref.harness.report.text.index import index_text, matrix_text
-from henon_ref.harness.report.text.matrix_rows import read_matrix, rows_of_report
+from henon_ref.harness.report.text.matrix import read_matrix, rows_of_report
 from henon_ref.harness.rows import RUN_COLUMNS
 
 ROOT = Path(__file__).parents[3]

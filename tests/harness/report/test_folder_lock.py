@@ -18,8 +18,7 @@ from fakes import CASE
 from henon_ref.errors import CaseError
 from henon_ref.harness.campaign import journal
 from henon_ref.harness.cli import study
-from henon_ref.harness.report.files import folder_lock
-from henon_ref.harness.report.files.folder_lock import FILE, FolderLock, locked, locked_for_a_moment
+from henon_ref.harness.report.folder import FILE, FolderLock, locked, locked_for_a_moment
 from henon_ref.harness.studies.study import STUDIES
 
 pytestmark = [
@@ -150,7 +149,7 @@ def test_what_a_killed_run_has_forked_does_not_hold_its_locks(tmp_path):
     script = f"""
 import os, time
 from pathlib import Path
-from henon_ref.harness.report.files.folder_lock import FolderLock
+from henon_ref.harness.report.folder import FolderLock
 lock = FolderLock(Path({str(tmp_path)!r}))
 if not os.fork():
     print("forked", flush=True)

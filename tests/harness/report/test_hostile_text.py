@@ -25,8 +25,8 @@ from henon_ref.harness.cli.compare import command
 from henon_ref.harness.figures.cost import draw_cost
 from henon_ref.harness.figures.errors import draw_errors
 from henon_ref.harness.report.case_report import write_report
-from henon_ref.harness.report.files.figure_jobs import svg
-from henon_ref.harness.report.files.manifest import provenance
+from henon_ref.harness.report.figure_jobs import svg
+from henon_ref.harness.report.manifest import provenance
 from henon_ref.harness.report.text.index import write_index
 from henon_ref.harness.score.errors import score
 

@@ -17,8 +17,15 @@ from henon_ref.harness.report.case_report import write_report
 from henon_ref.harness.report.text.choice import case_table, choice_table
 from henon_ref.harness.report.text.index import FIGURE, commits, counted, index_text, is_drawn, updated, write_index
 from henon_ref.harness.report.text.kinds_figure import draw_kinds
-from henon_ref.harness.report.text.matrix import coverage_table, reading_table, solver_table
-from henon_ref.harness.report.text.matrix_rows import MatrixRow, read_matrix, rows_of_report, summary
+from henon_ref.harness.report.text.matrix import (
+    MatrixRow,
+    coverage_table,
+    read_matrix,
+    reading_table,
+    rows_of_report,
+    solver_table,
+    summary,
+)
 from henon_ref.harness.rows import RunRow, read_rows, rows_text
 
 

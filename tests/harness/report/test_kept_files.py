@@ -23,9 +23,9 @@ from henon_ref.harness.campaign import journal
 from henon_ref.harness.campaign.rows import Record
 from henon_ref.harness.cli import compare_cases, study
 from henon_ref.harness.report import case_report
-from henon_ref.harness.report.files.write import check_index
+from henon_ref.harness.report.folder import check_index
 from henon_ref.harness.report.text.index import index_text, matrix_text, merged, write_index
-from henon_ref.harness.report.text.matrix_rows import MatrixRow
+from henon_ref.harness.report.text.matrix import MatrixRow
 from henon_ref.harness.rows import RunRow, csv_text, rows_text
 
 pytestmark = [

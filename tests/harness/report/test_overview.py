@@ -12,14 +12,14 @@ from henon_ref.harness.campaign.comparison import Comparison
 from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.campaign.results import ReadingResult
 from henon_ref.harness.report.case_report import report_files
-from henon_ref.harness.report.files.figure_jobs import READINGS
-from henon_ref.harness.report.files.write import REPORT
+from henon_ref.harness.report.figure_jobs import READINGS
+from henon_ref.harness.report.folder import REPORT
 from henon_ref.harness.report.text import readings_figure
-from henon_ref.harness.report.text.formats import duration
 from henon_ref.harness.report.text.markdown import report_text
 from henon_ref.harness.report.text.overview import MANY, judged
 from henon_ref.harness.report.text.ranking import over_all
 from henon_ref.harness.report.text.readings_figure import draw_readings
+from henon_ref.harness.table import duration
 
 VALUES = (1, 2, 3, 4)
 ALL = range(1, 8)

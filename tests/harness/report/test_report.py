@@ -24,8 +24,7 @@ from henon_ref.harness.campaign.settings import Setting
 from henon_ref.harness.campaign.worker import WorkerState
 from henon_ref.harness.cli import check
 from henon_ref.harness.report.case_report import write_report
-from henon_ref.harness.report.files.figure_jobs import FigureJob
-from henon_ref.harness.report.text.formats import duration
+from henon_ref.harness.report.figure_jobs import FigureJob
 from henon_ref.harness.report.text.gate import gate_table, why_unchecked
 from henon_ref.harness.report.text.markdown import report_text
 from henon_ref.harness.report.text.model import general_form, mode_equations, parameters
@@ -33,6 +32,7 @@ from henon_ref.harness.report.text.ranking import prices
 from henon_ref.harness.report.text.tables import price_table, run_table, stick_table
 from henon_ref.harness.rows import RunRow, csv_text, read_rows, rows_text
 from henon_ref.harness.score.gate import Gate
+from henon_ref.harness.table import duration
 from henon_ref.modes.latex import latex, symbol
 from henon_ref.trajectory import Samples
 

@@ -16,8 +16,8 @@ from henon_ref.harness import registry
 from henon_ref.harness.campaign import timing
 from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.campaign.settings import Setting
-from henon_ref.harness.report.files.manifest import provenance
-from henon_ref.harness.report.files.write import MATRIX_PAGE, RUNS
+from henon_ref.harness.report.folder import MATRIX_PAGE, RUNS
+from henon_ref.harness.report.manifest import provenance
 from henon_ref.harness.report.text import index
 from henon_ref.harness.report.text.paired_times import (
     FROM_C,

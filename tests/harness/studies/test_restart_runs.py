@@ -14,7 +14,7 @@ from henon_ref.harness.campaign.options import Options, Silent
 from henon_ref.harness.campaign.settings import Setting
 from henon_ref.harness.campaign.worker import WorkerState
 from henon_ref.harness.cli import study
-from henon_ref.harness.report.files.manifest import provenance
+from henon_ref.harness.report.manifest import provenance
 from henon_ref.harness.report.text.restarts import SUITE, SuiteRow
 from henon_ref.harness.rows import RunRow, read_rows
 from henon_ref.harness.studies.restarts import runs

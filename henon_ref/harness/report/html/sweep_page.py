@@ -25,7 +25,7 @@ from henon_ref.harness.report.html.sweep_content import (
     tables_of,
 )
 from henon_ref.harness.report.html.sweep_runs import NAME, PLACE, case_text, kept_runs, tolerance
-from henon_ref.harness.report.text.formats import count
+from henon_ref.harness.table import count
 from henon_ref.sweeps.manifest import SWEEP_FILE
 from henon_ref.sweeps.storage import MANIFEST, PAGE
 from henon_ref.sweeps.sweep_file import load_sweep

@@ -1,4 +1,4 @@
-"""How often each library is right in each restart over the suite, as the index and a page of its own show it."""
+"""How often each library is right in each restart over the suite, as its page shows it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from henon_ref.harness import registry
-from henon_ref.harness.report.files.write import REPORT
+from henon_ref.harness.report.folder import REPORT
 from henon_ref.harness.report.text.ranking import LEVELS
 from henon_ref.harness.rows import NOT_RUN, Row, RunRow, read_rows
 from henon_ref.harness.score.errors import EARLY

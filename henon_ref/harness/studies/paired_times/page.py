@@ -7,8 +7,8 @@ from pathlib import Path
 
 from henon_ref.casefile.case import Case
 from henon_ref.errors import CaseError
-from henon_ref.harness.report.files.manifest import Provenance
-from henon_ref.harness.report.files.write import RUNS
+from henon_ref.harness.report.folder import RUNS
+from henon_ref.harness.report.manifest import Provenance
 from henon_ref.harness.report.text.paired_times import (
     FIRST,
     FOLDER,

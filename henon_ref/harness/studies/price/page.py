@@ -10,8 +10,7 @@ from typing import Any
 
 from henon_ref.casefile.case import Case
 from henon_ref.harness.campaign.options import Observer, Options
-from henon_ref.harness.report.files.manifest import Provenance
-from henon_ref.harness.report.text.formats import duration
+from henon_ref.harness.report.manifest import Provenance
 from henon_ref.harness.report.text.paired_times import PairRow, own_words
 from henon_ref.harness.report.text.ranking import readings_of
 from henon_ref.harness.rows import RunRow, csv_text, rows_text
@@ -30,6 +29,7 @@ from henon_ref.harness.studies.price.operations import Work, work
 from henon_ref.harness.studies.price.orbit import orbit_problem
 from henon_ref.harness.studies.price.states import Size, sizes
 from henon_ref.harness.studies.study import Asked, Made
+from henon_ref.harness.table import duration
 from henon_ref.harness.truth.compute import stored_truth
 from henon_ref.harness.truth.reference import Truth
 from henon_ref.text import markdown

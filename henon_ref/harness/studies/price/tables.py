@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 
-from henon_ref.harness.report.text.formats import duration, error, significant
 from henon_ref.harness.report.text.paired_times import FIRST, SECOND, PairRow, bound
 from henon_ref.harness.report.text.ranking import LEVELS, by_solver, reaching, readings_of
 from henon_ref.harness.rows import RunRow, number
@@ -15,7 +14,7 @@ from henon_ref.harness.studies.price.growth import Horizon
 from henon_ref.harness.studies.price.ladder import TIMEOUT
 from henon_ref.harness.studies.price.landings import Landed
 from henon_ref.harness.studies.price.states import Size
-from henon_ref.harness.table import Table
+from henon_ref.harness.table import Table, duration, error, significant
 
 LISTED = (
     SECOND, "cvode-c-adams", "cvode-adams", "scipy-dop853", "diffrax-dopri8", "diffrax-kvaerno5", "diffsol-tsit45",

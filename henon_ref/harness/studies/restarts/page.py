@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from henon_ref.harness import registry
-from henon_ref.harness.report.files.manifest import Provenance
-from henon_ref.harness.report.files.write import RUNS
-from henon_ref.harness.report.text.formats import duration
+from henon_ref.harness.report.folder import RUNS
+from henon_ref.harness.report.manifest import Provenance
 from henon_ref.harness.report.text.restarts import (
     ENDINGS,
     FOLDER,
@@ -32,7 +31,7 @@ from henon_ref.harness.studies.restarts import options
 from henon_ref.harness.studies.restarts.options import OptionRow, option_rows, option_table, options_of
 from henon_ref.harness.studies.restarts.runs import LIMIT, LONGER, Entry, Study, run_all
 from henon_ref.harness.studies.study import Asked, Made
-from henon_ref.harness.table import Table
+from henon_ref.harness.table import Table, duration
 from henon_ref.text import code
 
 

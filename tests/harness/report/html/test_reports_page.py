@@ -33,7 +33,7 @@ from henon_ref.harness.report.html.reports_page import choice_rows, page_text
 from henon_ref.harness.report.projects import PROJECTS
 from henon_ref.harness.report.text.choice import choice_table
 from henon_ref.harness.report.text.kinds_figure import draw_kinds
-from henon_ref.harness.report.text.matrix_rows import MatrixRow, read_matrix
+from henon_ref.harness.report.text.matrix import MatrixRow, read_matrix
 from henon_ref.harness.rows import RunRow, read_rows
 
 ROOT = Path(__file__).parents[4]

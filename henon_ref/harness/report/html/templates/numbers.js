@@ -1,4 +1,4 @@
-// Numbers as the markdown reports write them (henon_ref/harness/report/text/formats.py).
+// Numbers as the markdown reports write them (henon_ref/harness/table.py).
 
 /** A number to so many significant places, without an exponent where that reads well. */
 function significant(value, places = 3) {
