@@ -64,10 +64,9 @@ def test_named_cases_stay_and_all_others_live_on_in_the_matrix(reports, tmp_path
     assert (reports / "mine" / "notes.txt").read_text() == "kept"
     assert read_matrix(reports) == before
     assert {row.case for row in before} == {"made_up", "other"}
-    assert "| other |" in (reports / "matrix.md").read_text()
     assert (reports / "rivals" / "README.md").read_text().endswith("[a](../made_up/report.md) b `[c](no)`\n")
     assert (reports / "atlas" / "README.md").read_text() == "# Atlas of grazes\n\nevery run\n"
-    for page in (reports / "README.md", reports / "matrix.md", reports / "made_up" / "report.md"):
+    for page in (reports / "README.md", reports / "made_up" / "report.md"):
         assert list(dead_links(page.read_text(), page.parent)) == []
 
 

@@ -1,7 +1,6 @@
 // The page's data: solvers, readings with the cells of the matrix and their runs, and a place of each run.
 
 const SOLVERS = DATA.solvers.map((solver, k) => ({ ...solver, index: k, colour: `var(--s${k})` }));
-const NOT_RUN = ["unsupported", "unavailable"];
 
 /** A list as an object. */
 const named = (fields, values) => Object.fromEntries(fields.map((field, k) => [field, values[k]]));

@@ -29,12 +29,6 @@ function errorText(value, floor = 0) {
 
 const count = (number, noun) => `${number || "no"} ${noun}${number === 1 ? "" : "s"}`;
 
-function median(values) {
-  const sorted = [...values].sort((a, b) => a - b);
-  const middle = sorted.length >> 1;
-  return sorted.length % 2 ? sorted[middle] : (sorted[middle - 1] + sorted[middle]) / 2;
-}
-
 const SUPERSCRIPTS = "⁰¹²³⁴⁵⁶⁷⁸⁹";
 
 /** A power of ten as text. */

@@ -189,7 +189,7 @@ function resultOf(run) {
   return parts.join(": ");
 }
 
-const scrolling = (content, label) => make("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": label }, content);
+const scrolling = (content, label) => make("div", { class: "scroll reflow", tabindex: "0", role: "region", "aria-label": label }, content);
 
 /** Links to the files of the case, where there are any beside this page. */
 function drawFiles(reading) {

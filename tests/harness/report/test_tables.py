@@ -1,4 +1,4 @@
-"""The tables that a report begins with hold what the rows hold."""
+"""The tables of a report hold what the rows hold: of one reading, of all readings at once, of what a source prints."""
 
 from __future__ import annotations
 
@@ -8,25 +8,26 @@ from decimal import Decimal
 import pytest
 import sympy as sp
 from fakes import TIMES, Reference, case, expected, found, trajectory
-from made_reports import cells, compared, made, usual
+from made_reports import ORIGIN, SWEEP, VALUES, cells, changed, compared, made, sweep, tables, usual
 
 from henon_ref.casefile.expected import Orbit
 from henon_ref.harness.campaign.comparison import Comparison
 from henon_ref.harness.campaign.results import ReadingResult
 from henon_ref.harness.campaign.rows import Outcome, record, scored
 from henon_ref.harness.campaign.settings import Setting
-from henon_ref.harness.report.text.published import orbit_table, printed_times_table, published_table
-from henon_ref.harness.report.text.summary import HEADINGS, solver_table
-from henon_ref.harness.report.text.tables import price_table
-from henon_ref.harness.report.text.truth import no_truth, truth_table
+from henon_ref.harness.report.text.markdown import MANY, report_text
+from henon_ref.harness.report.text.ranking import over_all
+from henon_ref.harness.report.text.tables import price_table, solver_table
+from henon_ref.harness.report.text.truth import no_truth, orbit_table, printed_times_table, published_table, truth_table
 from henon_ref.harness.rows import RunRow
+from henon_ref.harness.table import duration
 from henon_ref.trajectory import Transition
 
 RIGHT = "right"
 
 
 def solvers(comparison: Comparison) -> dict[str, dict[str, str]]:
-    return cells(solver_table(comparison, comparison.readings[0]))
+    return cells(solver_table(comparison.records))
 
 
 def truth(comparison: Comparison) -> dict[str, tuple[str, ...]]:
@@ -37,9 +38,6 @@ def truth(comparison: Comparison) -> dict[str, tuple[str, ...]]:
 def test_a_row_a_solver_says_where_it_is_right_and_what_it_costs():
     table = solvers(usual())
     assert list(table) == ["`henon`", "`heyoka`", "`scipy-rk45`", "`scipy-sign`", "`ida`"]
-    assert [h for h in HEADINGS if h not in ("setting", "right")] == [
-        "solver", "digits", "time", "times as long", "note",
-    ]  # fmt: skip
     assert list(table["`henon`"].values()) == ["`henon`", "12", "0.3 ms", "1", "1e-12", "2 of 2", ""]
     assert table["`heyoka`"]["times as long"] == "3"
     assert (table["`scipy-rk45`"][RIGHT], table["`scipy-rk45`"]["note"]) == ("1 of 2", "1 missed, 0 spurious at 1e-6")
@@ -150,7 +148,7 @@ def published(comparison: Comparison, *printed: str, measure_after: float = 1.0)
     reading = comparison.readings[0].reading
     own = replace(reading.published, stick_durations=decimals(*printed))
     reading = replace(reading, published=own, measure_after=measure_after)
-    return cells(published_table(comparison, replace(comparison.readings[0], reading=reading)))
+    return cells(published_table(comparison.records, replace(comparison.readings[0], reading=reading)))
 
 
 def decimals(*texts: str) -> tuple[Decimal, ...]:
@@ -208,3 +206,112 @@ def test_an_orbit_that_the_case_names_is_set_beside_the_last_period():
     ]  # fmt: skip
     assert [row[2] for row in table.rows] == ["", "0", "1.0e-1", "5.0e-1"]
     assert orbit_table(result) is None
+
+
+def first(comparison: Comparison) -> dict[str, dict[str, str]]:
+    """The table that a report begins with."""
+    return cells(tables(report_text(comparison, ORIGIN))[0])
+
+
+def test_one_setting_for_all_readings_costs_the_sum_of_their_times():
+    comparison = sweep()
+    whole = over_all([[r.run for r in comparison.of_reading(f"f{v}")] for v in VALUES])
+    assert [(row.solver, row.rtol, row.verdict, row.right_in) for row in whole] == [
+        ("henon", 1e-6, "right", 4), ("henon", 1e-9, "right", 4),
+        ("heyoka", 1e-6, "right", 4), ("heyoka", 1e-9, "right", 4),
+    ]  # fmt: skip
+    one = comparison.of_reading("f1")[1].run
+    assert whole[1].wall_s == pytest.approx(4 * one.wall_s)
+    assert whole[1].digits == one.digits
+
+
+def test_a_time_of_all_readings_that_scatters_is_marked():
+    comparison = sweep()
+    assert "†" not in report_text(comparison, ORIGIN).partition("### Every run")[0]
+    shaken = comparison.of_reading("f1")[0].run
+    put(comparison, "f1", 0, wall_s_iqr=4 * shaken.wall_s)
+    head = report_text(comparison, ORIGIN).partition("## All readings")[0]
+    assert f"| {duration(4 * shaken.wall_s)} † |" in head
+    assert "†: the ranges of all readings' samples add up to more than a tenth of it." in head
+
+
+def test_a_setting_that_is_wrong_in_one_reading_is_not_right_in_all():
+    comparison = sweep(wrong=[("henon", "f3", 1e-6)])
+    table = first(comparison)
+    assert list(table["`henon`"].values()) == ["`henon`", "9", "0.318 ms", "1", "1e-9", "4 of 4", ""]
+    also = "in as many at 1e-6"
+    assert list(table["`heyoka`"].values()) == ["`heyoka`", "9", "1.27 ms", "4", "1e-9", "4 of 4", also]
+    whole = tables(report_text(comparison, ORIGIN))
+    prices = next(own for own in whole if own.headings[:2] == ("digits", "cheapest"))
+    digits = next(own for own in whole if own.headings[0] == "reading")
+    assert prices.rows[0] == ("3", "`henon`", "1e-9", "0.318 ms", "`heyoka`", "1e-6", "0.637 ms", "2")
+    assert prices.rows[3][:2] == ("12", "none")
+    assert cells(digits)["[f3](#f3)"]["`henon`"] == "9 *"
+    assert cells(digits)["[f4](#f4)"]["`henon`"] == "9"
+
+
+def test_where_no_setting_is_right_in_all_readings_the_best_ones_are_shown():
+    wrong = [(solver, f"f{v}", rtol) for solver in ("henon", "heyoka") for v in (1, 2) for rtol in (1e-6, 1e-9)]
+    comparison = sweep(wrong=wrong[1:])
+    table = first(comparison)
+    assert list(table["`henon`"].values()) == ["`henon`", "6", "", "", "1e-6", "3 of 4", ""]
+    assert list(table["`heyoka`"].values())[1:] == ["9", "", "", "1e-9", "2 of 4", "in as many at 1e-6"]
+    assert all("cheapest" not in own.headings for own in tables(report_text(comparison, ORIGIN))[:2])
+    none = first(sweep(wrong=[(s, f"f{v}", r) for s in ("henon", "heyoka") for v in VALUES for r in (1e-6, 1e-9)]))
+    assert list(none["`henon`"].values())[1:] == ["", "", "", "", "0 of 4", ""]
+
+
+def test_readings_without_a_truth_are_counted_and_left_out():
+    comparison = sweep(without_truth=("f2",))
+    assert first(comparison)["`henon`"][RIGHT] == "3 of 3"
+    text = report_text(comparison, ORIGIN)
+    assert "in how many of 3 readings, 1 more without a truth, at one and the same setting" in text
+    assert "[f2](#f2)" not in text
+    assert "No run is judged: there is no truth (none)." in text.partition("## f2\n")[2].partition("## f3\n")[0]
+
+
+def test_of_few_readings_the_tables_stand_at_the_top():
+    assert MANY == 4
+    head = report_text(sweep(readings=VALUES[:3]), ORIGIN).split("## f1\n")[0]
+    assert [own.headings[0] for own in tables(head)] == ["solver"] * 3
+    assert head.count("The most accurate right run of each solver") == 1
+    assert "[f2](#f2)" in head
+    assert "## All readings" not in head
+
+
+def test_a_model_and_a_story_are_told_once():
+    text = report_text(sweep(), ORIGIN)
+    assert text.count("\\begin{aligned}") == report_text(sweep(readings=(1,)), ORIGIN).count("\\begin{aligned}")
+    assert text.count("The equations are those of [f1](#f1).") == len(VALUES) - 1
+    assert all(f"$F = {value}$" in text for value in VALUES)
+    told = replace(case(text=SWEEP).readings[0], story="A story.")
+    comparison = sweep()
+    for result in comparison.readings:
+        result.reading = replace(result.reading, story=told.story)
+    assert report_text(comparison, ORIGIN).count("A story.") == 1
+
+
+def put(comparison: Comparison, reading: str, number: int, **values: object) -> None:
+    """Other values for a run of a reading."""
+    own = comparison.of_reading(reading)[number]
+    comparison.records[comparison.records.index(own)] = changed(own, **values)
+
+
+def test_of_settings_that_are_as_good_the_cheapest_is_shown():
+    comparison = sweep(settings=(1e-9, 0.9e-9))
+    for result in comparison.readings:
+        put(comparison, result.reading.name, 1, wall_s=1e-9)
+    row = first(comparison)["`henon`"]
+    assert (row["setting"], row["note"]) == ("9e-10", "in as many at 1e-9")
+    for result in comparison.readings:
+        put(comparison, result.reading.name, 0, wall_s=1e-10)
+    assert first(comparison)["`henon`"]["setting"] == "1e-9"
+
+
+def test_a_run_that_is_not_judged_has_no_ok_of_one_that_is_right():
+    comparison = sweep(settings=(1e-6,))
+    values = ({}, {"verdict": "not judged"}, {"verdict": "not judged", "status": "timeout"})
+    for k, own in enumerate(values):
+        comparison.records[k] = changed(comparison.records[k], digits=None, **own)
+    table = tables(report_text(comparison, ORIGIN).partition("## All readings")[2])[0]
+    assert [row[2:] for row in table.rows[:2]] == [("ok", "not judged"), ("timeout", "6")]
