@@ -6,11 +6,9 @@ from dataclasses import replace
 from decimal import Decimal
 
 import pytest
-import sympy as sp
 from fakes import TIMES, Reference, case, expected, found, trajectory
 from made_reports import ORIGIN, SWEEP, VALUES, cells, changed, compared, made, sweep, tables, usual
 
-from henon_ref.casefile.expected import Orbit
 from henon_ref.harness.campaign.comparison import Comparison
 from henon_ref.harness.campaign.results import ReadingResult
 from henon_ref.harness.campaign.rows import Outcome, record, scored
@@ -18,9 +16,8 @@ from henon_ref.harness.campaign.settings import Setting
 from henon_ref.harness.report.text.markdown import MANY, report_text
 from henon_ref.harness.report.text.ranking import over_all
 from henon_ref.harness.report.text.tables import price_table, solver_table
-from henon_ref.harness.report.text.truth import no_truth, orbit_table, printed_times_table, published_table, truth_table
+from henon_ref.harness.report.text.truth import no_truth, printed_times_table, published_table, truth_table
 from henon_ref.harness.rows import RunRow
-from henon_ref.harness.table import duration
 from henon_ref.trajectory import Transition
 
 RIGHT = "right"
@@ -33,16 +30,6 @@ def solvers(comparison: Comparison) -> dict[str, dict[str, str]]:
 def truth(comparison: Comparison) -> dict[str, tuple[str, ...]]:
     """Value and note of each line of the table on the truth."""
     return {row[0]: row[1:] for row in truth_table(comparison.readings[0]).rows}
-
-
-def test_a_row_a_solver_says_where_it_is_right_and_what_it_costs():
-    table = solvers(usual())
-    assert list(table) == ["`henon`", "`heyoka`", "`scipy-rk45`", "`scipy-sign`", "`ida`"]
-    assert list(table["`henon`"].values()) == ["`henon`", "12", "0.3 ms", "1", "1e-12", "2 of 2", ""]
-    assert table["`heyoka`"]["times as long"] == "3"
-    assert (table["`scipy-rk45`"][RIGHT], table["`scipy-rk45`"]["note"]) == ("1 of 2", "1 missed, 0 spurious at 1e-6")
-    assert list(table["`scipy-sign`"].values())[1:-1] == ["", "", "", "", "0 of 1"]
-    assert (table["`ida`"][RIGHT], table["`ida`"]["note"]) == ("unavailable", "it is not installed")
 
 
 def test_settings_out_of_time_are_noted_beside_wrong_ones():
@@ -176,36 +163,12 @@ def test_a_stick_that_the_horizon_cuts_off_is_not_denied(times, ends_in_slip):
     assert row["digits hold"] == ""
 
 
-def test_printed_times_stand_beside_the_transition_that_is_nearest():
-    whole = compared()
-    result: ReadingResult = whole.readings[0]
-    own = replace(result.reading.published, transition_times=decimals("0.50", "1.4"))
-    found = printed_times_table(replace(result, reading=replace(result.reading, published=own)))
-    assert found is not None
-    assert found.rows == [
-        ("0.50", "stick, `s`", "0.5", "0", "yes"),
-        ("1.4", "release, `s`", "1.25", "1.5e-1", "no"),
-    ]
-    assert printed_times_table(result) is None
-
-
 def test_a_run_without_transitions_has_none_beside_a_printed_time():
     result: ReadingResult = compared(expected=expected(())).readings[0]
     own = replace(result.reading.published, transition_times=decimals("1.00"))
     found = printed_times_table(replace(result, reading=replace(result.reading, published=own)))
     assert found is not None
     assert found.rows == [("1.00", "none", "", "", "")]
-
-
-def test_an_orbit_that_the_case_names_is_set_beside_the_last_period():
-    result: ReadingResult = compared().readings[0]
-    orbit = Orbit(sp.Integer(2), decimals("0.75", "0.4"), decimals("1.5"))
-    table = orbit_table(replace(result, reading=replace(result.reading, orbit=orbit)))
-    assert [row[:2] for row in table.rows] == [
-        ("period", "2"), ("stick", "0.75"), ("stick", "0.4"), ("crossing, modulo the period", "1.5"),
-    ]  # fmt: skip
-    assert [row[2] for row in table.rows] == ["", "0", "1.0e-1", "5.0e-1"]
-    assert orbit_table(result) is None
 
 
 def first(comparison: Comparison) -> dict[str, dict[str, str]]:
@@ -225,31 +188,6 @@ def test_one_setting_for_all_readings_costs_the_sum_of_their_times():
     assert whole[1].digits == one.digits
 
 
-def test_a_time_of_all_readings_that_scatters_is_marked():
-    comparison = sweep()
-    assert "†" not in report_text(comparison, ORIGIN).partition("### Every run")[0]
-    shaken = comparison.of_reading("f1")[0].run
-    put(comparison, "f1", 0, wall_s_iqr=4 * shaken.wall_s)
-    head = report_text(comparison, ORIGIN).partition("## All readings")[0]
-    assert f"| {duration(4 * shaken.wall_s)} † |" in head
-    assert "†: the ranges of all readings' samples add up to more than a tenth of it." in head
-
-
-def test_a_setting_that_is_wrong_in_one_reading_is_not_right_in_all():
-    comparison = sweep(wrong=[("henon", "f3", 1e-6)])
-    table = first(comparison)
-    assert list(table["`henon`"].values()) == ["`henon`", "9", "0.318 ms", "1", "1e-9", "4 of 4", ""]
-    also = "in as many at 1e-6"
-    assert list(table["`heyoka`"].values()) == ["`heyoka`", "9", "1.27 ms", "4", "1e-9", "4 of 4", also]
-    whole = tables(report_text(comparison, ORIGIN))
-    prices = next(own for own in whole if own.headings[:2] == ("digits", "cheapest"))
-    digits = next(own for own in whole if own.headings[0] == "reading")
-    assert prices.rows[0] == ("3", "`henon`", "1e-9", "0.318 ms", "`heyoka`", "1e-6", "0.637 ms", "2")
-    assert prices.rows[3][:2] == ("12", "none")
-    assert cells(digits)["[f3](#f3)"]["`henon`"] == "9 *"
-    assert cells(digits)["[f4](#f4)"]["`henon`"] == "9"
-
-
 def test_where_no_setting_is_right_in_all_readings_the_best_ones_are_shown():
     wrong = [(solver, f"f{v}", rtol) for solver in ("henon", "heyoka") for v in (1, 2) for rtol in (1e-6, 1e-9)]
     comparison = sweep(wrong=wrong[1:])
@@ -259,15 +197,6 @@ def test_where_no_setting_is_right_in_all_readings_the_best_ones_are_shown():
     assert all("cheapest" not in own.headings for own in tables(report_text(comparison, ORIGIN))[:2])
     none = first(sweep(wrong=[(s, f"f{v}", r) for s in ("henon", "heyoka") for v in VALUES for r in (1e-6, 1e-9)]))
     assert list(none["`henon`"].values())[1:] == ["", "", "", "", "0 of 4", ""]
-
-
-def test_readings_without_a_truth_are_counted_and_left_out():
-    comparison = sweep(without_truth=("f2",))
-    assert first(comparison)["`henon`"][RIGHT] == "3 of 3"
-    text = report_text(comparison, ORIGIN)
-    assert "in how many of 3 readings, 1 more without a truth, at one and the same setting" in text
-    assert "[f2](#f2)" not in text
-    assert "No run is judged: there is no truth (none)." in text.partition("## f2\n")[2].partition("## f3\n")[0]
 
 
 def test_of_few_readings_the_tables_stand_at_the_top():
