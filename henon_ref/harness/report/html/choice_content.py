@@ -14,6 +14,10 @@ from henon_ref.harness.table import count, duration, significant
 HEADINGS = ("kind of case", "readings", "take", "gets", "time", "other package", "gets", "times as long")
 SIDES = "lrlrrlrr"
 """Of each column: text, or numbers."""
+CAPTION = (
+    "The fastest of the solvers that get {} in the most readings, or in up to a tenth fewer; readings: of all, those "
+    "with a transition to time; times are medians"
+)
 FIRST = 9
 """Digits that the page begins with."""
 
@@ -32,12 +36,17 @@ def choice_levels(rows: Sequence[MatrixRow], solvers: Sequence[str]) -> list[dic
     return [
         {
             "digits": level or 0,
-            "wanted": "the right sequence and end" if level is ANY else count(level, "digit"),
+            "wanted": _wanted(level),
+            "caption": CAPTION.format(_wanted(level)),
             "rows": choice_rows(rows, level),
             "groups": [_group(kind, own, level, solvers) for kind, own in groups.items()],
         }
         for level in (ANY, *LEVELS)
     ]
+
+
+def _wanted(level: int | None) -> str:
+    return "the right sequence and end" if level is None else count(level, "digit")
 
 
 def choice_rows(rows: Sequence[MatrixRow], level: int | None) -> list[tuple[str, ...]]:
@@ -60,7 +69,6 @@ def choice_rows(rows: Sequence[MatrixRow], level: int | None) -> list[tuple[str,
 def _group(kind: str, rows: Sequence[MatrixRow], level: int | None, solvers: Sequence[str]) -> dict[str, Any]:
     """Of some readings: the answer in words, and a bar a solver."""
     counted, found = readings_for(rows, level), choice(rows, level)
-    wanted = "the right sequence and end" if level is ANY else count(level, "digit")
     readings = count(len(counted), "reading") + ("" if level is ANY else " with a transition to time")
     answer = "no solver gets there"
     if found is not None:
@@ -69,7 +77,7 @@ def _group(kind: str, rows: Sequence[MatrixRow], level: int | None, solvers: Seq
             longer = "" if found.times is None else f", {significant(found.times, 2)} times as long"
             answer += f"; of other packages {found.other.solver} (in {len(found.other.walls)}{longer})"
     return {
-        "answer": f"For {wanted}, {kind}: {answer}.",
+        "answer": f"For {_wanted(level)}, {kind}: {answer}.",
         "readings": readings,
         "all": len(counted),
         "bars": _bars([row for row in rows if row.problem in counted], level, solvers),

@@ -38,8 +38,8 @@ CELL = ("settings", "judged", "right", "status", "verdict", "digits", "wall_s", 
 """Columns of the matrix that a cell is a list of, behind its solver."""
 SHOWN_FILES = (".md", ".csv", ".svg")
 Details = dict[str, Any]
-"""What is known of a case: title, words of its file, ``files`` beside its report, and ``readings`` by name, each with its
-portrait and, by solver, its runs."""
+"""What is known of a case: title, words of its file, ``files`` beside its report, and ``readings`` by name, each with
+its portrait and, by solver, its runs."""
 
 
 def content(folder: Path, rows: Sequence[MatrixRow]) -> dict[str, Any]:

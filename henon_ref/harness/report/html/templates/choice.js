@@ -10,7 +10,7 @@ function drawChoice(digits, kind) {
     row.classList.toggle("now", kind === k);
     cells.forEach((text, j) => { row.children[j].textContent = text; });
   });
-  byId("choice-digits").textContent = level.wanted;
+  byId("choice-table").querySelector("caption").textContent = level.caption;
   const group = level.groups[kind === null ? 0 : kind + 1];
   byId("answer").textContent = group.answer;
   const lines = group.bars.map(([solver, got, judged, slower]) => ({ solver: SOLVERS[solver], got, judged, slower }));
