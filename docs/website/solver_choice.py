@@ -8,13 +8,11 @@ from functools import cache
 from pathlib import Path
 
 from henon_ref.harness import registry
-from henon_ref.harness.report.files.write import MANIFEST
-from henon_ref.harness.report.text.choice import ANY, Reach, by_kind, reaches, readings_for
-from henon_ref.harness.report.text.formats import significant
-from henon_ref.harness.report.text.index import commits
-from henon_ref.harness.report.text.matrix_rows import MatrixRow, read_matrix
+from henon_ref.harness.report.folder import MANIFEST
+from henon_ref.harness.report.text.choice import ANY, Reach, by_kind, commits, reaches, readings_for
+from henon_ref.harness.report.text.matrix import MatrixRow, read_matrix
 from henon_ref.harness.report.text.ranking import LEVELS, by_solver
-from henon_ref.harness.table import Table
+from henon_ref.harness.table import Table, significant
 from henon_ref.text import code
 from website.tolerance_table import loosest
 

@@ -6,10 +6,9 @@ from functools import cache
 from pathlib import Path
 from statistics import median
 
-from henon_ref.harness.report.files.write import RUNS
-from henon_ref.harness.report.text.formats import digits, exponential
+from henon_ref.harness.report.folder import RUNS
 from henon_ref.harness.rows import NOT_RUN, RunRow, read_rows
-from henon_ref.harness.table import Table
+from henon_ref.harness.table import Table, digits, exponential
 from henon_ref.text import code
 
 REPORTS = Path(__file__).resolve().parents[2] / "reports"

@@ -14,6 +14,7 @@ from dataclasses import MISSING, dataclass, field, fields
 from pathlib import Path
 from typing import Any, TypeVar, get_type_hints
 
+from henon_ref.harness.table import setting
 from henon_ref.text import cell, from_cell, shortened
 
 NOT_RUN = ("unsupported", "unavailable")
@@ -128,6 +129,11 @@ class RunRow(Row):
         """Tolerance or step: the smaller, the tighter; infinite where there is neither."""
         size = self.step_s if self.rtol is None else self.rtol
         return math.inf if size is None else size
+
+    @property
+    def setting(self) -> str:
+        """Tolerance or step as tables have it."""
+        return setting(self.rtol, self.step_s)
 
     @property
     def repeated(self) -> bool:

@@ -1,7 +1,8 @@
-"""Tables of text, set as markdown, as plain columns for a terminal, and as HTML for a notebook."""
+"""Tables: of text, set as markdown, as plain columns for a terminal, as HTML for a notebook; and numbers in them."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -48,3 +49,116 @@ class Table:
         head = "".join(f"<th>{html(cell)}</th>" for cell in self.headings)
         body = "".join(f"<tr>{''.join(f'<td>{html(cell)}</td>' for cell in row)}</tr>" for row in self.rows)
         return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def duration(seconds: object) -> str:
+    """A wall time with three digits and a unit.
+
+    Examples
+    --------
+    >>> duration(3.456e-4), duration(0.0123), duration(12.0), duration(None)
+    ('0.346 ms', '12.3 ms', '12 s', '')
+    """
+    if not isinstance(seconds, float | int) or math.isnan(seconds):
+        return ""
+    if seconds < 1e-4:
+        return f"{significant(seconds * 1e6)} µs"
+    if seconds < 1.0:
+        return f"{significant(seconds * 1e3)} ms"
+    return f"{significant(seconds)} s"
+
+
+def significant(value: float, places: int = 3) -> str:
+    """A number rounded to so many significant places, without an exponent where that reads well.
+
+    Examples
+    --------
+    >>> significant(0.34567), significant(1234.5), significant(12.0), significant(0.000001234)
+    ('0.346', '1230', '12', '1.23e-6')
+    """
+    if value == 0 or not math.isfinite(value):
+        return f"{value:g}"
+    exponent = math.floor(math.log10(abs(value)))
+    if -3 <= exponent < 6:
+        rounded = round(value, places - 1 - exponent)
+        return (
+            f"{rounded:.{max(places - 1 - exponent, 0)}f}".rstrip("0").rstrip(".")
+            if exponent < places - 1
+            else (f"{rounded:.0f}")
+        )
+    return exponential(value, places)
+
+
+def exponential(value: float, places: int = 2) -> str:
+    """A number in scientific notation, without zeros in the exponent.
+
+    Examples
+    --------
+    >>> exponential(1.234e-13), exponential(-5e-5), exponential(1e-6, 1)
+    ('1.2e-13', '-5.0e-5', '1e-6')
+    """
+    mantissa, _, power = f"{value:.{places - 1}e}".partition("e")
+    return f"{mantissa}e{int(power)}"
+
+
+def error(value: object, floor: float = 0.0) -> str:
+    """An error of a time [s]; one that is below what can be claimed is not claimed.
+
+    Examples
+    --------
+    >>> error(3.21e-13), error(1e-40, 1e-30), error(0.0), error(None)
+    ('3.2e-13', '< 1e-30', '0', '')
+    """
+    if not isinstance(value, float | int) or math.isnan(value):
+        return ""
+    if abs(value) < floor:
+        return f"< {exponential(floor, 1)}"
+    return "0" if value == 0 else exponential(float(value))
+
+
+def digits(value: float) -> str:
+    """A number of digits, rounded down.
+
+    Examples
+    --------
+    >>> digits(11.99996), digits(9.0), digits(-0.04)
+    ('11.9', '9', '-0.1')
+    """
+    return f"{math.floor(value * 10 + 1e-9) / 10:g}"
+
+
+def setting(rtol: object, step: object) -> str:
+    """What a run was asked for.
+
+    Examples
+    --------
+    >>> setting(1e-9, None), setting(None, 0.0001)
+    ('1e-9', 'h = 0.0001 s')
+    """
+    if isinstance(rtol, float | int):
+        return exponential(float(rtol), 1) if float(f"{rtol:.0e}") == rtol else f"{rtol:g}"
+    return f"h = {step:g} s" if isinstance(step, float | int) else ""
+
+
+def listing(items: Sequence[str], last: str = "and") -> str:
+    """Items as a phrase.
+
+    Examples
+    --------
+    >>> listing(["a"]), listing(["a", "b"]), listing(["a", "b", "c"])
+    ('a', 'a and b', 'a, b and c')
+    """
+    if len(items) < 2:
+        return "".join(items)
+    return f"{', '.join(items[:-1])} {last} {items[-1]}"
+
+
+def count(number: int, noun: str) -> str:
+    """A number with its noun.
+
+    Examples
+    --------
+    >>> count(1, "transition"), count(2, "transition"), count(0, "crossing")
+    ('1 transition', '2 transitions', 'no crossings')
+    """
+    return f"{number or 'no'} {noun}" + ("" if number == 1 else "s")

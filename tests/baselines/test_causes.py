@@ -14,7 +14,7 @@ from henon_ref.baselines.cvode_c.build import compiler
 from henon_ref.harness.campaign.causes import PATTERNS, cause_of
 from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.registry import program_versions
-from henon_ref.harness.report.files.manifest import provenance
+from henon_ref.harness.report.manifest import provenance
 from henon_ref.harness.rows import RunRow, TransitionRow
 from henon_ref.harness.studies import causes as page
 from henon_ref.harness.studies.study import Asked

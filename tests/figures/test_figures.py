@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import re
 from dataclasses import dataclass
 from itertools import pairwise
@@ -15,13 +16,13 @@ import sympy as sp
 from henon_ref.casefile.case import Reading, load_case
 from henon_ref.figures.description import description_of
 from henon_ref.figures.motion import Motion, axes_of_portrait, draw_portrait, motion_of
+from henon_ref.figures.style import save
 from henon_ref.figures.time_series import draw_modes
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.run_jobs import sample_times
 from henon_ref.harness.campaign.truth_job import statement_of
 from henon_ref.harness.figures.cost import draw_cost
 from henon_ref.harness.figures.errors import draw_errors, running_maximum
-from henon_ref.harness.report.files.figure_jobs import svg
 from henon_ref.harness.rows import RunRow, TransitionRow
 from henon_ref.harness.score.reference import Expected
 from henon_ref.taylor.tape import TIME
@@ -46,10 +47,12 @@ def moved(name: str) -> tuple[Reading, Expected, Motion]:
 
 
 def drawn_vertices(figure, axes) -> np.ndarray:
-    """Vertices of the curves of some axes, read from the SVG, in the axes' data."""
+    """Vertices of the curves of some axes, read from the SVG as it is before it is shortened, in the axes' data."""
     for line in axes.lines:
         line.set_gid("curve" if line.get_linestyle() == "-" else None)
-    root = ElementTree.fromstring(svg(figure))
+    written = io.BytesIO()
+    save(figure, written)
+    root = ElementTree.fromstring(written.getvalue())
     paths = [
         path.get("d", "")
         for group in root.iter("{http://www.w3.org/2000/svg}g")

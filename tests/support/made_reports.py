@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from fakes import case, expected, found, statement, trajectory
+from fakes import CASE, case, expected, found, statement, trajectory
 
 from henon_ref.harness.campaign.comparison import Comparison
 from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.campaign.results import ReadingResult
 from henon_ref.harness.campaign.rows import Outcome, Record, record, scored
 from henon_ref.harness.campaign.settings import Setting
-from henon_ref.harness.report.files.manifest import Provenance
+from henon_ref.harness.report.manifest import Provenance
 from henon_ref.harness.table import Table
 from henon_ref.workers.worker import Failure
 
@@ -86,3 +86,33 @@ def usual() -> Comparison:
         made("scipy-sign", 1e-6, 1e-5, what="misses"),
         made("ida", 1e-6, 0.0, what="unavailable"),
     )
+
+
+VALUES = (1, 2, 3, 4)
+ALL = range(1, 8)
+SWEEP = CASE + "readings:\n" + "".join(f"  f{v}: {{{{system: {{{{parameters: {{{{F: {v}}}}}}}}}}}}}\n" for v in ALL)
+
+
+def sweep(wrong=(), readings=VALUES, without_truth=(), settings=(1e-6, 1e-9)) -> Comparison:
+    """A made-up sweep: ``wrong`` are the runs (solver, reading, rtol) that miss a transition."""
+    swept = case(text=SWEEP)
+    chosen = [r for r in swept.readings if r.name in {f"f{v}" for v in readings}]
+    results = [
+        ReadingResult(r, replace(statement(None, None), expected=None, reason="none")
+                      if r.name in without_truth else statement(None, None))
+        for r in chosen
+    ]  # fmt: skip
+    records = [
+        made(
+            solver,
+            rtol,
+            wall / rtol**0.1,
+            what="misses" if (solver, r.name, rtol) in wrong else "right",
+            truth=replace(expected(), start=0.0),
+            reading=r,
+        )
+        for r in chosen
+        for solver, wall in (("henon", 1e-5), ("heyoka", 4e-5))
+        for rtol in settings
+    ]
+    return Comparison(swept, results, records, Options())

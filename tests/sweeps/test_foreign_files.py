@@ -19,7 +19,7 @@ from sweep_systems import SWEEP, assert_same, sliding_block
 import henon_ref as hr
 from henon_ref.errors import HenonRefError
 from henon_ref.harness.cli.sweep import program
-from henon_ref.harness.report.files.folder_lock import FolderLock
+from henon_ref.harness.report.folder import FolderLock
 from henon_ref.sweeps.storage import KEY, SweepFolder, owned
 from henon_ref.sweeps.sweep_file import load_sweep
 from henon_ref.sweeps.table import assembled

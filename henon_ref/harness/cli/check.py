@@ -25,14 +25,14 @@ from henon_ref.harness.campaign.comparison import Comparison, compare_all
 from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.registry import is_peer
 from henon_ref.harness.report.case_report import write_report
-from henon_ref.harness.report.files.manifest import provenance
-from henon_ref.harness.report.files.write import MANIFEST, MATRIX, PAGE, REPORT, ROWS, RUNS
+from henon_ref.harness.report.folder import MANIFEST, MATRIX, PAGE, REPORT, ROWS, RUNS
 from henon_ref.harness.report.html.content import content
-from henon_ref.harness.report.html.rendering import embedded, read_embedded
-from henon_ref.harness.report.text.formats import setting
-from henon_ref.harness.report.text.matrix_rows import read_matrix
+from henon_ref.harness.report.html.rendering import embedded, read_embedded, unpacked
+from henon_ref.harness.report.manifest import provenance
+from henon_ref.harness.report.text.matrix import read_matrix
 from henon_ref.harness.report.text.ranking import floor
 from henon_ref.harness.rows import Key, RunRow, number, read_rows
+from henon_ref.harness.table import setting
 
 FACTOR = 10.0
 """Errors may differ by this factor: rounding is not the same on every processor."""
@@ -107,7 +107,7 @@ def page_differences(reports: Path) -> list[str]:
     if not page.exists():
         return []
     shown = read_embedded(page.read_text(encoding="utf-8"))
-    made = json.loads(embedded(content(reports, read_matrix(reports))))
+    made = unpacked(embedded(content(reports, read_matrix(reports))))
     return [] if shown == made else [f"{page} does not show what {MATRIX} and the reports beside it say"]
 
 

@@ -19,11 +19,10 @@ from henon_ref.harness.campaign.progress import ProgressLine
 from henon_ref.harness.cli.end_output import EndTable, case_line, document, print_end
 from henon_ref.harness.cli.request import Request
 from henon_ref.harness.report.case_report import write_report
-from henon_ref.harness.report.files.figure_jobs import figure_job
-from henon_ref.harness.report.files.folder_lock import locked, locked_for_a_moment
-from henon_ref.harness.report.files.manifest import provenance
-from henon_ref.harness.report.files.write import check_writable, remove_if_empty
+from henon_ref.harness.report.figure_jobs import figure_job
+from henon_ref.harness.report.folder import check_writable, locked, remove_if_empty
 from henon_ref.harness.report.folder_report import write_folder_report
+from henon_ref.harness.report.manifest import provenance
 from henon_ref.harness.report.text.gate import bounds_left_out, demands_state, gate_state, why_unchecked
 from henon_ref.harness.report.text.markdown import environment
 from henon_ref.harness.score.gate import Demand, Gate, demand
@@ -90,7 +89,7 @@ def _compared(cases: Sequence[Case], options: Options, request: Request) -> Unme
     with ProgressLine() as shown:
         draw = figure_job if request.figures else None
         compare_all(cases, options, deliver, draw=draw, observer=shown)
-    with locked_for_a_moment(request.out):
+    with locked([request.out], wait=True):
         index = write_folder_report(request.out)
     discard(request.out, cases)
     where = written[0] if len(written) == 1 else index

@@ -10,11 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from henon_ref.harness import registry
-from henon_ref.harness.report.text.formats import count, digits, duration, setting, significant
 from henon_ref.harness.rows import RunRow
 from henon_ref.harness.score.gate import demand
 from henon_ref.harness.score.standing import SolverLine, standings, tightest
-from henon_ref.harness.table import Table
+from henon_ref.harness.table import Table, count, digits, duration, significant
 from henon_ref.text import listed, message
 
 HEADINGS = ("solver", "right of judged", "digits", "time", "times as long")
@@ -108,7 +107,7 @@ class EndTable:
         for row in self.rows:
             solver, status, reason = row.solver, row.status, row.status_reason or ""
             if demand(solver, [row]).failures or row.verdict in NOT_JUDGED:
-                where = f"{row.case} {row.reading} at {setting(row.rtol, row.step_s)}"
+                where = f"{row.case} {row.reading} at {row.setting}"
                 found.setdefault((solver, status, reason), []).append(where)
         return [Failing(*key, tuple(where)) for key, where in found.items()]
 

@@ -17,7 +17,7 @@ from henon_ref.commands.exit_status import DONE, exit_status, parsed
 from henon_ref.commands.typer_app import Cases, application, examples
 from henon_ref.errors import ModelError
 from henon_ref.harness.campaign.case_files import load_cases
-from henon_ref.harness.report.text.formats import count
+from henon_ref.harness.table import count
 from henon_ref.modes.mode import Mode, mode_text
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.size import size, total_size

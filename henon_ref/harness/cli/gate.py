@@ -20,15 +20,21 @@ from henon_ref.commands.exit_status import DONE, NOT_MET, exit_status, parsed, s
 from henon_ref.commands.typer_app import application, examples
 from henon_ref.errors import CaseError
 from henon_ref.harness.cli.arguments import names
-from henon_ref.harness.report.files.manifest import read_bounds
-from henon_ref.harness.report.files.write import MANIFEST, RUNS
-from henon_ref.harness.report.text.ci import junit_xml, step_summary
-from henon_ref.harness.report.text.formats import count
-from henon_ref.harness.report.text.gate import bounds_left_out, demands_state, gate_state, why_unchecked
+from henon_ref.harness.report.folder import MANIFEST, RUNS
+from henon_ref.harness.report.manifest import read_bounds
+from henon_ref.harness.report.text.gate import (
+    bounds_left_out,
+    demands_state,
+    gate_state,
+    junit_xml,
+    step_summary,
+    why_unchecked,
+)
 from henon_ref.harness.rows import RUN_COLUMNS, AnyRow, Key, RunRow, TableError, read_rows
 from henon_ref.harness.score.gate import Gate, demand, gate
 from henon_ref.harness.score.regression import held_against
 from henon_ref.harness.score.row_result import KnownFailure, RowResult, check_status, row_result
+from henon_ref.harness.table import count
 from henon_ref.text import did_you_mean, listed, message, shortened
 
 app = application()

@@ -2,8 +2,8 @@
 
 ``python -m henon_ref.prune CASE... [--reports DIR]``: the folders of these cases stay, without their rows of
 transitions and raw samples; those of all other cases go, and live on in the matrix, from which the index is made.
-The rows of every run behind the atlas, the restarts and the price list go, too. Links to what has gone become
-text. Files that this package has not written stay as they are.
+The rows of every run behind the pages of the studies go, too. Links to what has gone become text, figures are made as
+short as they can be. Files that this package has not written stay as they are.
 """
 
 from __future__ import annotations
@@ -17,21 +17,29 @@ import typer
 from henon_ref.atomic_write import replace_file
 from henon_ref.commands.exit_status import DONE, exit_status, parsed, say
 from henon_ref.harness.campaign.case_files import load_cases
-from henon_ref.harness.report.files.folder_lock import locked_for_a_moment
-from henon_ref.harness.report.files.links import without_dead_links
-from henon_ref.harness.report.files.write import (
+from henon_ref.harness.report.folder import (
     INDEX,
     MANIFEST,
     ROWS,
     RUNS,
     check_index,
-    is_page,
+    is_study,
+    linked,
+    locked,
     own_files,
     remove_if_empty,
+    without_dead_links,
 )
 from henon_ref.harness.report.folder_report import write_folder_report
+from henon_ref.harness.report.svg import shortened
+from henon_ref.harness.report.text.paired_times import FOLDER as PAIRED_TIMES
+from henon_ref.harness.report.text.paired_times import RATIOS
+from henon_ref.harness.report.text.restarts import FOLDER as RESTARTS
+from henon_ref.harness.studies.atlas.page import FOLDER as ATLAS
 
-PAGE_ROWS = (f"atlas/{RUNS}", f"restarts/{RUNS}", "price/price.csv", "price/samples.csv")
+PAGE_ROWS = (
+    f"{ATLAS}/{RUNS}", f"{RESTARTS}/{RUNS}", f"{PAIRED_TIMES}/{RATIOS}", "price/price.csv", "price/samples.csv",
+)  # fmt: skip
 """Files that hold every run behind a page."""
 
 
@@ -56,7 +64,7 @@ def prune(folder: Path, kept: Sequence[str]) -> int:
         Where README.md or the matrix are somebody else's; nothing is removed then.
     """
     check_index(folder)
-    with locked_for_a_moment(folder):
+    with locked([folder], wait=True):
         write_folder_report(folder)  # the matrix has every row, the page every run, before a folder goes
         for manifest in folder.glob(f"*/{MANIFEST}"):
             report, own = manifest.parent, own_files(manifest.parent)
@@ -64,15 +72,22 @@ def prune(folder: Path, kept: Sequence[str]) -> int:
                 (report / name).unlink()
             remove_if_empty(report)
         for rows in (folder / name for name in PAGE_ROWS):
-            if is_page(rows.with_name(INDEX)):
+            if is_study(rows.parent):
                 rows.unlink(missing_ok=True)
-        for page in filter(is_page, folder.glob("*/*.md")):
-            text = page.read_text(encoding="utf-8")
-            live = without_dead_links(text, page.parent)
-            if live != text:
-                replace_file(page, live.encode())
+        for page in folder.glob("*/*.md"):
+            if page.name in own_files(page.parent) or (page.name == INDEX and is_study(page.parent)):
+                text = page.read_text(encoding="utf-8")
+                _replace(page, without_dead_links(text, page.parent).encode())
+                for figure in (page.parent / name for name in linked(text) if name.endswith(".svg")):
+                    if figure.parent == page.parent and figure.is_file():
+                        _replace(figure, shortened(figure.read_bytes()))
         write_folder_report(folder)
     return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+
+
+def _replace(path: Path, content: bytes) -> None:
+    if content != path.read_bytes():
+        replace_file(path, content)
 
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)

@@ -61,9 +61,8 @@ def main(
     from henon_ref.harness.campaign.options import Options
     from henon_ref.harness.campaign.progress import ProgressLine
     from henon_ref.harness.cli.compare_cases import discard
-    from henon_ref.harness.report.files.folder_lock import locked
-    from henon_ref.harness.report.files.manifest import provenance
-    from henon_ref.harness.report.files.write import check_writable
+    from henon_ref.harness.report.folder import check_writable, locked
+    from henon_ref.harness.report.manifest import provenance
 
     own = STUDIES.get(study)
     if own is None:

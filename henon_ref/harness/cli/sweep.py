@@ -50,8 +50,7 @@ def main(
     quiet: Annotated[bool, typer.Option("--quiet", help="Show no progress.", metavar=FLAG)] = False,
 ) -> int:
     """Run one system at many points, observe each run, and write the results as Parquet files."""
-    from henon_ref.harness.report.files.folder_lock import locked
-    from henon_ref.harness.report.files.write import check_folder
+    from henon_ref.harness.report.folder import check_folder, locked
     from henon_ref.harness.report.html.sweep_page import write_sweep_page
     from henon_ref.sweeps.manifest import files_of, manifest_of
     from henon_ref.sweeps.plan import FIGURES

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 TITLE = "Largest error so far, each solver at its tightest setting"
 LEAST = 1e-18
 """Errors below this [s] are drawn at the lower edge, and none at all (a run that agrees to the last bit), too."""
+LEAST_POWER = -8
+"""Of times below two to this [s] half a unit in the last place is less than LEAST."""
 ROOM = 2
 """Decades below the smallest error that a curve ends with: how it began is of less interest."""
 MARKERS = 6
@@ -168,9 +170,12 @@ def _description(
 
 def _draw_floor(axes: Axes, expected: Expected, lowest: float) -> None:
     """What a time in double precision can hold, and the truth's radius where it is in sight."""
-    times = np.linspace(expected.start, expected.end_time, 400)
-    half_ulp = np.spacing(np.abs(times)) / 2
-    axes.fill_between(times, lowest, np.maximum(half_ulp, lowest), color="#EDEDED", lw=0, zorder=0, step="mid")
+    ends = expected.start, expected.end_time
+    powers = 2.0 ** np.arange(LEAST_POWER, np.ceil(np.log2(max(map(abs, ends)))) + 1)
+    edges = np.unique(np.clip(np.concatenate([-powers, powers, ends]), *ends))
+    half_ulp = np.spacing(np.abs(edges[:-1] + edges[1:]) / 2) / 2
+    heights = np.maximum(np.append(half_ulp, half_ulp[-1:]), lowest)
+    axes.fill_between(edges, lowest, heights, color="#EDEDED", lw=0, zorder=0, step="post")
     if expected.radius > lowest:
         axes.axhline(expected.radius, color=style.GREY, lw=0.8, ls="--")
 

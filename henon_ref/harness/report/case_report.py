@@ -9,22 +9,19 @@ from pathlib import Path
 
 from henon_ref.atomic_write import write_through
 from henon_ref.harness.campaign.comparison import Comparison
-from henon_ref.harness.report.files.figure_jobs import READINGS
-from henon_ref.harness.report.files.folder_lock import locked_for_a_moment
-from henon_ref.harness.report.files.manifest import Provenance, manifest_text, samples_text
-from henon_ref.harness.report.files.svg import svg
-from henon_ref.harness.report.files.write import (
+from henon_ref.harness.report.folder import (
     MANIFEST,
     REPORT,
     RUNS,
     SAMPLES,
     STICKS,
     TRANSITIONS,
+    locked,
     own_files,
 )
 from henon_ref.harness.report.html.case_file import CASE_FILE, case_text
+from henon_ref.harness.report.manifest import Provenance, manifest_text, samples_text
 from henon_ref.harness.report.text.markdown import report_text
-from henon_ref.harness.report.text.overview import is_drawn, judged
 from henon_ref.harness.rows import RunRow, StickRow, TransitionRow, rows_text
 
 
@@ -40,10 +37,6 @@ def report_files(comparison: Comparison, origin: Provenance) -> dict[str, bytes]
     }
     for result in comparison.readings:
         files.update(result.figures)
-    if is_drawn(comparison):
-        from henon_ref.harness.report.text.readings_figure import draw_readings
-
-        files[READINGS] = svg(draw_readings(judged(comparison)))
     files[MANIFEST] = manifest_text(comparison, origin, [*files, MANIFEST]).encode()
     return files
 
@@ -71,7 +64,7 @@ def write_report(comparison: Comparison, origin: Provenance, folder: Path) -> Pa
     try:
         for name, content in files.items():
             write_through(waiting / name, content)
-        with locked_for_a_moment(folder):  # who writes the index sees the old report or the new one
+        with locked([folder], wait=True):  # who writes the index sees the old report or the new one
             place.mkdir(exist_ok=True)
             stale = own_files(place) - set(files)
             for name in files:

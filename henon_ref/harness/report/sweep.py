@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from henon_ref.errors import ArgumentError
-from henon_ref.harness.report.files.folder_lock import locked
-from henon_ref.harness.report.files.write import check_folder
+from henon_ref.harness.report.folder import check_folder, locked
 from henon_ref.sweeps import sweep as sweeps
 
 if TYPE_CHECKING:

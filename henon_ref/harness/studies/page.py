@@ -8,8 +8,8 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from henon_ref.atomic_write import replace_file
-from henon_ref.harness.report.files.svg import svg
-from henon_ref.harness.report.files.write import INDEX
+from henon_ref.harness.report.folder import INDEX
+from henon_ref.harness.report.svg import svg
 from henon_ref.harness.report.text.markdown import environment
 
 if TYPE_CHECKING:

@@ -14,8 +14,7 @@ from henon_ref.baselines.scipy_ivp import BDF, DOP853, LSODA, RADAU, RK45
 from henon_ref.casefile.case import Case
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.truth_job import stored_statement
-from henon_ref.harness.report.files.write import RUNS
-from henon_ref.harness.report.text.formats import duration
+from henon_ref.harness.report.folder import RUNS
 from henon_ref.harness.report.text.restarts import (
     ENDINGS,
     FOLDER,
@@ -38,7 +37,7 @@ from henon_ref.harness.rows import NOT_RUN, Row, RunRow, earlier_rows, rows_text
 from henon_ref.harness.studies.page import write
 from henon_ref.harness.studies.runs import rows_of
 from henon_ref.harness.studies.study import Asked, Made
-from henon_ref.harness.table import Table
+from henon_ref.harness.table import Table, duration
 from henon_ref.text import code
 
 OPTIONS = "options.csv"

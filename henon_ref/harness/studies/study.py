@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:  # the command's help imports this module, and nothing that computes
     from henon_ref.casefile.case import Case
     from henon_ref.harness.campaign.options import Observer, Options
-    from henon_ref.harness.report.files.manifest import Provenance
+    from henon_ref.harness.report.manifest import Provenance
 
 
 def _silent() -> Observer:

@@ -18,7 +18,7 @@ from henon_ref.commands import crash_log, exit_status
 from henon_ref.errors import CaseError
 from henon_ref.harness.cli import check, compare_cases
 from henon_ref.harness.cli import truth as truth_command
-from henon_ref.harness.report.files import write
+from henon_ref.harness.report import folder
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="made-up solvers reach workers by fork")
 COMMAND = [sys.executable, "-m", "henon_ref.compare"]
@@ -42,7 +42,7 @@ def logs(monkeypatch, tmp_path_factory) -> Path:
 COMMANDS = {
     "compare": (importlib.import_module("henon_ref.harness.cli.compare"), compare_cases, "load_cases"),
     "truth": (truth_command, truth_command, "read_cases"),
-    "study": (importlib.import_module("henon_ref.harness.cli.study"), write, "check_writable"),
+    "study": (importlib.import_module("henon_ref.harness.cli.study"), folder, "check_writable"),
     "report.check": (check, check, "load_cases"),
 }
 

@@ -11,8 +11,8 @@ from commands import run
 from fakes import CASE
 
 from henon_ref.harness.cli.prune import command
-from henon_ref.harness.report.files.links import dead_links
-from henon_ref.harness.report.text.matrix_rows import read_matrix
+from henon_ref.harness.report.folder import dead_links
+from henon_ref.harness.report.text.matrix import read_matrix
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="made-up solvers reach workers by fork"),
@@ -64,10 +64,9 @@ def test_named_cases_stay_and_all_others_live_on_in_the_matrix(reports, tmp_path
     assert (reports / "mine" / "notes.txt").read_text() == "kept"
     assert read_matrix(reports) == before
     assert {row.case for row in before} == {"made_up", "other"}
-    assert "| other |" in (reports / "matrix.md").read_text()
     assert (reports / "rivals" / "README.md").read_text().endswith("[a](../made_up/report.md) b `[c](no)`\n")
     assert (reports / "atlas" / "README.md").read_text() == "# Atlas of grazes\n\nevery run\n"
-    for page in (reports / "README.md", reports / "matrix.md", reports / "made_up" / "report.md"):
+    for page in (reports / "README.md", reports / "made_up" / "report.md"):
         assert list(dead_links(page.read_text(), page.parent)) == []
 
 

@@ -18,8 +18,8 @@ from fakes import CASE
 from henon_ref.errors import CaseError
 from henon_ref.harness.campaign import journal
 from henon_ref.harness.cli import study
-from henon_ref.harness.report.files import folder_lock
-from henon_ref.harness.report.files.folder_lock import FILE, FolderLock, locked, locked_for_a_moment
+from henon_ref.harness.report import folder as report_folder
+from henon_ref.harness.report.folder import LOCK, FolderLock, locked
 from henon_ref.harness.studies.study import STUDIES
 
 pytestmark = [
@@ -85,7 +85,7 @@ def test_the_second_run_on_a_case_names_the_first_and_changes_nothing(made_up, t
         first.send_signal(signal.SIGKILL)
         first.communicate(timeout=SECONDS)
     assert run(made_up, "--out", "out", "--resume") == 0
-    assert not list((tmp_path / "out").rglob(FILE))
+    assert not list((tmp_path / "out").rglob(LOCK))
 
 
 def test_different_cases_side_by_side_end_with_a_right_index(tmp_path):
@@ -99,7 +99,7 @@ def test_different_cases_side_by_side_end_with_a_right_index(tmp_path):
         assert [line.split(":")[0] for line in errors.splitlines()] == [f"{row} of 4" for row in (1, 2, 3, 4)]
     index = (tmp_path / "out" / "README.md").read_text()
     assert all(f"[{name}]({name}/report.md)" in index for name in names)
-    assert not list((tmp_path / "out").rglob(FILE))
+    assert not list((tmp_path / "out").rglob(LOCK))
 
 
 def test_a_report_is_put_in_place_while_nobody_reads_for_the_index(made_up, tmp_path):
@@ -126,7 +126,7 @@ def test_a_study_has_its_folder_to_itself(made_up, tmp_path, capsys, name):
 
 def test_a_lock_leaves_nothing_behind(tmp_path):
     with locked([tmp_path / "a" / "b", tmp_path / "c", tmp_path / "c"]):
-        assert (tmp_path / "a" / "b" / FILE).read_text() == f"{os.getpid()}\n"
+        assert (tmp_path / "a" / "b" / LOCK).read_text() == f"{os.getpid()}\n"
         (tmp_path / "c" / "kept").write_text("")
     assert sorted(path.name for path in tmp_path.rglob("*")) == ["c", "kept"]
 
@@ -141,16 +141,16 @@ def test_locks_that_were_taken_are_given_back_where_one_is_held(tmp_path):
 
 
 def test_a_lock_that_is_held_for_too_long_is_not_waited_for(tmp_path, monkeypatch):
-    monkeypatch.setattr(folder_lock, "PATIENCE", 0.1)
+    monkeypatch.setattr(report_folder, "PATIENCE", 0.1)
     with locked([tmp_path]), pytest.raises(CaseError, match=f"another run, process {os.getpid()}"):
-        locked_for_a_moment(tmp_path).__enter__()
+        locked([tmp_path], wait=True).__enter__()
 
 
 def test_what_a_killed_run_has_forked_does_not_hold_its_locks(tmp_path):
     script = f"""
 import os, time
 from pathlib import Path
-from henon_ref.harness.report.files.folder_lock import FolderLock
+from henon_ref.harness.report.folder import FolderLock
 lock = FolderLock(Path({str(tmp_path)!r}))
 if not os.fork():
     print("forked", flush=True)
@@ -172,7 +172,7 @@ time.sleep({SECONDS})
 def test_a_link_in_the_place_of_the_lock_is_not_followed(made_up, tmp_path, capsys):
     (tmp_path / "out" / "made_up").mkdir(parents=True)
     (tmp_path / "mine").write_text("mine")
-    (tmp_path / "out" / "made_up" / FILE).symlink_to(tmp_path / "mine")
+    (tmp_path / "out" / "made_up" / LOCK).symlink_to(tmp_path / "mine")
     assert run(made_up, "--out", "out") == 2
-    assert f"out/made_up/{FILE}" in capsys.readouterr().err
+    assert f"out/made_up/{LOCK}" in capsys.readouterr().err
     assert (tmp_path / "mine").read_text() == "mine"

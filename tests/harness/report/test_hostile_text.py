@@ -24,9 +24,9 @@ from henon_ref.harness.cli.compare import command
 from henon_ref.harness.figures.cost import draw_cost
 from henon_ref.harness.figures.errors import draw_errors
 from henon_ref.harness.report.case_report import write_report
-from henon_ref.harness.report.files.figure_jobs import svg
-from henon_ref.harness.report.files.manifest import provenance
-from henon_ref.harness.report.text.index import write_index
+from henon_ref.harness.report.figure_jobs import svg
+from henon_ref.harness.report.folder_report import write_folder_report
+from henon_ref.harness.report.manifest import provenance
 from henon_ref.harness.score.errors import score
 from henon_ref.workers.worker import Failure
 
@@ -72,7 +72,7 @@ def folder(tmp_path) -> Path:
     comparison = Comparison(case, [result], [*rows, made("henon", 1e-6, 1e-4)], Options())
     origin = provenance(f"python -m henon_ref.compare '{EVIL}\n\n# x\n.yaml'")
     write_report(comparison, origin, tmp_path)
-    write_index(tmp_path)
+    write_folder_report(tmp_path)
     return tmp_path
 
 
@@ -92,7 +92,7 @@ def test_a_page_holds_no_tag_image_or_link_of_a_stranger(folder):
 
 def test_no_file_of_a_report_holds_a_control_character(folder):
     files = [path for path in folder.rglob("*") if path.is_file()]
-    assert {path.suffix for path in files} == {".md", ".csv", ".json", ".svg"}
+    assert {path.suffix for path in files} == {".md", ".csv", ".json", ".svg", ".html"}
     for path in files:
         bad = {c for c in path.read_text() if unicodedata.category(c) in ("Cc", "Cf", "Cs", "Zl", "Zp")} - {"\n"}
         assert not bad, path

@@ -23,9 +23,10 @@ from henon_ref.harness.campaign import journal
 from henon_ref.harness.campaign.rows import Record
 from henon_ref.harness.cli import compare_cases, study
 from henon_ref.harness.report import case_report
-from henon_ref.harness.report.files.write import check_index
-from henon_ref.harness.report.text.index import index_text, matrix_text, merged, write_index
-from henon_ref.harness.report.text.matrix_rows import MatrixRow
+from henon_ref.harness.report.folder import check_index
+from henon_ref.harness.report.folder_report import write_folder_report
+from henon_ref.harness.report.text.index import index_text
+from henon_ref.harness.report.text.matrix import MatrixRow, merged
 from henon_ref.harness.rows import RunRow, csv_text, rows_text
 
 pytestmark = [
@@ -51,7 +52,7 @@ def test_an_index_of_ours_is_replaced_and_that_of_somebody_else_is_not(made_up, 
     assert "an earlier version" not in index.read_text()
     index.write_text("# Mine\n")
     with pytest.raises(CaseError, match="was not written by henon_ref"):
-        write_index(tmp_path)
+        write_folder_report(tmp_path)
     assert index.read_text() == "# Mine\n"
 
 
@@ -99,10 +100,9 @@ def test_the_committed_index_and_pages_may_be_made_again(folder, tmp_path):
 
 
 def test_an_index_of_nothing_and_of_one_reading_is_known_again(tmp_path):
-    row = MatrixRow("made_up", "Made up", "default", None, "a")
+    row = MatrixRow("made_up", "default", None, "a")
     for rows in ([], [row]):
         (tmp_path / "README.md").write_text(index_text(rows, tmp_path))
-        (tmp_path / "matrix.md").write_text(matrix_text(rows, tmp_path))
         (tmp_path / "matrix.csv").write_text(rows_text(MatrixRow, rows))
         check_index(tmp_path)
         (tmp_path / "matrix.csv").write_text(csv_text(MatrixRow.columns()[1:], []))
@@ -110,7 +110,7 @@ def test_an_index_of_nothing_and_of_one_reading_is_known_again(tmp_path):
             check_index(tmp_path)
 
 
-@pytest.mark.parametrize("name", ["matrix.csv", "matrix.md"])
+@pytest.mark.parametrize("name", ["matrix.csv", "index.html"])
 def test_a_matrix_of_somebody_else_is_not_replaced(made_up, tmp_path, capsys, name):
     (tmp_path / name).write_text("1,2\n")
     assert run(made_up, "--out", ".") == 2

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from henon_ref.harness.report.files.links import dead_links, without_dead_links
+from henon_ref.harness.report.folder import dead_links, without_dead_links
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ from shipped import CASES, shipped
 
 from henon_ref.casefile.case import load_case
 from henon_ref.harness.campaign.options import Options
-from henon_ref.harness.report.files.manifest import provenance
+from henon_ref.harness.report.manifest import provenance
 from henon_ref.harness.rows import RunRow, read_rows
 from henon_ref.harness.studies.atlas.family import TOLERANCES, family_of, outcome_of
 from henon_ref.harness.studies.atlas.figure import COLOURS, draw_atlas

@@ -9,9 +9,7 @@ import pytest
 from henon_ref.casefile.case import load_case
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.settings import Setting
-from henon_ref.harness.report.text.index import index_text
-from henon_ref.harness.report.text.paired_times import PRICE_PAIRS, PairRow, own_words, spread_table
-from henon_ref.harness.rows import rows_text
+from henon_ref.harness.report.text.paired_times import PairRow, own_words, spread_table
 from henon_ref.harness.studies.paired_times import own_calls
 from henon_ref.harness.studies.paired_times.own_calls import Clock, clocked, own_part
 from henon_ref.harness.studies.paired_times.timing import Candidate, Pair, PairedTiming
@@ -79,13 +77,3 @@ def test_the_own_calls_stand_beside_every_ratio_to_heyoka() -> None:
     assert "are 40%" in words
     assert "would take 4 times as long" in words
     assert own_words([pair(6, own=None)]) == ""
-
-
-def test_the_index_has_the_own_calls_from_the_price_list_where_the_times_in_turn_have_none(tmp_path: Path) -> None:
-    for file, own in (("rivals/ratios.csv", None), (PRICE_PAIRS, 4e-4)):
-        (tmp_path / file).parent.mkdir()
-        (tmp_path / file).write_text(rows_text(PairRow, [pair(6, own=own)]))
-    (tmp_path / "price" / "README.md").write_text("")
-    assert "calls of `propagate_until` are 40%" in index_text([], tmp_path)
-    (tmp_path / PRICE_PAIRS).unlink()
-    assert "propagate_until" not in index_text([], tmp_path)

@@ -11,7 +11,7 @@ from fakes import Fake, case, statement
 from henon_ref.figures import style
 from henon_ref.harness.campaign import truth_job
 from henon_ref.harness.campaign.options import Observer, Options
-from henon_ref.harness.report.files.manifest import provenance
+from henon_ref.harness.report.manifest import provenance
 from henon_ref.harness.studies import page
 from henon_ref.harness.studies.runs import rows_of
 

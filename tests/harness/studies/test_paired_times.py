@@ -16,19 +16,18 @@ from henon_ref.harness import registry
 from henon_ref.harness.campaign import timing
 from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.campaign.settings import Setting
-from henon_ref.harness.report.files.manifest import provenance
-from henon_ref.harness.report.files.write import MATRIX_PAGE, RUNS
-from henon_ref.harness.report.text import index
+from henon_ref.harness.report.folder import RUNS
+from henon_ref.harness.report.folder_report import write_folder_report
+from henon_ref.harness.report.manifest import provenance
 from henon_ref.harness.report.text.paired_times import (
     FROM_C,
     OTHERS,
+    RATIOS,
     PairRow,
-    cheapest,
-    read_ratios,
     slower_table,
     spread_table,
 )
-from henon_ref.harness.rows import RunRow, rows_text
+from henon_ref.harness.rows import RunRow, read_rows, rows_text
 from henon_ref.harness.studies.paired_times import page as report_pairs
 from henon_ref.harness.studies.paired_times.page import run_paired_times, timings_of
 from henon_ref.harness.studies.paired_times.timing import TURN, PairedTiming
@@ -159,7 +158,7 @@ def test_the_runs_of_a_reading_are_timed_in_turn(tmp_path: Path, monkeypatch: py
     rows = [entry for entry in ROWS if entry.solver != "scipy-dop853"]
     reported(tmp_path, rows)
     page = run_paired_times(Asked([CASE], Options(), provenance("again"), tmp_path)).page
-    rows = read_ratios(tmp_path)
+    rows = read_rows(PairRow, tmp_path / "rivals" / RATIOS)
     assert [(row.digits, row.against, row.rival) for row in rows] == [
         (digits, against, "heyoka") for digits in (3, 6, 9) for against in ("heyoka", OTHERS)
     ]
@@ -172,23 +171,7 @@ def test_the_runs_of_a_reading_are_timed_in_turn(tmp_path: Path, monkeypatch: py
     text = page.read_text()
     assert "again" in text
     assert len(re.findall(rf"\n\| \[{CASE.name}\]\(\.\./{CASE.name}/report\.md\) \| [369] \| 1e-", text)) == 1
-    listed = index.write_index(tmp_path).read_text()
-    assert "](rivals/README.md)" in listed
-    # By the report's own times it was `henon`.
-    assert "| `heyoka` | 1 | 1 | 1 | 1 | 1 | 1 |  |" in (tmp_path / MATRIX_PAGE).read_text()
-
-
-def test_the_index_counts_the_readings_that_one_solver_alone_gets(tmp_path: Path) -> None:
-    """Who is the cheapest how often adds up to all readings; those that nobody else gets so far can be told apart."""
-    alone = [row("henon", 1e-12, 13.0, 1e-4), row("heyoka", 1e-12, 2.0, 1e-5)]
-    reported(tmp_path, [*ROWS, *(replace(entry, reading="alone") for entry in alone)])
-    index.write_index(tmp_path)
-    lines = [line[2:-2].split(" | ") for line in (tmp_path / MATRIX_PAGE).read_text().splitlines()]
-    counts = {line[0]: line[4:] for line in lines if len(line) == 8}
-    assert counts["`henon`"] == ["2", "2", "2", "1"]
-    assert counts["`heyoka`"] == ["", "", "", ""]
-    assert counts["all readings"] == ["2", "2", "2", "1"]
-    assert counts["of these, another solver gets there, too"] == ["1", "1", "1", "0"]
+    assert "](rivals/README.md)" in write_folder_report(tmp_path).read_text()
 
 
 def test_a_reading_that_cannot_be_timed_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -201,8 +184,8 @@ def test_a_reading_that_cannot_be_timed_is_named(tmp_path: Path, monkeypatch: py
         f"- {CASE.name}, {READING.name}, against heyoka, {OTHERS}: the library was ended by signal SIGABRT"
         in page.read_text()
     )
-    assert read_ratios(tmp_path) == []
-    assert "rivals/README.md" in index.write_index(tmp_path).read_text()
+    assert read_rows(PairRow, tmp_path / "rivals" / RATIOS) == []
+    assert "rivals/README.md" in write_folder_report(tmp_path).read_text()
 
 
 def test_readings_with_nobody_to_time_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -268,19 +251,6 @@ def test_ratios_are_told_by_rival_and_digits() -> None:
          "`heyoka`", "1e-9", "", "", "60 µs", "2"),
         ("[c](../c/report.md)", "12", *own, "`scipy-rk45`", *rival, "1.5"),
     ]  # fmt: skip
-    assert cheapest(rows) == {
-        ("a", "default", 6): "henon",
-        ("b", "late", 6): "henon",
-        ("c", "default", 12): "scipy-rk45",
-        ("c", "default", 3): "scipy-rk45",
-    }
-
-
-@pytest.mark.parametrize("text", ["", "case,reading\na,b\n", "case,reading\na,b,c\n"])
-def test_what_is_no_list_of_ratios_is_none(text: str, tmp_path: Path) -> None:
-    (tmp_path / "rivals").mkdir()
-    (tmp_path / "rivals" / "ratios.csv").write_text(text)
-    assert read_ratios(tmp_path) == []
 
 
 def test_a_reading_is_set_against_rows_of_its_own() -> None:

@@ -9,7 +9,7 @@ import pytest
 import sympy as sp
 
 from henon_ref.casefile.case import load_case
-from henon_ref.harness.report.files.manifest import Provenance, provenance
+from henon_ref.harness.report.manifest import Provenance, provenance
 from henon_ref.harness.studies.paper import fig8, section2, section3, section4
 from henon_ref.harness.studies.paper.claims import Claim, Section, checked, picture
 from henon_ref.harness.studies.paper.exact import same, same_set

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from henon_ref.harness.report.files.manifest import provenance
+from henon_ref.harness.report.manifest import provenance
 from henon_ref.harness.rows import RunRow, read_rows
 from henon_ref.harness.studies.paired_times.timing import TimedPair
 from henon_ref.harness.studies.price.compiling import Ready

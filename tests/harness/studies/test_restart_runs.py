@@ -11,7 +11,7 @@ from henon_ref.casefile.case import load_case
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.cli import study
-from henon_ref.harness.report.files.manifest import provenance
+from henon_ref.harness.report.manifest import provenance
 from henon_ref.harness.report.text.restarts import SUITE, SuiteRow
 from henon_ref.harness.rows import RunRow, read_rows
 from henon_ref.harness.studies import restarts

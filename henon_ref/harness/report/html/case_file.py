@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from henon_ref.harness.campaign.comparison import Comparison
-from henon_ref.harness.report.files.manifest import json_text
+from henon_ref.harness.report.manifest import json_text
 from henon_ref.text import one_line
 
 CASE_FILE = "page.json"

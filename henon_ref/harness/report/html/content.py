@@ -1,4 +1,4 @@
-"""Everything that the page of a folder of reports shows, as JSON: the matrix, and what is known of each case.
+"""Everything that the page of a folder of reports shows, as JSON: the matrix, the choice, what is known of each case.
 
 The details of a case (its runs, its portrait) come from its folder; of a case whose folder is gone, and of solvers that
 the comparison there did not run, from the page that stands there already: it forgets no more than the matrix does.
@@ -14,25 +14,32 @@ from typing import Any
 from henon_ref.baselines.causes import CAUSES
 from henon_ref.figures.style import Line, lines_of
 from henon_ref.harness import registry
-from henon_ref.harness.report.files.write import MANIFEST, PAGE, RUNS
+from henon_ref.harness.report.folder import MANIFEST, PAGE, RUNS
 from henon_ref.harness.report.html.case_file import read_case_file
-from henon_ref.harness.report.html.packed_runs import FIELDS, Words, field_values, packed, trimmed, unpacked
+from henon_ref.harness.report.html.choice_content import choice_levels
 from henon_ref.harness.report.html.rendering import read_embedded, rounded
 from henon_ref.harness.report.projects import PROJECTS
 from henon_ref.harness.report.text.choice import UNKNOWN, by_kind
-from henon_ref.harness.report.text.matrix import solvers_of
-from henon_ref.harness.report.text.matrix_rows import MatrixRow, commits_of
+from henon_ref.harness.report.text.matrix import MatrixRow, commits_of, solvers_of
 from henon_ref.harness.report.text.ranking import LEVELS, by_solver, floor, readings_of
 from henon_ref.harness.rows import RunRow, read_rows
 from henon_ref.text import one_line
 
-FORMAT = 1
+FORMAT = 2
+TEXT = 0
+"""In place of a number's significant places: the field is text."""
+FIELDS: Mapping[str, int] = {
+    "setting": TEXT, "status": TEXT, "verdict": TEXT, "digits": 5, "max_time_error_s": 2, "wall_s": 4,
+    "max_stick_error_s": 2, "max_state_error": 2, "steps": 12, "rhs_evaluations": 12, "wall_s_iqr": 2, "missed": 12,
+    "spurious": 12, "missed_touches": 12, "status_reason": TEXT, "cause": TEXT, "verdict_basis": TEXT,
+}  # fmt: skip
+"""What a run on the page is a list of, and the places of each number."""
 CELL = ("settings", "judged", "right", "status", "verdict", "digits", "wall_s", *(f"wall_{d}_s" for d in LEVELS))
-"""Columns of the matrix that a cell has, behind its solver."""
+"""Columns of the matrix that a cell is a list of, behind its solver."""
 SHOWN_FILES = (".md", ".csv", ".svg")
 Details = dict[str, Any]
-"""What is known of a case: words of its file, ``files`` beside its report, and ``readings`` by name, each with its
-portrait and runs."""
+"""What is known of a case: title, words of its file, ``files`` beside its report, and ``readings`` by name, each with
+its portrait and, by solver, its runs."""
 
 
 def content(folder: Path, rows: Sequence[MatrixRow]) -> dict[str, Any]:
@@ -45,8 +52,7 @@ def content(folder: Path, rows: Sequence[MatrixRow]) -> dict[str, Any]:
     rows : sequence of MatrixRow
         Of its matrix.
     """
-    words, earlier = Words(), earlier_details(folder)
-    few = few_readings(rows)
+    earlier, few = earlier_details(folder), few_readings(rows)
     solvers, kinds = sorted(solvers_of(rows), key=few.__contains__), list(by_kind(rows))
     lines = solver_lines(solvers)
     cases: dict[str, list[tuple[str, list[MatrixRow]]]] = {}
@@ -55,20 +61,18 @@ def content(folder: Path, rows: Sequence[MatrixRow]) -> dict[str, Any]:
     made = []
     for case, readings in cases.items():
         details = updated(details_of(folder / case), earlier.get(case, {}))
-        own_readings = [_reading(*one, details, solvers, kinds, words) for one in readings]
         known = {key: value for key, value in details.items() if key != "readings"}
-        made.append({"name": case, "title": one_line(readings[0][1][0].title), **known,
-                     "readings": own_readings})  # fmt: skip
+        own_readings = [_reading(*one, details, solvers, kinds) for one in readings]
+        made.append({"name": case, "title": case, **known, "readings": own_readings})
     return {
         "format": FORMAT,
-        "levels": list(LEVELS),
         "fields": list(FIELDS),
         "cell": list(CELL),
         "solvers": [_solver(solver, lines[solver], solver in few) for solver in solvers],
         "kinds": kinds,
-        "causes": {cause: CAUSES[cause].title for cause in CAUSES if cause in words.listed},
+        "choice": choice_levels(rows, solvers),
+        "causes": {cause: known.title for cause, known in CAUSES.items()},
         "cases": made,
-        "words": words.listed,
     }
 
 
@@ -85,12 +89,7 @@ def _solver(name: str, line: Mapping[str, object], few: bool) -> Details:
 
 
 def _reading(
-    reading: str,
-    rows: Sequence[MatrixRow],
-    details: Details,
-    solvers: Sequence[str],
-    kinds: Sequence[str],
-    words: Words,
+    reading: str, rows: Sequence[MatrixRow], details: Details, solvers: Sequence[str], kinds: Sequence[str]
 ) -> dict[str, Any]:
     own = details.get("readings", {}).get(reading, {})
     runs, ran = own.get("runs", {}), {row.solver for row in rows}
@@ -99,14 +98,18 @@ def _reading(
         "kind": kinds.index(rows[0].kind or UNKNOWN),
         "commit": ", ".join(commits_of(rows)),
         **{key: value for key, value in own.items() if key != "runs"},
-        "cells": [[solvers.index(row.solver), *_cell(row, words)] for row in rows],
-        "runs": {str(solvers.index(s)): [packed(r, words) for r in runs[s]] for s in runs if s in ran},
+        "cells": [[solvers.index(row.solver), *(rounded(value, 6) for value in row.values(CELL))] for row in rows],
+        "runs": {str(solvers.index(solver)): runs[solver] for solver in runs if solver in ran},
     }
 
 
-def _cell(row: MatrixRow, words: Words) -> list[Any]:
-    cells = zip(CELL, row.values(CELL), strict=True)
-    return trimmed([words.number(v) if c in ("status", "verdict") else rounded(v, 6) for c, v in cells])
+def run_values(row: RunRow) -> list[Any]:
+    """A run as the page has it: :data:`FIELDS`; counts of what went wrong are left out where they are 0."""
+    shown = dict(zip(FIELDS, row.values(FIELDS), strict=True)) | {"setting": row.setting}
+    if row.digits is not None and row.digits > 0:
+        shown["digits"] = int(row.digits * 1000) / 1000  # never more than there are
+    shown |= {name: shown[name] or None for name in ("missed", "spurious", "missed_touches")}
+    return [rounded(shown[name], places) for name, places in FIELDS.items()]
 
 
 def details_of(folder: Path) -> Details | None:
@@ -120,6 +123,7 @@ def details_of(folder: Path) -> Details | None:
         return None  # the index names it, and leaves it out
     told, known = read_case_file(folder), _mapping(manifest.get("readings"))
     return {
+        "title": one_line(str(manifest.get("title") or folder.name)),
         **{key: told[key] for key in ("tags", "source") if told.get(key)},
         "files": sorted(one_line(path.name) for path in folder.iterdir() if path.suffix in SHOWN_FILES),
         "readings": {
@@ -149,7 +153,7 @@ def _details_of(reading: str, manifest: Mapping[str, Any], words: Mapping[str, A
     }
     return {
         **{key: value for key, value in told.items() if value not in (None, "")},
-        "runs": {solver: [field_values(row) for row in own] for solver, own in by_solver(rows).items()},
+        "runs": {solver: list(map(run_values, own)) for solver, own in by_solver(rows).items()},
     }
 
 
@@ -184,25 +188,20 @@ def earlier_details(folder: Path) -> dict[str, Details]:
     if not isinstance(data, dict) or data.get("format") != FORMAT or data.get("fields") != list(FIELDS):
         return {}
     try:
-        names, words = [solver["name"] for solver in data["solvers"]], data["words"]
-        return {case["name"]: _known(case, names, words) for case in data["cases"]}
+        names = [solver["name"] for solver in data["solvers"]]
+        return {case["name"]: _known(case, names) for case in data["cases"]}
     except (IndexError, KeyError, TypeError):
         return {}  # somebody has changed it
 
 
-def _known(case: Mapping[str, Any], solvers: Sequence[str], words: Sequence[str]) -> Details:
+def _known(case: Mapping[str, Any], solvers: Sequence[str]) -> Details:
     """What a page knows of a case whose folder may be gone."""
-    known = {key: case[key] for key in ("tags", "source") if key in case}
-    readings = {own["name"]: _unpacked(own, solvers, words) for own in case["readings"]}
-    if (portrait := case.get("portrait")) and portrait["reading"] in readings:  # of a page that has one a case
-        readings[portrait["reading"]]["portrait"] = {key: portrait[key] for key in portrait if key != "reading"}
+    known: Details = {key: case[key] for key in ("title", "tags", "source") if key in case}
+    left_out, readings = ("name", "kind", "commit", "cells"), {}
+    for reading in case["readings"]:
+        own = readings[reading["name"]] = {key: value for key, value in reading.items() if key not in left_out}
+        own["runs"] = {solvers[int(solver)]: runs for solver, runs in own["runs"].items()}
     return {**known, "readings": readings}
-
-
-def _unpacked(reading: Mapping[str, Any], solvers: Sequence[str], words: Sequence[str]) -> Details:
-    told = {key: value for key, value in reading.items() if key not in ("name", "kind", "commit", "cells", "runs")}
-    runs = {solvers[int(s)]: [unpacked(run, words) for run in own] for s, own in reading["runs"].items()}
-    return {**told, "runs": runs}
 
 
 PAPER, NIGHT = "#ffffff", "#15181c"

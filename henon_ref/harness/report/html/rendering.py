@@ -1,24 +1,27 @@
 """A page put together: its template, with style, script and data in it, so that it needs no other file.
 
-The data is JSON in a script element that is never run, and is read back from there.
+The data is JSON, compressed, as base64 text in a script element that is never run; it is read back from there.
 """
 
 from __future__ import annotations
 
 import json
 import re
+import zlib
+from base64 import b64decode, b64encode
 from collections.abc import Sequence
 from functools import cache
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
+
+from henon_ref.text import one_line
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
 MOST_BYTES = 4 * 2**20
 """Bytes that a page may have: every solver and peer on every reading of the suite, with all its runs."""
-_BLOCK = re.compile(r'<script type="application/json" id="data">(.*?)</script>', re.DOTALL)
-_ESCAPES = {ord(mark): f"\\u{ord(mark):04x}" for mark in "<>&\u2028\u2029"}
+_BLOCK = re.compile(r'<script type="application/zlib" id="data">(.*?)</script>', re.DOTALL)
 
 
 def rendered(template: str, style: str, scripts: Sequence[str], data: Any, **context: Any) -> str:
@@ -61,29 +64,36 @@ def _environment() -> Environment:
 
 
 def embedded(data: Any) -> str:
-    """Data as JSON that may stand in a page: whatever is in it, it ends no element and begins none.
+    """Data as text that may stand in a page: whatever is in it, it ends no element and begins none.
 
     Examples
     --------
-    >>> print(embedded({"name": "</script><b>"}))
-    {"name":"\\u003c/script\\u003e\\u003cb\\u003e"}
+    >>> unpacked(embedded({"name": "</script><b>"}))
+    {'name': '</script><b>'}
     """
     text = json.dumps(data, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
-    return text.translate(_ESCAPES)
+    return b64encode(zlib.compress(text.encode(), 9)).decode("ascii")
+
+
+def unpacked(text: str) -> Any:
+    """The data behind what :func:`embedded` makes of it."""
+    return json.loads(zlib.decompress(b64decode(text)))
 
 
 def read_embedded(page: str) -> Any:
     """The data of a page; None where it has none."""
     block = _BLOCK.search(page)
     try:
-        return None if block is None else json.loads(block[1])
-    except (RecursionError, ValueError):
+        return None if block is None else unpacked(block[1])
+    except (RecursionError, ValueError, zlib.error):
         return None
 
 
-def rounded(value: object, places: int) -> float | int | None:
-    """A number to so many significant places, a whole one without a point; None where it is missing."""
+def rounded(value: object, places: int) -> object:
+    """A number to so many significant places, a whole one without a point; anything else as it is, text printable."""
+    if isinstance(value, str):
+        return one_line(value)
     if not isinstance(value, float | int):
-        return None
+        return value
     short = float(f"{value:.{places}g}")
     return int(short) if short.is_integer() and abs(short) < 1e15 else short

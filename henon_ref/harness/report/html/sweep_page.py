@@ -25,7 +25,7 @@ from henon_ref.harness.report.html.sweep_content import (
     tables_of,
 )
 from henon_ref.harness.report.html.sweep_runs import NAME, PLACE, case_text, kept_runs, tolerance
-from henon_ref.harness.report.text.formats import count
+from henon_ref.harness.table import count
 from henon_ref.sweeps.manifest import SWEEP_FILE
 from henon_ref.sweeps.storage import MANIFEST, PAGE
 from henon_ref.sweeps.sweep_file import load_sweep
@@ -34,6 +34,11 @@ from henon_ref.text import one_line
 _LOG = logging.getLogger(__name__)
 
 SCRIPTS = ("dom.js", "numbers.js", "axes.js", "portrait.js", "sweep.js")
+OBSERVED = (
+    ("quantity", "l"), ("points with a value", "r"), ("least", "r"), ("median", "r"), ("greatest", "r"),
+    ("values, of the points with one", "l"),
+)  # fmt: skip
+"""Headings of the table of observations."""
 CHAINED = "Each point of a continuation starts where its neighbour ended, so that none is a run by itself."
 
 
@@ -98,6 +103,7 @@ def write_sweep_page(folder: Path) -> Path | None:
         summary=_summary(len(table), swept, tolerance(plan)),
         drawn=_drawn(len(table), len(kept)),
         has_case=case is not None,
+        headings=OBSERVED,
         observed=observed_rows(table),
         rerun=_rerun(folder),
     )

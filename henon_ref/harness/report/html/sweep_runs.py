@@ -14,7 +14,7 @@ from henon_ref.figures.curves import curves_of
 from henon_ref.figures.motion import Motion
 from henon_ref.harness.report.html.portrait import packed
 from henon_ref.harness.report.html.sweep_content import grid_sizes
-from henon_ref.harness.report.text.formats import setting
+from henon_ref.harness.table import setting
 from henon_ref.simulation.simulate import simulate
 from henon_ref.simulation.solution import Solution
 from henon_ref.sweeps.manifest import SWEEP_FILE

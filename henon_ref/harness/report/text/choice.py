@@ -1,20 +1,20 @@
-"""Which solver to take: by kind of case and digits, and by case."""
+"""Which solver to take, by kind of case and digits; who is right how often, and in which case."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import median
 from urllib.parse import quote
 
 from henon_ref.harness import registry
-from henon_ref.harness.report.files.write import REPORT
-from henon_ref.harness.report.text.formats import digits, duration, significant
-from henon_ref.harness.report.text.matrix_rows import MatrixRow
-from henon_ref.harness.report.text.ranking import LEVELS
+from henon_ref.harness.report.folder import REPORT
+from henon_ref.harness.report.text.matrix import MatrixRow, solvers_of
+from henon_ref.harness.report.text.ranking import LEVELS, readings_of
 from henon_ref.harness.rows import number
 from henon_ref.harness.score.kinds import KINDS
-from henon_ref.harness.table import Table
+from henon_ref.harness.table import Table, count, digits, duration, significant
 from henon_ref.text import code, markdown
 
 ANY = None
@@ -112,7 +112,7 @@ def reading_counts(rows: Sequence[MatrixRow]) -> str:
 
     Examples
     --------
-    >>> rows = [MatrixRow("a", "", "r", None, "henon", digits=3.0), MatrixRow("a", "", "s", None, "henon")]
+    >>> rows = [MatrixRow("a", "r", None, "henon", digits=3.0), MatrixRow("a", "s", None, "henon")]
     >>> reading_counts(rows), reading_counts(rows[:1])
     ('2, 1 timed', '1')
     """
@@ -133,6 +133,49 @@ def package_of(solver: str) -> str:
     return registry.distribution(solver) or solver
 
 
+def often_table(rows: Sequence[MatrixRow]) -> Table:
+    """In how many readings each solver is right, of those it is judged in and run on; how often it is the cheapest.
+
+    Right is a solver that is so at one setting at least. Where nobody else gets so far, the one that does is the
+    cheapest.
+    """
+    wins: dict[str, Counter[int]] = {}
+    reached, contested = Counter[int](), Counter[int]()
+    for own in readings_of(rows).values():
+        for level in LEVELS:
+            walls = {row.solver: wall for row in own if (wall := row.wall(level)) is not None}
+            if walls:
+                reached[level] += 1
+                contested[level] += len(walls) > 1
+                wins.setdefault(min(walls, key=walls.__getitem__), Counter())[level] += 1
+    lines = []
+    for solver in solvers_of(rows):
+        own = [row for row in rows if row.solver == solver]
+        counts = sum(row.right > 0 for row in own), sum(row.judged > 0 for row in own), len(own)
+        won = wins.get(solver, Counter())
+        lines.append((counts[0], (code(solver), *map(str, counts), *(f"{won[level] or ''}" for level in LEVELS))))
+    cells = [own for _, own in sorted(lines, key=lambda line: -line[0])]
+    cells.append(("all readings", "", "", f"{len(readings_of(rows))}", *(f"{reached[level]}" for level in LEVELS)))
+    cells.append(("of these, another solver gets there, too", *3 * ("",), *(f"{contested[level]}" for level in LEVELS)))
+    headings = ("solver", "right in", "judged in", "run on", *(f"cheapest for {level} digits" for level in LEVELS))
+    return Table(headings, "l" + "r" * (len(headings) - 1), cells)
+
+
+def coverage_words(rows: Sequence[MatrixRow]) -> str:
+    """On how many readings each solver was run, in a sentence; empty where all were run on all."""
+    counts, groups, readings = Counter(row.solver for row in rows), dict[int, list[str]](), len(readings_of(rows))
+    for solver in solvers_of(rows):
+        groups.setdefault(counts[solver], []).append(solver)
+    words = "; ".join(f"{own}: {', '.join(solvers)}" for own, solvers in sorted(groups.items(), reverse=True))
+    return "" if set(groups) <= {readings} else f"Of {count(readings, 'reading')} the solvers were run on {words}."
+
+
+def commits(rows: Sequence[MatrixRow]) -> str:
+    """How many commits of the program the rows mix."""
+    known = len({row.commit for row in rows if row.commit})
+    return f"{count(known, 'commit')} of the program" if known else "a program of no known commit"
+
+
 def case_table(rows: Sequence[MatrixRow]) -> Table:
     """A row a case, its readings folded.
 
@@ -150,7 +193,7 @@ def case_table(rows: Sequence[MatrixRow]) -> Table:
         right = {solver: own for solver, own in judged.items() if all(row.right for row in own)}
         most = max(map(len, judged.values()), default=0)
         whole = {solver: own for solver, own in right.items() if len(own) == most}
-        best = max((_fewest_digits(own) for own in whole.values()), default=None, key=lambda least: least or 0.0)
+        least = [min(known) for own in whole.values() if (known := [r.digits for r in own if r.digits is not None])]
         walls = {
             solver: sum(number(row.wall_s) for row in own)
             for solver, own in whole.items()
@@ -161,13 +204,8 @@ def case_table(rows: Sequence[MatrixRow]) -> Table:
             (
                 f"[{markdown(case)}]({quote(case)}/{REPORT})",
                 f"{len(right)}/{len(judged)}",
-                "" if best is None else digits(best),
+                digits(max(least)) if least else "",
                 "none" if first is None else f"{code(first)}, {duration(walls[first])}",
             )
         )
     return Table(("case", "right of judged", "best digits", "cheapest right solver"), "lrrl", lines)
-
-
-def _fewest_digits(rows: Sequence[MatrixRow]) -> float | None:
-    """The fewest digits in any reading; None where none has a transition to time."""
-    return min((row.digits for row in rows if row.digits is not None), default=None)

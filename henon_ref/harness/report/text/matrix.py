@@ -1,29 +1,95 @@
-"""Tables of the matrix: digits by reading and solver, how often each solver is right and the cheapest."""
+"""The matrix of a folder of reports, ``matrix.csv``: a row a reading and solver, with what its settings come to.
+
+Index and page are made from it, so that they still know every case where most cases' own folders have been removed.
+"""
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
-from urllib.parse import quote
+import json
+import math
+import sys
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
 
+from henon_ref.errors import CaseError
 from henon_ref.harness import registry
-from henon_ref.harness.report.files.write import REPORT
-from henon_ref.harness.report.text.formats import digits
-from henon_ref.harness.report.text.matrix_rows import UNJUDGED, MatrixRow, commits_of, summary
-from henon_ref.harness.report.text.paired_times import link
-from henon_ref.harness.report.text.ranking import LEVELS, by_solver, readings_of
-from henon_ref.harness.rows import RunRow
-from henon_ref.harness.table import Table
-from henon_ref.text import code, markdown
+from henon_ref.harness.report.folder import MANIFEST, MATRIX, RUNS
+from henon_ref.harness.report.text.ranking import best_of, by_solver, reaching, readings_of
+from henon_ref.harness.rows import NOT_RUN, AnyRow, Row, RunRow, TableError, read_rows
+from henon_ref.text import message
 
-MARKS = {"unsupported": "–", "unavailable": "·"}
-KEY = (
-    "Decimal digits of the worst transition time (in seconds, or in the unit of time that the case's report names) at "
-    "the most accurate setting with the right sequence. "
-    "`ok`: right, nothing to time. `*`: not right at another setting. `–`: the solver cannot do this problem, `·`: not "
-    "installed, empty: it was not run on it; otherwise how its last run ended, or why that is not judged."
-)
-"""What the cells mean."""
+SHORT = 12
+"""Characters that a commit is told by, as in a report."""
+UNJUDGED = (None, "not judged")
+"""Verdicts of runs that were not judged."""
+
+
+@dataclass(frozen=True)
+class MatrixRow(Row):
+    """A solver on a reading, over all settings; digits and times are rounded, as far as an overview needs them."""
+
+    case: str
+    reading: str
+    kind: str | None
+    """The reading's (:mod:`henon_ref.harness.score.kinds`)."""
+    solver: str
+    settings: int = 0
+    """Settings that were tried."""
+    judged: int = 0
+    right: int = 0
+    status: str = ""
+    """Of the right run with the most digits, else of the last one; so are verdict and digits."""
+    verdict: str | None = None
+    digits: float | None = None
+    wall_s: float | None = None
+    """Shortest time of a right run [s]."""
+    wall_3_s: float | None = None
+    """The same of runs that get the worst transition to three digits [s]."""
+    wall_6_s: float | None = None
+    wall_9_s: float | None = None
+    wall_12_s: float | None = None
+    commit: str | None = None
+    """The program's when the runs were made."""
+
+    @property
+    def problem(self) -> tuple[str, str]:
+        """Case and reading."""
+        return self.case, self.reading
+
+    def wall(self, digits: int | None) -> float | None:
+        """Shortest time to so many digits [s]; None: of any right run."""
+        times = {None: self.wall_s, 3: self.wall_3_s, 6: self.wall_6_s, 9: self.wall_9_s, 12: self.wall_12_s}
+        return times[digits]
+
+
+def summary(rows: Sequence[RunRow], *, kind: str | None = None, commit: str = "") -> MatrixRow:
+    """What the settings of one solver on one reading come to; at least one."""
+    best, right = best_of(rows), [row for row in rows if row.verdict == "right"]
+    return MatrixRow(
+        best.case,
+        best.reading,
+        kind,
+        best.solver,
+        settings=len(rows),
+        judged=sum(row.status not in NOT_RUN and row.verdict not in UNJUDGED for row in rows),
+        right=len(right),
+        status=best.status,
+        verdict=best.verdict,
+        digits=None if best.digits is None else math.floor(best.digits * 1000) / 1000,
+        wall_s=_shortest(right),
+        wall_3_s=_shortest(reaching(rows, 3)),
+        wall_6_s=_shortest(reaching(rows, 6)),
+        wall_9_s=_shortest(reaching(rows, 9)),
+        wall_12_s=_shortest(reaching(rows, 12)),
+        commit=commit,
+    )
+
+
+def _shortest(rows: Sequence[RunRow]) -> float | None:
+    walls = [row.wall_s for row in rows if row.wall_s is not None]
+    return float(f"{min(walls):.4g}") if walls else None
 
 
 def solvers_of(rows: Iterable[MatrixRow | RunRow]) -> list[str]:
@@ -33,101 +99,112 @@ def solvers_of(rows: Iterable[MatrixRow | RunRow]) -> list[str]:
     return order + sorted(present - set(order))
 
 
-def matrix(headings: Sequence[str], lines: Sequence[tuple[Sequence[str], Sequence[MatrixRow]]]) -> Table:
-    """Digits that each solver reaches on each reading, or what became of it.
+def rows_of_report(manifest: Path) -> list[MatrixRow]:
+    """The matrix's rows of one case, from the folder of its report.
+
+    Raises
+    ------
+    CaseError
+        Where manifest or runs are not what this package writes.
+    """
+    content, runs = _content(manifest), _rows(RunRow, manifest.with_name(RUNS), "list of runs")
+    commit, readings = _text(content.get("commit")) or "", content.get("readings")
+    commit = commit.rstrip("+")[:SHORT] + ("+" if commit.endswith("+") else "")  # the mark of files that differed
+    case = manifest.parent.name
+    return [
+        replace(summary(own, kind=_kind(readings, reading), commit=commit), case=case)
+        for (_, reading), rows in readings_of(runs).items()
+        for own in by_solver(rows).values()
+    ]
+
+
+def _rows(kind: type[AnyRow], file: Path, what: str) -> list[AnyRow]:
+    try:
+        return read_rows(kind, file)
+    except (OSError, UnicodeDecodeError) as error:
+        raise CaseError(f"cannot be read: {error}", file=str(file)) from error
+    except TableError as error:
+        raise CaseError(f"is no {what} of this package: {error}", file=str(file)) from error
+
+
+def _content(manifest: Path) -> dict[str, Any]:
+    try:
+        content = json.loads(manifest.read_text(encoding="utf-8"))
+    except (OSError, RecursionError, ValueError) as error:
+        raise CaseError(f"cannot be read: {error}", file=str(manifest)) from error
+    if not isinstance(content, dict) or not isinstance(content.get("title"), str):
+        raise CaseError("is no manifest of a report: it names no title", file=str(manifest))
+    return content
+
+
+def _kind(readings: object, reading: str) -> str | None:
+    """The kind that a manifest gives a reading; those of earlier versions give none."""
+    own = readings.get(reading) if isinstance(readings, dict) else None
+    return _text(own.get("kind")) if isinstance(own, dict) else None
+
+
+def _text(value: object) -> str | None:
+    return value if isinstance(value, str) and value else None
+
+
+def read_matrix(folder: Path) -> list[MatrixRow]:
+    """The rows of a folder's matrix; none where it has none.
+
+    Raises
+    ------
+    CaseError
+        Where it is not what this package writes.
+    """
+    file = folder / MATRIX
+    return _rows(MatrixRow, file, "matrix") if file.exists() else []
+
+
+def merged(folder: Path) -> list[MatrixRow]:
+    """The matrix's rows by case, reading and solver: of the reports in a folder, and earlier ones of its matrix.
+
+    An earlier row stays where the case has no report there, and where the report's comparison did not run the solver.
+    A report that cannot be read is named, and left out.
+
+    Raises
+    ------
+    CaseError
+        Where the matrix is not what this package writes.
+    """
+    cases: dict[str, list[MatrixRow]] = {}
+    for row in read_matrix(folder):
+        cases.setdefault(row.case, []).append(row)
+    for manifest in sorted(folder.glob(f"*/{MANIFEST}")):
+        if manifest.with_name(RUNS).exists():
+            try:
+                fresh, content = rows_of_report(manifest), _content(manifest)
+            except CaseError as error:
+                print(message(f"left out of the index: {error}"), file=sys.stderr)
+                continue
+            # All readings of the case, of whatever solvers; an earlier version's report names those that it has.
+            readings = content.get("case_readings", content.get("readings"))
+            case, named = manifest.parent.name, readings if isinstance(readings, list | dict) else ()
+            cases[case] = updated(cases.get(case, []), fresh, list(map(str, named)))
+    return [row for case in sorted(cases) for row in cases[case]]
+
+
+def updated(earlier: Sequence[MatrixRow], fresh: Sequence[MatrixRow], readings: Collection[str]) -> list[MatrixRow]:
+    """The rows of one case after a comparison of some of its solvers.
 
     Parameters
     ----------
-    headings : sequence of str
-        Of the columns before the solvers'.
-    lines : sequence of (cells, rows)
-        For each reading the cells of those columns, and its rows, one a solver.
+    earlier, fresh : sequence of MatrixRow
+        Of the matrix; the kinds of the fresh ones hold for all.
+    readings : collection of str
+        Those that the case has now; earlier rows of others go.
     """
-    solvers = solvers_of(row for _, rows in lines for row in rows)
-    made = []
-    for cells, rows in lines:
-        own = {row.solver: _cell(row) for row in rows}
-        made.append((*cells, *(own.get(solver, "") for solver in solvers)))
-    alignment = "l" + "r" * (len(headings) - 1 + len(solvers))
-    return Table((*headings, *(code(solver) for solver in solvers)), alignment, made)
+    ran = {(row.reading, row.solver) for row in fresh}
+    rows = [*fresh, *(row for row in earlier if (row.reading, row.solver) not in ran and row.reading in readings)]
+    kinds = {row.problem: row.kind for row in (*earlier, *fresh) if row.kind}
+    rows = [replace(row, kind=kinds.get(row.problem)) for row in rows]
+    places, solvers = {reading: k for k, reading in enumerate(readings)}, solvers_of(rows)
+    return sorted(rows, key=lambda row: (places.get(row.reading, len(places)), solvers.index(row.solver)))
 
 
-def summed(rows: Sequence[RunRow]) -> list[MatrixRow]:
-    """The rows of a reading's runs, one a solver."""
-    return [summary(own) for own in by_solver(rows).values()]
-
-
-def _cell(row: MatrixRow) -> str:
-    if row.right:
-        reached = "ok" if row.digits is None else digits(row.digits)
-        return reached if row.right == row.settings else f"{reached} *"
-    if row.verdict in ("ill-conditioned", "not unique"):
-        return row.verdict
-    if row.verdict in UNJUDGED and row.status != "timeout":  # its "ok" is no right one
-        return "not judged"
-    return MARKS.get(row.status, row.status)
-
-
-def reading_table(rows: Sequence[MatrixRow]) -> Table:
-    """Digits that each solver reaches on each reading, with its kind and the commits of the program that ran it."""
-    lines = [
-        ((link(*key, reports=""), own[0].kind or "", ", ".join(commits_of(own, 7))), own)
-        for key, own in readings_of(rows).items()
-    ]
-    return matrix(("reading", "kind", "commit"), lines)
-
-
-def coverage(rows: Sequence[MatrixRow]) -> list[tuple[int, list[str]]]:
-    """On how many readings solvers were run, and which on as many, the most first; empty where all were run on all.
-
-    A row of the matrix counts, whether the solver could do the problem or not.
-    """
-    counts, groups = Counter(row.solver for row in rows), dict[int, list[str]]()
-    for solver in solvers_of(rows):
-        groups.setdefault(counts[solver], []).append(solver)
-    return [] if set(groups) <= {len(readings_of(rows))} else sorted(groups.items(), reverse=True)
-
-
-def coverage_table(rows: Sequence[MatrixRow]) -> Table:
-    """The same as a table."""
-    readings = len(readings_of(rows))
-    lines = [(f"{own} of {readings}", ", ".join(map(code, solvers))) for own, solvers in coverage(rows)]
-    return Table(("readings", "solvers run on them"), "rl", lines)
-
-
-def titles(rows: Sequence[MatrixRow]) -> dict[str, str]:
-    """Every case, as a link to its report, and its title."""
-    return {f"[{markdown(str(row.case))}]({quote(str(row.case))}/{REPORT})": markdown(row.title) for row in rows}
-
-
-def solver_table(rows: Sequence[MatrixRow], in_turn: Mapping[tuple[str, str, int], str]) -> Table:
-    """In how many readings each solver is right, of those it is judged in and run on; how often it is the cheapest.
-
-    Right is a solver that is so at one setting at least. Who is the cheapest for so many digits decide the times taken
-    in turn where there are some, by case, reading and digits; elsewhere the reports' own times do. Where nobody else
-    gets so far, there is nothing to time in turn.
-    """
-    wins: dict[str, dict[int, int]] = {}
-    reached, contested = dict.fromkeys(LEVELS, 0), dict.fromkeys(LEVELS, 0)
-    readings = readings_of(rows)
-    for key, own in readings.items():
-        for level in LEVELS:
-            walls = {row.solver: wall for row in own if (wall := row.wall(level)) is not None}
-            if walls:
-                reached[level] += 1
-                contested[level] += len(walls) > 1
-                first = in_turn.get((*key, level), "")
-                if first not in walls:  # or the reports are newer than that
-                    first = min(walls, key=walls.__getitem__)
-                wins.setdefault(first, dict.fromkeys(LEVELS, 0))[level] += 1
-    lines = []
-    for solver in solvers_of(rows):
-        own = [row for row in rows if row.solver == solver]
-        right, judged = sum(row.right > 0 for row in own), sum(row.judged > 0 for row in own)
-        won, counts = wins.get(solver, {}), (f"{right}", f"{judged}", f"{len(own)}")
-        lines.append((right, (code(solver), *counts, *(f"{won.get(d) or ''}" for d in LEVELS))))
-    cells = [own for _, own in sorted(lines, key=lambda line: -line[0])]
-    cells.append(("all readings", "", "", f"{len(readings)}", *(f"{reached[level]}" for level in LEVELS)))
-    cells.append(("of these, another solver gets there, too", *3 * ("",), *(f"{contested[level]}" for level in LEVELS)))
-    headings = ("solver", "right in", "judged in", "run on", *(f"cheapest for {level} digits" for level in LEVELS))
-    return Table(headings, "l" + "r" * (len(headings) - 1), cells)
+def commits_of(rows: Sequence[MatrixRow]) -> list[str]:
+    """The commits of the program that made some rows of the matrix, each once, in the rows' order."""
+    return list(dict.fromkeys(row.commit for row in rows if row.commit))

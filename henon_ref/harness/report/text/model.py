@@ -1,4 +1,4 @@
-"""The model as formulas: equations of every mode, parameters, start and horizon."""
+"""The model of a reading, in markdown: equations of every mode, parameters, start and horizon, effects of a scene."""
 
 from __future__ import annotations
 
@@ -38,6 +38,26 @@ class ModeText:
     """LaTeX of the field."""
     notes: list[str]
     """LaTeX of equivalent signs and of what ends a sliding mode."""
+
+
+def model_blocks(result: ReadingResult) -> list[str]:
+    """All of it but the values: readings that differ in these alone have the same."""
+    system, effects = result.reading.problem.system, effect_table(result)
+    blocks = ["Effects built, and no others:", effects[0].markdown, effects[1]] if effects else []
+    blocks += [_displayed(general_form(system)), _listed(as_written(system))]
+    blocks.append(_listed([*kink_notes(system), *reset_notes(system)]))
+    for mode in modes_of(result):
+        text = mode_equations(system, mode)
+        blocks += [f"{text.title}:", _displayed(text.equations), _listed(text.notes)]
+    return list(filter(None, blocks))
+
+
+def _displayed(formula: str) -> str:
+    return f"$$\n{formula}\n$$" if formula else ""
+
+
+def _listed(lines: Sequence[str]) -> str:
+    return "\n".join(f"- {line}" for line in lines)
 
 
 def as_written(system: FilippovSystem) -> list[str]:

@@ -1,20 +1,18 @@
-"""Paired times (``henon`` and another solver, their runs interleaved), as the index and their own page show them."""
+"""Paired times (``henon`` and another solver, their runs interleaved), as their own page shows them."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from urllib.parse import quote
 
 import numpy as np
 
-from henon_ref.harness.report.files.write import REPORT
-from henon_ref.harness.report.text.formats import digits as shown_digits
-from henon_ref.harness.report.text.formats import duration, setting, significant
+from henon_ref.harness.report.folder import REPORT
 from henon_ref.harness.report.text.ranking import LEVELS
-from henon_ref.harness.rows import Row, RunRow, earlier_rows
-from henon_ref.harness.table import Table
+from henon_ref.harness.rows import Row, RunRow
+from henon_ref.harness.table import Table, duration, setting, significant
+from henon_ref.harness.table import digits as shown_digits
 from henon_ref.text import code, markdown
 
 FIRST = "henon"
@@ -22,8 +20,6 @@ FIRST = "henon"
 FOLDER = "rivals"
 """Where the page of paired times lies in a folder of reports."""
 RATIOS = "ratios.csv"
-PRICE_PAIRS = "price/pairs.csv"
-"""The pairs of the price list, in a folder of reports."""
 SECOND, OTHERS, FROM_C = "heyoka", "the cheapest other", "CVODE from C"
 """What the reference is set against on every reading: the next best, whichever of all others is the cheapest, and the
 library that is called without Python in its way."""
@@ -65,11 +61,6 @@ class PairRow(Row):
         return None if self.rival_own_s is None else self.rival_own_s / self.wall_s
 
 
-def read_ratios(folder: Path, file: str = f"{FOLDER}/{RATIOS}") -> list[PairRow]:
-    """The ratios in a file of a folder of reports; none where they are not there, or no ratios."""
-    return earlier_rows(PairRow, folder / file)
-
-
 def own_words(rows: Sequence[PairRow]) -> str:
     """In a sentence, what of heyoka's times is heyoka's; empty where that is not known."""
     found = [(row, row.rival_own_s) for row in rows if row.against == SECOND and row.rival_own_s is not None]
@@ -83,15 +74,6 @@ def own_words(rows: Sequence[PairRow]) -> str:
         f"readings and digits), of which its own calls of `propagate_until` are {part:.0%}: a program that switches "
         f"modes in compiled code would take {significant(float(own), 2)} times as long."
     )
-
-
-def cheapest(rows: Sequence[PairRow]) -> dict[tuple[str, str, int], str]:
-    """The solver that takes the least time in turn, by case, reading and digits."""
-    return {
-        (row.case, row.reading, row.digits): FIRST if row.ratio <= 1 else row.rival
-        for row in rows
-        if row.against == OTHERS and row.digits is not None
-    }
 
 
 def spread_table(rows: Sequence[PairRow]) -> Table:

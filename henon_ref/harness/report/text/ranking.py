@@ -1,7 +1,8 @@
-"""Who is right to how many digits at what cost: the rows of one reading, ranked."""
+"""Who is right to how many digits at what cost: the rows of one reading, ranked, and over all readings of a case."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Protocol, TypeVar
@@ -25,6 +26,7 @@ class _Named(Protocol):
 
 
 R = TypeVar("R", bound=_Named)
+AnyRun = TypeVar("AnyRun", bound=RunRow)
 
 
 def readings_of(rows: Iterable[R]) -> dict[tuple[str, str], list[R]]:
@@ -53,11 +55,10 @@ def reaching(rows: Sequence[RunRow], digits: int) -> list[RunRow]:
     return [row for row in right(rows) if number(row.digits) >= digits and row.wall_s is not None]
 
 
-def most_accurate(rows: Sequence[RunRow]) -> RunRow | None:
-    """The right row with the most digits; among those as good, the cheapest."""
-    candidates = right(rows)
-    best = max((number(row.digits) for row in candidates), default=0.0)
-    return min((row for row in candidates if number(row.digits) >= best - AS_GOOD), key=_price, default=None)
+def most_accurate(rows: Sequence[AnyRun]) -> AnyRun | None:
+    """The row with the most digits; among those as good, the cheapest."""
+    most = max((row.digits or 0.0 for row in rows), default=0.0)
+    return min((row for row in rows if (row.digits or 0.0) >= most - AS_GOOD), key=_price, default=None)
 
 
 def best_of(rows: Sequence[RunRow]) -> RunRow:
@@ -104,6 +105,12 @@ def over_all(readings: Sequence[Sequence[RunRow]]) -> list[WholeRow]:
     return found
 
 
+def best_setting(rows: Sequence[WholeRow]) -> WholeRow:
+    """Of a solver's settings that are right in most readings the most accurate; among those as good, the cheapest."""
+    most = max(row.right_in for row in rows)
+    return most_accurate([row for row in rows if row.right_in == most]) or rows[-1]
+
+
 @dataclass(frozen=True)
 class Price:
     """The cheapest way to so many digits, and the next solver's."""
@@ -131,4 +138,4 @@ def floor(row: RunRow) -> float:
 
 
 def _price(row: RunRow) -> float:
-    return float("inf") if row.wall_s is None else row.wall_s
+    return math.inf if row.wall_s is None else row.wall_s

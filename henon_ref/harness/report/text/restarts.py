@@ -1,4 +1,4 @@
-"""How often each library is right in each restart over the suite, as the index and a page of its own show it."""
+"""How often each library is right in each restart over the suite, as its page shows it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from henon_ref.harness import registry
-from henon_ref.harness.report.files.write import REPORT
+from henon_ref.harness.report.folder import REPORT
 from henon_ref.harness.report.text.ranking import LEVELS
 from henon_ref.harness.rows import NOT_RUN, Row, RunRow, earlier_rows
 from henon_ref.harness.score.errors import EARLY

@@ -1,18 +1,17 @@
-"""The tables of a report, as rows of text."""
+"""The tables of a case's report that its rows say."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
 from henon_ref.baselines.causes import CAUSES
-from henon_ref.harness.campaign.comparison import Comparison
 from henon_ref.harness.campaign.results import ReadingResult
 from henon_ref.harness.campaign.rows import Record
 from henon_ref.harness.campaign.timing import UNSTABLE
-from henon_ref.harness.report.text.formats import count, digits, duration, error, setting, significant
-from henon_ref.harness.report.text.ranking import floor, prices, right
+from henon_ref.harness.report.text.matrix import UNJUDGED, MatrixRow, solvers_of, summary
+from henon_ref.harness.report.text.ranking import WholeRow, best_setting, by_solver, floor, most_accurate, prices, right
 from henon_ref.harness.rows import NOT_RUN, Key, RunRow, StickRow, number
-from henon_ref.harness.table import Table
+from henon_ref.harness.table import Table, count, digits, duration, error, significant
 from henon_ref.text import code, markdown
 from henon_ref.trajectory import sticks
 
@@ -20,8 +19,10 @@ MOST_STICKS = 12
 """Sticks shown for a reading; all are in sticks.csv."""
 MARK = "†"
 """Behind a time whose samples scatter too much."""
-
-
+SOLVERS = ("solver", "digits", "time", "times as long", "setting", "right", "note")
+"""Headings of the table that a report, or a reading's part of it, begins with."""
+UNDECIDED = ("ill-conditioned", "not unique")
+"""Verdicts on runs that are not right where double precision does not decide what is."""
 Samples = Mapping[Key, Sequence[float]]
 """Timing samples by the run's key."""
 
@@ -31,6 +32,98 @@ def samples_of(records: Sequence[Record]) -> Samples:
     return {record.run.key: record.samples for record in records}
 
 
+def solver_table(records: Sequence[Record]) -> Table:
+    """A row a solver of a reading: its most accurate right run, at how many settings it is right, what else it did.
+
+    Times are set against the shortest one in the table, where several solvers have one. Solvers that are right come
+    first, the fastest of them at the top; then those that are not, and those that did not run.
+    """
+    samples, solvers = samples_of(records), by_solver([record.run for record in records])
+    best = {solver: _best(own) for solver, own in solvers.items()}
+    walls = {solver: row.wall_s for solver, row in best.items() if row is not None and row.wall_s}
+    lines = []
+    for solver in sorted(solvers, key=lambda solver: (_rank(best[solver], solvers[solver]), walls.get(solver, 0.0))):
+        row, own = best[solver], solvers[solver]
+        time = timed(row, samples) if row is not None and solver in walls else ""
+        lines.append(_solver_line(solver, row, walls, time, _right_at(own), _note(own, row)))
+    return Table(SOLVERS, "lrrrrrl", lines)
+
+
+def whole_table(whole: Sequence[WholeRow], judged: int) -> Table:
+    """The same over all readings of a case that have a truth: ``whole`` from :func:`.ranking.over_all`.
+
+    A row is the setting with which a solver is right in most readings, and its cost over all where that is in all. Of
+    settings that are right in as many, one is shown, and the others are noted.
+    """
+    solvers = by_solver(whole)
+    best = {solver: best_setting(rows) for solver, rows in solvers.items()}
+    walls = {solver: number(row.wall_s) for solver, row in best.items() if row.verdict == "right"}
+    lines = []
+    for solver in sorted(solvers, key=lambda solver: (-best[solver].right_in, walls.get(solver, 0.0))):
+        row, most = best[solver], best[solver].right_in
+        others = [own.setting for own in solvers[solver] if own.right_in == most and own.key != row.key]
+        note = f"in as many at {', '.join(others)}" if most and others else ""
+        time = timed(row) if solver in walls else ""
+        lines.append(_solver_line(solver, row if most else None, walls, time, f"{most} of {judged}", note))
+    return Table(SOLVERS, "lrrrrrl", lines)
+
+
+def _solver_line(
+    solver: str, row: RunRow | None, walls: Mapping[str, float], time: str, at: str, note: str
+) -> tuple[str, ...]:
+    reached = "" if row is None or row.digits is None else digits(row.digits)
+    longer = significant(walls[solver] / min(walls.values())) if solver in walls and len(walls) > 1 else ""
+    return code(solver), reached, time, longer, "" if row is None else row.setting, at, note
+
+
+def _best(rows: Sequence[RunRow]) -> RunRow | None:
+    """The most accurate right row of one solver; without transitions, where no row has digits, the last right one."""
+    good = [row for row in rows if row.verdict == "right"]
+    return most_accurate(right(good)) or (good[-1] if good else None)
+
+
+def _rank(best: RunRow | None, rows: Sequence[RunRow]) -> int:
+    if rows[-1].status in NOT_RUN:
+        return 3
+    if best is None:
+        return 2
+    return 0 if best.wall_s is not None else 1
+
+
+def _right_at(rows: Sequence[RunRow]) -> str:
+    """At how many of its settings a solver is right, or why none was run or judged."""
+    if rows[-1].status in NOT_RUN:
+        return rows[-1].status
+    if all(row.verdict in UNJUDGED for row in rows):
+        return "not judged"
+    return f"{sum(row.verdict == 'right' for row in rows)} of {len(rows)}"
+
+
+def _note(rows: Sequence[RunRow], best: RunRow | None) -> str:
+    """What became of the runs that are not right, and what the best one lacks."""
+    if rows[-1].status in NOT_RUN:
+        return markdown(rows[-1].status_reason or "").rstrip(".")
+    notes: dict[str, list[str]] = {}
+    for row in rows:
+        if row.verdict not in ("right", None):
+            notes.setdefault(_ending(row), []).append(row.setting)
+    phrases = [f"{ending} at {', '.join(at)}" for ending, at in notes.items()]
+    if best is not None and best.missed_touches:
+        phrases.append(f"touches missed: {best.missed_touches}")
+    if best is not None and best.undecided_after_s is not None:
+        phrases.append(f"decided until t = {best.undecided_after_s:.9g} s")
+    if best is not None and best.wall_s is None:
+        phrases.append(f"no time: {markdown(str(best.status_reason)).rstrip('.')}")
+    return "; ".join(phrases)
+
+
+def _ending(row: RunRow) -> str:
+    """What is not right in a row: the transitions missed and spurious, else the status."""
+    if row.status == "wrong" and (row.missed or row.spurious):
+        return f"{row.missed} missed, {row.spurious} spurious"
+    return f"{row.status}, {row.verdict}" if row.verdict in UNDECIDED else row.status
+
+
 def price_table(rows: Sequence[RunRow], samples: Samples | None = None) -> Table | None:
     """The cheapest solver for so many digits, and what the next one costs; None where fewer than two solvers ran."""
     ran = {row.solver for row in rows if row.status not in NOT_RUN}
@@ -38,17 +131,47 @@ def price_table(rows: Sequence[RunRow], samples: Samples | None = None) -> Table
         return None
     lines = []
     for price in prices(rows):
-        cells = [f"{price.digits}"]
-        for row, missing in ((price.row, "none"), (price.next_row, "none" if price.row is not None else "")):
-            cells += [missing, "", ""] if row is None else [
-                code(row.solver), setting(row.rtol, row.step_s), timed(row, samples)
-            ]  # fmt: skip
-        ratio = ""
-        if price.row is not None and price.next_row is not None:
-            ratio = significant(number(price.next_row.wall_s) / number(price.row.wall_s), 3)
-        lines.append((*cells, ratio))
+        first, other, ratio = price.row, price.next_row, ""
+        cells = ["none" if first is None else "", "", "", "" if first is None else "none", "", ""]
+        if first is not None:
+            cells[:3] = code(first.solver), first.setting, timed(first, samples)
+        if first is not None and other is not None:
+            cells[3:] = code(other.solver), other.setting, timed(other, samples)
+            ratio = significant(number(other.wall_s) / number(first.wall_s), 3)
+        lines.append((f"{price.digits}", *cells, ratio))
     headings = ("digits", "cheapest", "setting", "time", "next", "setting", "time", "times as long")
     return Table(headings, "rlrrlrrr", lines)
+
+
+KEY = (
+    "Decimal digits of the worst transition time at the most accurate setting with the right sequence. "
+    "`ok`: right, nothing to time. `*`: not right at another setting. `–`: the solver cannot do this problem, `·`: not "
+    "installed; otherwise how its last run ended, or why that is not judged."
+)
+"""What the cells of a table of digits mean."""
+_MARKS = {"unsupported": "–", "unavailable": "·"}
+
+
+def digits_table(readings: Sequence[tuple[str, Sequence[RunRow]]]) -> Table:
+    """Digits that each solver reaches on each reading, or what became of it; readings by name, with their rows."""
+    solvers = solvers_of(row for _, rows in readings for row in rows)
+    lines = []
+    for reading, rows in readings:
+        own = {solver: _digits(summary(runs)) for solver, runs in by_solver(rows).items()}
+        transitions = next((row.reference_transitions for row in rows if row.reference_transitions is not None), None)
+        lines.append((f"[{reading}](#{reading})", _count(transitions), *(own.get(solver, "") for solver in solvers)))
+    return Table(("reading", "transitions", *map(code, solvers)), "lr" + "r" * len(solvers), lines)
+
+
+def _digits(row: MatrixRow) -> str:
+    if row.right:
+        reached = "ok" if row.digits is None else digits(row.digits)
+        return reached if row.right == row.settings else f"{reached} *"
+    if row.verdict in UNDECIDED:
+        return str(row.verdict)
+    if row.verdict in UNJUDGED and row.status != "timeout":  # its "ok" is no right one
+        return "not judged"
+    return _MARKS.get(row.status, row.status)
 
 
 def run_table(records: Sequence[Record]) -> Table:
@@ -58,18 +181,17 @@ def run_table(records: Sequence[Record]) -> Table:
         row = record.run
         if row.status in NOT_RUN:
             continue
-        edits = "" if row.missed is None else f"{row.missed} / {row.spurious}"
         lines.append(
             (
                 code(row.solver),
-                setting(row.rtol, row.step_s),
-                status(row),
+                row.setting,
+                f"{row.status} ({row.verdict})" if row.verdict in UNDECIDED else row.status,
                 _count(row.matched),
-                edits,
+                "" if row.missed is None else f"{row.missed} / {row.spurious}",
                 error(row.max_time_error_s, floor(row)),
                 "" if row.digits is None else digits(row.digits),
                 error(row.max_stick_error_s, floor(row)),
-                wall(row, record.samples),
+                _wall(row, record.samples),
                 duration(row.compile_s),
                 *map(_count, (row.steps, row.rhs_evaluations, row.event_evaluations)),
             )
@@ -85,23 +207,12 @@ def _count(value: int | None) -> str:
     return "" if value is None else f"{value}"
 
 
-def status(row: RunRow) -> str:
-    """Status, with the verdict where the solver is not to blame."""
-    return f"{row.status} ({row.verdict})" if row.verdict in ("ill-conditioned", "not unique") else row.status
-
-
-def wall(row: RunRow, samples: Sequence[float] = ()) -> str:
-    """Median wall time, its interquartile range, and a mark where the samples scatter too much.
-
-    Where the samples are too few for a range, their number stands in its place; two of them are marked where their
-    half distance is as large as a range that would be.
-    """
+def _wall(row: RunRow, samples: Sequence[float]) -> str:
+    """Median wall time, its interquartile range (or how many samples, where they are too few for one), a mark."""
     if row.wall_s is None:
         return ""
-    if row.wall_s_iqr is not None:
-        note = duration(row.wall_s_iqr)
-    else:
-        note = "" if row.timed_runs is None else count(row.timed_runs, "run")
+    few = "" if row.timed_runs is None else count(row.timed_runs, "run")
+    note = few if row.wall_s_iqr is None else duration(row.wall_s_iqr)
     return duration(row.wall_s) + (f" ({note})" if note else "") + _mark(row, samples)
 
 
@@ -110,67 +221,51 @@ def timed(row: RunRow, samples: Samples | None = None) -> str:
     return duration(row.wall_s) + _mark(row, (samples or {}).get(row.key, ()))
 
 
-def _mark(row: RunRow, samples: Sequence[float] = ()) -> str:
-    if row.wall_s_iqr is not None:
-        scatter = row.wall_s_iqr
-    else:
+def _mark(row: RunRow, samples: Sequence[float]) -> str:
+    """A mark where the range of the samples (of two, half their distance) is too large a part of their median."""
+    scatter = row.wall_s_iqr
+    if scatter is None:
         scatter = (max(samples) - min(samples)) / 2 if samples else 0.0
     return f" {MARK}" if scatter > UNSTABLE * number(row.wall_s) else ""
 
 
 def reason_table(rows: Sequence[RunRow]) -> Table | None:
-    """Why a run is not right: the solver's reason, the verdict and what it rests on, the cause where it is known."""
-    # One line for a solver that says the same at every setting.
+    """Why a run is not right: the solver's reason, the verdict and what it rests on, the cause where it is known.
+
+    One line for a solver that says the same at several settings.
+    """
     merged: dict[tuple[str, ...], list[str]] = {}
     for row in rows:
         if row.verdict == "right" or row.status in NOT_RUN:
             continue
         verdict = ": ".join(markdown(part) for part in (row.verdict, row.verdict_basis) if part)
-        cause = _cause(row.cause) if row.cause else ""
+        cause = f"[{CAUSES[row.cause].title}](../causes/README.md#{row.cause})" if row.cause else ""
         cells = (code(row.solver), row.status, markdown(row.status_reason or ""), verdict, cause)
-        merged.setdefault(cells, []).append(setting(row.rtol, row.step_s))
-    if not merged:
-        return None
-    return Table(
-        ("solver", "setting", "status", "reason", "verdict", "cause"),
-        "lrllll",
-        [(cells[0], ", ".join(at), *cells[1:]) for cells, at in merged.items()],
-    )
+        merged.setdefault(cells, []).append(row.setting)
+    headings = ("solver", "setting", "status", "reason", "verdict", "cause")
+    lines = [(cells[0], ", ".join(at), *cells[1:]) for cells, at in merged.items()]
+    return Table(headings, "lrllll", lines) if lines else None
 
 
-def _cause(name: str) -> str:
-    """A link to a cause on the page of causes, which lies in a folder beside the report's."""
-    return f"[{CAUSES[name].title}](../causes/README.md#{name})"
-
-
-def stick_table(comparison: Comparison, result: ReadingResult) -> Table | None:
+def stick_table(records: Sequence[Record], result: ReadingResult) -> Table | None:
     """The sticks of the measured window: the truth's, and how near the most accurate right run comes to them."""
     expected, reading = result.expected, result.reading
-    if expected is None:
-        return None
-    exact = sticks(expected.transitions, start=expected.start, after=reading.measure_after)
+    exact = sticks(expected.transitions, start=expected.start, after=reading.measure_after) if expected else []
     if not exact:
         return None
-    rows = []
-    best = _best_stick_run(comparison, reading.name)
-    for index, stick in enumerate(exact[:MOST_STICKS]):
-        cells = [f"{index}", reading.problem.system.sign_names[stick.surface], f"{stick.start:.9f}"]
-        cells.append(f"{stick.duration:.13f}")
-        if best is not None:
-            own = next((row for row in best[1] if row.index == index), None)
-            cells.append("" if own is None else error(own.error_s))
-            cells.append("" if own is None or own.length is None else f"{own.length:.9f}")
-        rows.append(tuple(cells))
+    able = [record for record in records if record.sticks and right([record.run])]
+    best = max(able, key=lambda record: number(record.run.digits), default=None)
+    own: dict[int, StickRow] = {row.index: row for row in best.sticks} if best else {}
+    names = reading.problem.system
     headings = ["stick", "surface", "begins at [s]", "exact duration [s]"]
     if best is not None:
-        headings += [f"error of {code(best[0])} [s]", f"length [unit of {code(reading.problem.system.state_names[0])}]"]
+        headings += [f"error of {code(best.run.solver)} [s]", f"length [unit of {code(names.state_names[0])}]"]
+    rows = []
+    for index, stick in enumerate(exact[:MOST_STICKS]):
+        cells = [f"{index}", names.sign_names[stick.surface], f"{stick.start:.9f}", f"{stick.duration:.13f}"]
+        if best is not None:
+            row = own.get(index)
+            cells.append("" if row is None else error(row.error_s))
+            cells.append("" if row is None or row.length is None else f"{row.length:.9f}")
+        rows.append(tuple(cells))
     return Table(tuple(headings), "rl" + "r" * (len(headings) - 2), rows)
-
-
-def _best_stick_run(comparison: Comparison, reading: str) -> tuple[str, list[StickRow]] | None:
-    """Solver and stick rows of the most accurate right run of a reading."""
-    records = [record for record in comparison.of_reading(reading) if record.sticks and right([record.run])]
-    if not records:
-        return None
-    best = max(records, key=lambda record: number(record.run.digits))
-    return best.run.solver, best.sticks

@@ -8,15 +8,14 @@ from dataclasses import replace
 
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.plugin_probe import fixed_step
-from henon_ref.harness.report.files.write import RUNS
-from henon_ref.harness.report.text.formats import exponential
+from henon_ref.harness.report.folder import RUNS
 from henon_ref.harness.rows import RunRow, rows_text
 from henon_ref.harness.studies.atlas.family import OUTCOMES, TOLERANCES, family_of, outcome_of
 from henon_ref.harness.studies.atlas.figure import draw_atlas
 from henon_ref.harness.studies.page import write
 from henon_ref.harness.studies.runs import rows_of
 from henon_ref.harness.studies.study import Asked, Made
-from henon_ref.harness.table import Table
+from henon_ref.harness.table import Table, exponential
 from henon_ref.text import code, markdown, paragraphs
 
 FOLDER = "atlas"

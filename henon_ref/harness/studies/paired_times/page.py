@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from henon_ref.casefile.case import Case
 from henon_ref.errors import CaseError
-from henon_ref.harness.report.files.write import RUNS
+from henon_ref.harness.report.folder import RUNS
 from henon_ref.harness.report.text.paired_times import (
     FIRST,
     FOLDER,

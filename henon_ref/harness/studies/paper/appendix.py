@@ -10,7 +10,7 @@ import pandas as pd
 
 from henon_ref.baselines.paper.listing_variants import DEFECTS, VariantRun, run_variant
 from henon_ref.figures import style
-from henon_ref.harness.report.files.svg import svg
+from henon_ref.harness.report.svg import svg
 from henon_ref.harness.studies.paper.audit import ADDED, PRINTED_STEP, audit, durations, numbers
 from henon_ref.harness.studies.paper.claims import Claim, Section, checked, picture
 from henon_ref.harness.studies.paper.curves import thinned

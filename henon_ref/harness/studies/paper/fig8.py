@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from henon_ref.baselines.paper.listing import LISTING
 from henon_ref.baselines.paper.listing_variants import DEFECTS, run_variant
 from henon_ref.figures import style
-from henon_ref.harness.report.files.svg import svg
+from henon_ref.harness.report.svg import svg
 from henon_ref.harness.studies.paper.audit import PRINTED_STEP, numbers
 from henon_ref.harness.studies.paper.claims import Claim, Section, checked, picture
 from henon_ref.harness.studies.paper.curves import Curve, curve, thinned

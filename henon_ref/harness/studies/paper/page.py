@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from henon_ref.harness.report.files.manifest import Provenance
+from henon_ref.harness.report.manifest import Provenance
 from henon_ref.harness.studies.page import write
 from henon_ref.harness.studies.paper import appendix, fig8, section2, section3, section4, section5
 from henon_ref.harness.studies.paper.claims import Section

@@ -12,7 +12,7 @@ import sympy as sp
 from henon_ref.analysis.tangent import TangentAnalysis, TangentPoint
 from henon_ref.baselines.paper.rk4 import RK4
 from henon_ref.figures import style
-from henon_ref.harness.report.files.svg import svg
+from henon_ref.harness.report.svg import svg
 from henon_ref.harness.studies.paper.audit import ORDER_STEPS, ROUNDING, order_of
 from henon_ref.harness.studies.paper.claims import Claim, Section, checked, picture
 from henon_ref.harness.studies.paper.curves import Curve, curve, reference

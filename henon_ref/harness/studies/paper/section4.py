@@ -10,7 +10,7 @@ import sympy as sp
 
 from henon_ref.analysis.tangent import TangentAnalysis
 from henon_ref.figures import style
-from henon_ref.harness.report.files.svg import svg
+from henon_ref.harness.report.svg import svg
 from henon_ref.harness.studies.paper.claims import Claim, Section, checked, picture
 from henon_ref.harness.studies.paper.exact import same, same_set
 from henon_ref.harness.studies.paper.systems import (

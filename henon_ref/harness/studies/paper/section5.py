@@ -18,7 +18,7 @@ from henon_ref.analysis.periodic import measured_period
 from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.figures import style
 from henon_ref.harness.registry import solver
-from henon_ref.harness.report.files.svg import svg
+from henon_ref.harness.report.svg import svg
 from henon_ref.harness.studies.paper.belt import moving_belt
 from henon_ref.harness.studies.paper.claims import Claim, Section, checked, picture
 from henon_ref.harness.studies.paper.exact import same

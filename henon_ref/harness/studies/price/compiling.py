@@ -12,12 +12,11 @@ from pathlib import Path
 from henon_ref.casefile.case import Case
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.settings import Setting
-from henon_ref.harness.report.text.formats import duration, significant
 from henon_ref.harness.report.text.paired_times import FIRST, PairRow
 from henon_ref.harness.rows import Row, number
 from henon_ref.harness.studies.price.ladder import TIMEOUT
 from henon_ref.harness.studies.price.measure import caches_in, in_fresh_process, title
-from henon_ref.harness.table import Table
+from henon_ref.harness.table import Table, duration, significant
 from henon_ref.modes.problem import Problem
 
 DIGITS = 9

@@ -14,10 +14,9 @@ import numpy as np
 import sympy as sp
 
 from henon_ref.harness import registry
-from henon_ref.harness.report.text.formats import duration, error
 from henon_ref.harness.rows import Row
 from henon_ref.harness.studies.price.measure import in_fresh_process
-from henon_ref.harness.table import Table
+from henon_ref.harness.table import Table, duration, error
 from henon_ref.integrator.integrator import Integrator
 from henon_ref.integrator.prepared_run import order_for
 from henon_ref.integrator.records import HENON

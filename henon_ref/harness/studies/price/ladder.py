@@ -9,14 +9,13 @@ from dataclasses import dataclass, replace
 from henon_ref.casefile.case import Case
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.options import Observer, Options
-from henon_ref.harness.report.text.formats import duration, significant
 from henon_ref.harness.report.text.paired_times import FIRST, SECOND, PairRow, bound
 from henon_ref.harness.report.text.ranking import LEVELS, by_solver, reaching, readings_of
 from henon_ref.harness.rows import Row, RunRow, number
 from henon_ref.harness.studies.paired_times.timing import PairedTiming, TimedPair, pairs_of, time_pairs
 from henon_ref.harness.studies.price.measure import title
 from henon_ref.harness.studies.runs import rows_of
-from henon_ref.harness.table import Table
+from henon_ref.harness.table import Table, duration, significant
 
 LISTED = (
     SECOND, "cvode-c-adams", "cvode-adams", "scipy-dop853", "diffrax-dopri8", "diffrax-kvaerno5", "diffsol-tsit45",

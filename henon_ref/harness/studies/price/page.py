@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from henon_ref.harness.report.files.manifest import Provenance
-from henon_ref.harness.report.text.formats import duration
+from henon_ref.harness.report.manifest import Provenance
 from henon_ref.harness.report.text.paired_times import PairRow, own_words
 from henon_ref.harness.report.text.ranking import readings_of
 from henon_ref.harness.rows import Row, RunRow, rows_text
@@ -36,6 +35,7 @@ from henon_ref.harness.studies.price.measure import caches_in, in_fresh_process,
 from henon_ref.harness.studies.price.operations import Work, work
 from henon_ref.harness.studies.price.states import Size, size_table, sizes
 from henon_ref.harness.studies.study import Asked, Made
+from henon_ref.harness.table import duration
 from henon_ref.text import markdown
 
 FOLDER = "price"

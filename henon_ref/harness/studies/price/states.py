@@ -10,13 +10,12 @@ from dataclasses import dataclass
 from henon_ref.casefile.case import parse_case
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.interleaved import Turns, interleaved
-from henon_ref.harness.report.text.formats import duration
 from henon_ref.harness.report.text.paired_times import FIRST
 from henon_ref.harness.rows import Row
 from henon_ref.harness.studies.paired_times.own_calls import clocked, own_part
 from henon_ref.harness.studies.price.measure import orbit_problem
 from henon_ref.harness.studies.runs import apart
-from henon_ref.harness.table import Table
+from henon_ref.harness.table import Table, duration
 from henon_ref.modes.problem import Problem
 from henon_ref.solver import Run
 from henon_ref.trajectory import Trajectory

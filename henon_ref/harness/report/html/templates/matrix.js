@@ -57,8 +57,7 @@ function cellText(cell, digits, shown) {
     return word ? SHORT[word] || word : SHORT[cell.status] || "not judged";
   }
   if (shown === "time") {
-    const wall = cell.walls[digits];
-    return wall === null ? "–" : Number.isNaN(wall) ? "yes" : duration(wall);
+    return duration(wallAt(cell, digits)) || "–";
   }
   const reached = cell.digits === null ? "ok" : digitsText(cell.digits);
   return cell.right === cell.settings ? reached : `${reached} *`;
@@ -66,7 +65,7 @@ function cellText(cell, digits, shown) {
 
 /** How a cell stands to the digits wanted. */
 function standing(cell, digits) {
-  if (cell.walls[digits] !== null) return "reached";
+  if (wallAt(cell, digits) !== null) return "reached";
   if (cell.right) return cell.digits === null ? "reached" : "fewer";
   if (cell.status === "timeout") return "timeout";
   if (["ill-conditioned", "not unique"].includes(cell.verdict)) return "undecided";
@@ -131,10 +130,9 @@ function sortMatrix(by) {
     if (by === "kind") return row.reading.kind;
     const cell = row.reading.bySolver.get(by);
     if (!cell) return -2;
-    return shown === "time" ? -(cell.walls[digits] ?? Infinity) : cell.best;
+    return shown === "time" ? -(wallAt(cell, digits) ?? Infinity) : cell.best;
   };
-  const value = (row) => (Number.isNaN(key(row)) ? 0 : key(row));
-  rows.sort((a, b) => sign * (value(a) - value(b) || 0) || a.reading.index - b.reading.index);
+  rows.sort((a, b) => sign * (key(a) - key(b) || 0) || a.reading.index - b.reading.index);
   body.append(...rows.map((row) => row.node));
   for (const th of document.querySelectorAll("#matrix th[data-by]")) {
     if (th.dataset.by === String(by)) th.setAttribute("aria-sort", MATRIX.sort.up ? "ascending" : "descending");

@@ -1,4 +1,4 @@
-// Numbers as the markdown reports write them (henon_ref/harness/report/text/formats.py).
+// Numbers as the markdown reports write them (henon_ref/harness/table.py).
 
 /** A number to so many significant places, without an exponent where that reads well. */
 function significant(value, places = 3) {
@@ -28,12 +28,6 @@ function errorText(value, floor = 0) {
 }
 
 const count = (number, noun) => `${number || "no"} ${noun}${number === 1 ? "" : "s"}`;
-
-function median(values) {
-  const sorted = [...values].sort((a, b) => a - b);
-  const middle = sorted.length >> 1;
-  return sorted.length % 2 ? sorted[middle] : (sorted[middle - 1] + sorted[middle]) / 2;
-}
 
 const SUPERSCRIPTS = "⁰¹²³⁴⁵⁶⁷⁸⁹";
 

@@ -8,8 +8,6 @@ const settings = () => ({
 
 function followDigits() {
   const { digits, kind, shown, which } = settings();
-  byId("digits-text").textContent = digits ? count(digits, "digit") : "right at all";
-  byId("digits").setAttribute("aria-valuetext", wanted(digits));
   drawChoice(digits, kind);
   colourMatrix(digits, shown);
   if (which !== "all") filterMatrix(settings());
@@ -24,6 +22,8 @@ function followFilters() {
 
 /** The controls whose choices depend on the data. */
 function makeControls() {
+  options(byId("digits"), DATA.choice.map(({ digits }) => [digits, digits ? count(digits, "digit") : "right at all"]));
+  byId("digits").value = byId("digits").dataset.first;
   options(byId("kind"), [["", "all kinds"], ...DATA.kinds.map((name, k) => [k, name])]);
   const tags = [...new Set(DATA.cases.flatMap((own) => own.tags || []))].sort();
   options(byId("tag"), [["", tags.length ? "all tags" : "no tags known"], ...tags]);
@@ -75,8 +75,7 @@ function start() {
   if (!READINGS.length) return;
   makeMatrix();
   listProjects();
-  byId("digits").addEventListener("input", followDigits);
-  byId("shown").addEventListener("change", followDigits);
+  for (const id of ["digits", "shown"]) byId(id).addEventListener("change", followDigits);
   for (const id of ["kind", "tag", "which"]) byId(id).addEventListener("change", followFilters);
   byId("search").addEventListener("input", () => filterMatrix(settings()));
   byId("run-reading").addEventListener("change", chooseRun);
@@ -90,7 +89,8 @@ function start() {
   showRun(bestCell(shown), { scroll: false });
   window.addEventListener("hashchange", followAddress);
   // The browser itself goes to the cell that the address names, once all is loaded: the run comes after that.
-  window.addEventListener("load", () => setTimeout(followAddress));
+  if (document.readyState === "complete") setTimeout(followAddress);
+  else window.addEventListener("load", () => setTimeout(followAddress));
   onWidth(byId("reaches"), () => drawChoice(settings().digits, settings().kind));
   onWidth(byId("work"), () => { drawPortrait(RUN.cell.reading); drawWork(); });
 }

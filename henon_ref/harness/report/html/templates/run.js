@@ -157,8 +157,8 @@ function drawRuns(cell) {
   const holder = byId("run-tables");
   const { reading } = cell;
   if (!cell.runs) {
-    const levels = DATA.levels.filter((level) => cell[`wall_${level}_s`] !== null);
-    const times = levels.map((level) => `${level} digits in ${duration(cell[`wall_${level}_s`])}`).join(", ");
+    const levels = DATA.choice.map((level) => level.digits).filter((digits) => digits && wallAt(cell, digits) !== null);
+    const times = levels.map((digits) => `${digits} digits in ${duration(wallAt(cell, digits))}`).join(", ");
     holder.replaceChildren(make("p", null, `The runs of this case are not kept beside this page; its row of the matrix says: status ${cell.status}` +
       `${cell.verdict ? ` (${cell.verdict})` : ""}, right at ${cell.right ?? 0} of ${cell.settings} settings` +
       `${cell.digits === null ? "" : `, ${digitsText(cell.digits)} digits`}${times ? `; ${times}` : ""}. ` +
@@ -189,13 +189,13 @@ function resultOf(run) {
   return parts.join(": ");
 }
 
-const scrolling = (content, label) => make("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": label }, content);
+const scrolling = (content, label) => make("div", { class: "scroll reflow", tabindex: "0", role: "region", "aria-label": label }, content);
 
 /** Links to the files of the case, where there are any beside this page. */
 function drawFiles(reading) {
   const { name, files = [] } = reading.of;
-  // A figure's name is the reading's and its kind's (henon_ref/harness/report/files/figure_jobs.py); a kind has no underscore.
-  const own = files.filter((file) => !file.endsWith(".svg") || file === "readings.svg" || file.slice(0, file.lastIndexOf("_")) === reading.name);
+  // A figure's name is the reading's and its kind's (henon_ref/harness/report/figure_jobs.py); a kind has no underscore.
+  const own = files.filter((file) => !file.endsWith(".svg") || file.slice(0, file.lastIndexOf("_")) === reading.name);
   byId("run-files").hidden = !own.length;
   byId("run-file-list").replaceChildren(...own.map((file) =>
     make("li", null, make("a", { href: `${encodeURIComponent(name)}/${encodeURIComponent(file)}` }, file))));

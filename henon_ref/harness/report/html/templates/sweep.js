@@ -1,6 +1,5 @@
 // The page of a sweep's folder: a diagram of its points or section points, and the run behind each point.
 
-const DATA = JSON.parse(byId("data").textContent);
 const LARGEST = 32767;
 
 /** Bytes of base64 text as an array of numbers. */

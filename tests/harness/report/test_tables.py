@@ -1,4 +1,4 @@
-"""The tables that a report begins with hold what the rows hold."""
+"""The tables of a report hold what the rows hold: of one reading, of all readings at once, of what a source prints."""
 
 from __future__ import annotations
 
@@ -6,19 +6,17 @@ from dataclasses import replace
 from decimal import Decimal
 
 import pytest
-import sympy as sp
 from fakes import TIMES, Reference, case, expected, found, trajectory
-from made_reports import cells, compared, made, usual
+from made_reports import ORIGIN, SWEEP, VALUES, cells, changed, compared, made, sweep, tables, usual
 
-from henon_ref.casefile.expected import Orbit
 from henon_ref.harness.campaign.comparison import Comparison
 from henon_ref.harness.campaign.results import ReadingResult
 from henon_ref.harness.campaign.rows import Outcome, record, scored
 from henon_ref.harness.campaign.settings import Setting
-from henon_ref.harness.report.text.published import orbit_table, printed_times_table, published_table
-from henon_ref.harness.report.text.summary import HEADINGS, solver_table
-from henon_ref.harness.report.text.tables import price_table
-from henon_ref.harness.report.text.truth import no_truth, truth_table
+from henon_ref.harness.report.text.markdown import MANY, report_text
+from henon_ref.harness.report.text.ranking import over_all
+from henon_ref.harness.report.text.tables import price_table, solver_table
+from henon_ref.harness.report.text.truth import no_truth, printed_times_table, published_table, truth_table
 from henon_ref.harness.rows import RunRow
 from henon_ref.trajectory import Transition
 
@@ -26,25 +24,12 @@ RIGHT = "right"
 
 
 def solvers(comparison: Comparison) -> dict[str, dict[str, str]]:
-    return cells(solver_table(comparison, comparison.readings[0]))
+    return cells(solver_table(comparison.records))
 
 
 def truth(comparison: Comparison) -> dict[str, tuple[str, ...]]:
     """Value and note of each line of the table on the truth."""
     return {row[0]: row[1:] for row in truth_table(comparison.readings[0]).rows}
-
-
-def test_a_row_a_solver_says_where_it_is_right_and_what_it_costs():
-    table = solvers(usual())
-    assert list(table) == ["`henon`", "`heyoka`", "`scipy-rk45`", "`scipy-sign`", "`ida`"]
-    assert [h for h in HEADINGS if h not in ("setting", "right")] == [
-        "solver", "digits", "time", "times as long", "note",
-    ]  # fmt: skip
-    assert list(table["`henon`"].values()) == ["`henon`", "12", "0.3 ms", "1", "1e-12", "2 of 2", ""]
-    assert table["`heyoka`"]["times as long"] == "3"
-    assert (table["`scipy-rk45`"][RIGHT], table["`scipy-rk45`"]["note"]) == ("1 of 2", "1 missed, 0 spurious at 1e-6")
-    assert list(table["`scipy-sign`"].values())[1:-1] == ["", "", "", "", "0 of 1"]
-    assert (table["`ida`"][RIGHT], table["`ida`"]["note"]) == ("unavailable", "it is not installed")
 
 
 def test_settings_out_of_time_are_noted_beside_wrong_ones():
@@ -150,7 +135,7 @@ def published(comparison: Comparison, *printed: str, measure_after: float = 1.0)
     reading = comparison.readings[0].reading
     own = replace(reading.published, stick_durations=decimals(*printed))
     reading = replace(reading, published=own, measure_after=measure_after)
-    return cells(published_table(comparison, replace(comparison.readings[0], reading=reading)))
+    return cells(published_table(comparison.records, replace(comparison.readings[0], reading=reading)))
 
 
 def decimals(*texts: str) -> tuple[Decimal, ...]:
@@ -178,19 +163,6 @@ def test_a_stick_that_the_horizon_cuts_off_is_not_denied(times, ends_in_slip):
     assert row["digits hold"] == ""
 
 
-def test_printed_times_stand_beside_the_transition_that_is_nearest():
-    whole = compared()
-    result: ReadingResult = whole.readings[0]
-    own = replace(result.reading.published, transition_times=decimals("0.50", "1.4"))
-    found = printed_times_table(replace(result, reading=replace(result.reading, published=own)))
-    assert found is not None
-    assert found.rows == [
-        ("0.50", "stick, `s`", "0.5", "0", "yes"),
-        ("1.4", "release, `s`", "1.25", "1.5e-1", "no"),
-    ]
-    assert printed_times_table(result) is None
-
-
 def test_a_run_without_transitions_has_none_beside_a_printed_time():
     result: ReadingResult = compared(expected=expected(())).readings[0]
     own = replace(result.reading.published, transition_times=decimals("1.00"))
@@ -199,12 +171,76 @@ def test_a_run_without_transitions_has_none_beside_a_printed_time():
     assert found.rows == [("1.00", "none", "", "", "")]
 
 
-def test_an_orbit_that_the_case_names_is_set_beside_the_last_period():
-    result: ReadingResult = compared().readings[0]
-    orbit = Orbit(sp.Integer(2), decimals("0.75", "0.4"), decimals("1.5"))
-    table = orbit_table(replace(result, reading=replace(result.reading, orbit=orbit)))
-    assert [row[:2] for row in table.rows] == [
-        ("period", "2"), ("stick", "0.75"), ("stick", "0.4"), ("crossing, modulo the period", "1.5"),
+def first(comparison: Comparison) -> dict[str, dict[str, str]]:
+    """The table that a report begins with."""
+    return cells(tables(report_text(comparison, ORIGIN))[0])
+
+
+def test_one_setting_for_all_readings_costs_the_sum_of_their_times():
+    comparison = sweep()
+    whole = over_all([[r.run for r in comparison.of_reading(f"f{v}")] for v in VALUES])
+    assert [(row.solver, row.rtol, row.verdict, row.right_in) for row in whole] == [
+        ("henon", 1e-6, "right", 4), ("henon", 1e-9, "right", 4),
+        ("heyoka", 1e-6, "right", 4), ("heyoka", 1e-9, "right", 4),
     ]  # fmt: skip
-    assert [row[2] for row in table.rows] == ["", "0", "1.0e-1", "5.0e-1"]
-    assert orbit_table(result) is None
+    one = comparison.of_reading("f1")[1].run
+    assert whole[1].wall_s == pytest.approx(4 * one.wall_s)
+    assert whole[1].digits == one.digits
+
+
+def test_where_no_setting_is_right_in_all_readings_the_best_ones_are_shown():
+    wrong = [(solver, f"f{v}", rtol) for solver in ("henon", "heyoka") for v in (1, 2) for rtol in (1e-6, 1e-9)]
+    comparison = sweep(wrong=wrong[1:])
+    table = first(comparison)
+    assert list(table["`henon`"].values()) == ["`henon`", "6", "", "", "1e-6", "3 of 4", ""]
+    assert list(table["`heyoka`"].values())[1:] == ["9", "", "", "1e-9", "2 of 4", "in as many at 1e-6"]
+    assert all("cheapest" not in own.headings for own in tables(report_text(comparison, ORIGIN))[:2])
+    none = first(sweep(wrong=[(s, f"f{v}", r) for s in ("henon", "heyoka") for v in VALUES for r in (1e-6, 1e-9)]))
+    assert list(none["`henon`"].values())[1:] == ["", "", "", "", "0 of 4", ""]
+
+
+def test_of_few_readings_the_tables_stand_at_the_top():
+    assert MANY == 4
+    head = report_text(sweep(readings=VALUES[:3]), ORIGIN).split("## f1\n")[0]
+    assert [own.headings[0] for own in tables(head)] == ["solver"] * 3
+    assert head.count("The most accurate right run of each solver") == 1
+    assert "[f2](#f2)" in head
+    assert "## All readings" not in head
+
+
+def test_a_model_and_a_story_are_told_once():
+    text = report_text(sweep(), ORIGIN)
+    assert text.count("\\begin{aligned}") == report_text(sweep(readings=(1,)), ORIGIN).count("\\begin{aligned}")
+    assert text.count("The equations are those of [f1](#f1).") == len(VALUES) - 1
+    assert all(f"$F = {value}$" in text for value in VALUES)
+    told = replace(case(text=SWEEP).readings[0], story="A story.")
+    comparison = sweep()
+    for result in comparison.readings:
+        result.reading = replace(result.reading, story=told.story)
+    assert report_text(comparison, ORIGIN).count("A story.") == 1
+
+
+def put(comparison: Comparison, reading: str, number: int, **values: object) -> None:
+    """Other values for a run of a reading."""
+    own = comparison.of_reading(reading)[number]
+    comparison.records[comparison.records.index(own)] = changed(own, **values)
+
+
+def test_of_settings_that_are_as_good_the_cheapest_is_shown():
+    comparison = sweep(settings=(1e-9, 0.9e-9))
+    for result in comparison.readings:
+        put(comparison, result.reading.name, 1, wall_s=1e-9)
+    row = first(comparison)["`henon`"]
+    assert (row["setting"], row["note"]) == ("9e-10", "in as many at 1e-9")
+    for result in comparison.readings:
+        put(comparison, result.reading.name, 0, wall_s=1e-10)
+    assert first(comparison)["`henon`"]["setting"] == "1e-9"
+
+
+def test_a_run_that_is_not_judged_has_no_ok_of_one_that_is_right():
+    comparison = sweep(settings=(1e-6,))
+    values = ({}, {"verdict": "not judged"}, {"verdict": "not judged", "status": "timeout"})
+    for k, own in enumerate(values):
+        comparison.records[k] = changed(comparison.records[k], digits=None, **own)
+    table = tables(report_text(comparison, ORIGIN).partition("## All readings")[2])[0]
+    assert [row[2:] for row in table.rows[:2]] == [("ok", "not judged"), ("timeout", "6")]

@@ -135,20 +135,18 @@ def _reading(result: ReadingResult) -> dict[str, Any]:
     """The exact problem, and what it was scored against."""
     problem, statement, expected = result.reading.problem, result.statement, result.expected
     system = problem.system
-    exact = {
-        "parameters": {symbol.name: value for symbol, value in system.parameters.items()},
-        "initial": dict(zip(system.state_names, problem.initial, strict=True)),
-    }
+
+    def exact(value: Any) -> dict[str, Any]:
+        return {"exact": str(value), "value": float(value)}
+
     return {
         "title": result.reading.title,
         "kind": kind_of(expected, len(system.surfaces)),
         "mathematics_hash": result.reading.mathematics_hash,
-        **{
-            part: {name: {"exact": str(value), "value": float(value)} for name, value in values.items()}
-            for part, values in exact.items()
-        },
-        "start": {"exact": str(problem.start), "value": float(problem.start)},
-        "until": {"exact": str(problem.until), "value": float(problem.until)},
+        "parameters": {symbol.name: exact(value) for symbol, value in system.parameters.items()},
+        "initial": {x: exact(value) for x, value in zip(system.state_names, problem.initial, strict=True)},
+        "start": exact(problem.start),
+        "until": exact(problem.until),
         "measure_after_s": result.reading.measure_after,
         "truth": {
             "methods": [

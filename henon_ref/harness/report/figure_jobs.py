@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from henon_ref.casefile.case import Reading
 from henon_ref.harness.campaign.results import ReadingResult
 from henon_ref.harness.campaign.rows import Record
-from henon_ref.harness.report.files.svg import svg
+from henon_ref.harness.report.svg import svg
 from henon_ref.harness.score.reference import Expected
 from henon_ref.trajectory import Samples
 from henon_ref.workers.worker import Job, WorkerState
@@ -20,8 +20,6 @@ DRAW_SECONDS = 120.0
 """Processor time that a reading's figures may take [s]."""
 PORTRAIT, MODES, ERRORS, COST, SCENE = "portrait", "modes", "errors", "cost", "scene"
 """The figures of a reading, as their file names name them."""
-READINGS = "readings.svg"
-"""The figure of all readings."""
 
 
 @dataclass(frozen=True)

@@ -1,1 +1,0 @@
-"""Files of a report: CSV, manifest, figures, locks."""
