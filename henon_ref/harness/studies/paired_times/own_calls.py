@@ -22,38 +22,30 @@ class Clock:
 
     spent_s: float = 0.0
 
+    def clocked(self, call: Callable[..., Any]) -> Callable[..., Any]:
+        """The same call, clocked."""
 
-class _ClockedIntegrator:
-    """A ``taylor_adaptive`` whose calls of ``propagate_until`` are clocked; all else is passed on."""
+        def run(*args: Any, **options: Any) -> Any:
+            began = perf_counter()
+            result = call(*args, **options)
+            self.spent_s += perf_counter() - began
+            return result
 
-    def __init__(self, integrator: Any, clock: Clock) -> None:
-        object.__setattr__(self, "_integrator", integrator)
-        object.__setattr__(self, "_clock", clock)
+        return run
+
+
+class _WithOwn:
+    """An object of heyoka's with one function of ours; all else is passed on."""
+
+    def __init__(self, theirs: Any, **ours: Callable[..., Any]) -> None:
+        object.__setattr__(self, "_theirs", theirs)
+        vars(self).update(ours)
 
     def __getattr__(self, name: str) -> Any:
-        return getattr(self._integrator, name)
+        return getattr(self._theirs, name)
 
     def __setattr__(self, name: str, value: Any) -> None:
-        setattr(self._integrator, name, value)
-
-    def propagate_until(self, *args: Any, **options: Any) -> Any:
-        began = perf_counter()
-        result = self._integrator.propagate_until(*args, **options)
-        self._clock.spent_s += perf_counter() - began
-        return result
-
-
-class _ClockedModule:
-    """heyoka with clocked integrators."""
-
-    def __init__(self, module: Any, clock: Clock) -> None:
-        self._module, self._clock = module, clock
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._module, name)
-
-    def taylor_adaptive(self, *args: Any, **options: Any) -> _ClockedIntegrator:
-        return _ClockedIntegrator(self._module.taylor_adaptive(*args, **options), self._clock)
+        setattr(self._theirs, name, value)
 
 
 @dataclass(frozen=True)
@@ -63,8 +55,14 @@ class ClockedHeyoka(HeyokaTaylor):
     clock: Clock = field(default_factory=Clock, kw_only=True)
 
     def load(self) -> Any:
-        """The module, in part our own."""
-        return _ClockedModule(super().load(), self.clock)
+        """The module, with integrators whose calls of ``propagate_until`` are clocked."""
+        module = super().load()
+
+        def taylor_adaptive(*args: Any, **options: Any) -> _WithOwn:
+            made = module.taylor_adaptive(*args, **options)
+            return _WithOwn(made, propagate_until=self.clock.clocked(made.propagate_until))
+
+        return _WithOwn(module, taylor_adaptive=taylor_adaptive)
 
 
 def clocked(solver: Solver) -> ClockedHeyoka | None:
