@@ -18,7 +18,7 @@ MOST_OPERATIONS, MOST_IN_ALL = 500, 2_500
 and asks of each many questions."""
 
 MOST_IN_CELL = 200
-"""Operations up to which an expression is a formula in a table."""
+"""Operations up to which an expression is shown in a table, or in a line."""
 
 _GREEK = (
     "alpha|beta|gamma|delta|epsilon|zeta|eta|theta|iota|kappa|lambda|mu|nu|xi|pi|rho|sigma|tau|upsilon|phi|chi|psi"
@@ -75,6 +75,12 @@ def general_form(system: SwitchedField) -> str:
         if printable(surface):
             lines.append(rf"{symbol(sign.name)} &= \operatorname{{sgn}}\left({latex(surface)}\right)")
     return aligned(lines) if lines and few([*system.field, *system.surfaces]) else ""
+
+
+def short(expression: sp.Expr) -> str:
+    """An expression in a few words of a line."""
+    text = str(expression) if size(expression, MOST_IN_CELL) <= MOST_IN_CELL else "..."
+    return text if len(text) <= 40 else text[:37] + "..."
 
 
 def table_html(system: SwitchedField) -> str:

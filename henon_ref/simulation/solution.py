@@ -67,11 +67,6 @@ class Solution(Outcome):
         super().__init__(base, parameters, trajectory)
         self.start_time, self._pairs, self._steps = start, pairs, steps
 
-    @property
-    def _initial(self) -> list[float]:
-        """Initial state."""
-        return [high for high, _ in self._pairs]
-
     @cached_property
     def sol(self) -> DenseOutput | None:
         return None if self._steps is None else DenseOutput.of(self._steps, self.start_time, self.trajectory)
@@ -99,15 +94,15 @@ class Solution(Outcome):
             states[1:][follows] = changes["state"][:-1][follows]
             return np.insert(begin, at, times), np.ascontiguousarray(np.insert(values, at, states, axis=0).T)
         moved = end.end_time > self.start_time or len(changes) > 0
-        last = ([end.end_time], [end.end_state]) if moved else ([], np.zeros((0, len(self._initial))))
-        together = np.concatenate([[self._initial], np.repeat(states, 2, axis=0), last[1]])
+        last = ([end.end_time], [end.end_state]) if moved else ([], np.zeros((0, len(self._pairs))))
+        together = np.concatenate([[[high for high, _ in self._pairs]], np.repeat(states, 2, axis=0), last[1]])
         return np.concatenate([[self.start_time], np.repeat(times, 2), last[0]]), np.ascontiguousarray(together.T)
 
     @property
     def _changes(self) -> NDArray[Any]:
         """Records of the transitions."""
         changes = self.trajectory.transitions
-        empty = np.zeros(0, dtype=transition_dtype(len(self._initial)))
+        empty = np.zeros(0, dtype=transition_dtype(len(self._pairs)))
         return changes.records if isinstance(changes, TransitionArray) else empty
 
     def _modes(self, times: NDArray[np.float64]) -> list[Mode]:

@@ -23,22 +23,18 @@ from henon_ref.simulation.written import (
     Number,
     OwnStart,
     argument_error,
-    checked_size,
+    as_given,
     mapping,
     python_number,
     source_of,
     tree_of,
-    written,
     written_name,
 )
-from henon_ref.taylor.size import size
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed
 
 MODEL_KEYS = ("system", "scene", "sliding", "resets")
 """Keys of a case file that make its system."""
-LONGEST_SHOWN = 200
-"""Operations of an expression that is shown as a formula."""
 
 
 class System:
@@ -276,7 +272,7 @@ class System:
 
     def _parsed(self, parse: Callable[..., sp.Expr], value: object, names: Mapping[str, sp.Expr], what: str) -> sp.Expr:
         try:
-            return parse(checked_size(value, what) if isinstance(value, sp.Expr) else written(value, what), names)
+            return parse(as_given(value, what), names)
         except ExpressionError as error:
             raise ArgumentError(f"{what}: {error.message}") from None
 
@@ -340,8 +336,10 @@ class System:
         return hash(self.content)
 
     def __repr__(self) -> str:
+        from henon_ref.modes.latex import short
+
         model = self.model
-        surfaces = ", ".join(f"{s}: {_short(h)}" for s, h in zip(model.sign_names[:4], model.surfaces, strict=False))
+        surfaces = ", ".join(f"{s}: {short(h)}" for s, h in zip(model.sign_names[:4], model.surfaces, strict=False))
         more = ", ..." if len(model.signs) > 4 else ""
         values = listed([f"{name} = {value}" for name, value in self.parameters.items()], 8)
         return f"System({'; '.join(part for part in (listed(self.state, 8), surfaces + more, values) if part)})"
@@ -350,8 +348,3 @@ class System:
         from henon_ref.modes.latex import table_html
 
         return table_html(self.model)
-
-
-def _short(expression: sp.Expr) -> str:
-    text = str(expression) if size(expression, LONGEST_SHOWN) <= LONGEST_SHOWN else "..."
-    return text if len(text) <= 40 else text[:37] + "..."

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import sympy as sp
 
+from henon_ref.casefile.expressions import Written
 from henon_ref.casefile.grammar import LONGEST_WHOLE, MAX_DIGITS, MAX_LENGTH, MAX_STATES, MOST_STATES
 from henon_ref.casefile.source import Source
 from henon_ref.casefile.tree import MappingNode, Node, Place, ScalarNode, SequenceNode, child
@@ -107,19 +108,22 @@ def written(value: object, what: str) -> str:
     raise ArgumentError(f"{what} is {_shown(value)}; {_OTHER}")
 
 
-def checked_size(expression: sp.Expr, what: str) -> sp.Expr:
-    """An expression of SymPy that is no larger than a text may be: written out, shared parts may be without end.
+def as_given(value: object, what: str) -> Written:
+    """A number or an expression as it is read: SymPy as it is, anything else as text (see :func:`written`).
 
     Raises
     ------
     ArgumentError
-        For more operations, or longer numbers.
+        Also for SymPy that has more operations (written out, as often as they stand there), or longer numbers, than a
+        text may have.
     """
-    if size(expression, MAX_LENGTH) > MAX_LENGTH:
+    if not isinstance(value, sp.Expr):
+        return written(value, what)
+    if size(value, MAX_LENGTH) > MAX_LENGTH:
         raise ArgumentError(f"{what} has more than {MAX_LENGTH} operations")
-    if any(max(n.p.bit_length(), n.q.bit_length()) > LONGEST_WHOLE for n in expression.atoms(sp.Rational)):
+    if any(max(n.p.bit_length(), n.q.bit_length()) > LONGEST_WHOLE for n in value.atoms(sp.Rational)):
         raise ArgumentError(f"{what} holds a number of more than {MAX_DIGITS} digits")
-    return expression
+    return value
 
 
 def tree_of(value: object, what: str, depth: int = 0, place: Place = NOWHERE) -> Node:
@@ -159,12 +163,12 @@ def tree_of(value: object, what: str, depth: int = 0, place: Place = NOWHERE) ->
         )
     if value is None:
         return ScalarNode(place, None, "", None)
-    if isinstance(value, sp.Expr):
-        return ScalarNode(place, "", checked_size(value, what), None)
-    text = written(value, what)
+    found = as_given(value, what)
+    if not isinstance(found, str):
+        return ScalarNode(place, "", found, None)
     if isinstance(value, Integral):
-        return ScalarNode(place, int(value), text, None)
-    return ScalarNode(place, Decimal(text) if isinstance(value, float | Decimal) else text, text, None)
+        return ScalarNode(place, int(value), found, None)
+    return ScalarNode(place, Decimal(found) if isinstance(value, float | Decimal) else found, found, None)
 
 
 def mapping(entries: Mapping[str, Node], place: Place = NOWHERE) -> MappingNode:

@@ -25,7 +25,7 @@ from henon_ref.modes.exact_numbers import double_double
 from henon_ref.simulation.dependent_parameters import following, pairs_at, without_others
 from henon_ref.simulation.launch import integrator_of
 from henon_ref.simulation.system import System
-from henon_ref.simulation.written import written
+from henon_ref.simulation.written import as_given
 from henon_ref.sweeps.kernel import Ended, joined, refused_runs, run_points, together
 from henon_ref.sweeps.observations import Observation
 from henon_ref.sweeps.refusals import NO_KINKS, refusals
@@ -54,7 +54,7 @@ class PointNumbers:
         known = {names[name]: value for name, value in {**exact, **own}.items() if name not in swept}
         self._parameters = {name: _Number(own.get(name, exact[name])) for name in exact if name not in swept}
         self._numbers = {
-            name: _Number(parse_expression(written(value, "a number"), names).xreplace(known))
+            name: _Number(parse_expression(as_given(value, "a number"), names).xreplace(known))
             for name, value in numbers.items()
         }
 
