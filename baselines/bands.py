@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from henon_ref.baselines.record import Event
 from henon_ref.modes.callables import Scalar
 from henon_ref.modes.mode import Mode, replaced, transition_kind
+from henon_ref.trajectory import Transition
 
 SUBSTEPS = 4
 """Points looked at in each step."""
@@ -150,13 +150,13 @@ class Band:
             self._change(entered, 0)
 
 
-def joined(bands: Sequence[Band]) -> tuple[list[Event], Mode]:
-    """The events of all surfaces in order of time, with joint modes, and the last mode."""
+def joined(bands: Sequence[Band]) -> tuple[list[Transition], Mode]:
+    """The transitions of all surfaces in order of time, with joint modes, and the last mode."""
     mode: Mode = tuple(band.initial for band in bands)
     changes = sorted((t, i, entry, x) for i, band in enumerate(bands) for t, entry, x in band.changes)
-    events: list[Event] = []
+    found: list[Transition] = []
     for t, i, entry, x in changes:
         after = replaced(mode, i, entry)
-        events.append((transition_kind(mode[i], entry), i, mode, after, t, x, 0.0))
+        found.append(Transition(transition_kind(mode[i], entry), i, mode, after, t, x, landing="band"))
         mode = after
-    return events, mode
+    return found, mode

@@ -17,6 +17,10 @@ from henon_ref.modes.equations import along
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.system import FilippovSystem
 
+MANY = 16
+"""From so many arguments on a function is made of those alone that stand in it: SymPy goes through the expressions once
+for each argument."""
+
 
 class CommonFunctions:
     """Field and guards of all modes as functions of ``(t, *x, *switches)``, parameters put in.
@@ -36,6 +40,7 @@ class CommonFunctions:
         self.guard_expressions = tuple(system.numeric(g) for g in self._shared.outputs)
         self.kept: dict[Any, Any] = {}
         """What a library has made of them, under a name of its own."""
+        self._rates: dict[int, Scalar] = {}
         self._jacobians: dict[Callbacks, Jacobian] = {}
 
     def values(self, mode: Mode) -> tuple[float, ...]:
@@ -53,11 +58,13 @@ class CommonFunctions:
         """``fill(t, y, out)`` of the states and the switches in one array."""
         return compiled((*self._states, *self.symbols), self.field_expressions)
 
-    @cached_property
-    def rates(self) -> Scalar:
-        """All guards and their time derivatives, in turn."""
-        pairs = [(g, along(g, self._states, self.field_expressions)) for g in self.guard_expressions]
-        return scalar((*self._states, *self.symbols), [e for pair in pairs for e in pair])
+    def rate(self, row: int) -> Scalar:
+        """A guard and its time derivative."""
+        if row not in self._rates:
+            guard = self.guard_expressions[row]
+            slope = along(guard, self._states, self.field_expressions)
+            self._rates[row] = of_few((*self._states, *self.symbols), (guard, slope))
+        return self._rates[row]
 
     def jacobian(self, callbacks: Callbacks) -> Jacobian:
         """Of the field in the states."""
@@ -70,3 +77,14 @@ class CommonFunctions:
 def common_functions(system: FilippovSystem) -> CommonFunctions:
     """Those of a system, made once."""
     return CommonFunctions(system)
+
+
+@lru_cache(maxsize=4096)
+def of_few(arguments: tuple[sp.Symbol, ...], expressions: tuple[sp.Expr, ...]) -> Scalar:
+    """``f(t, *arguments)``, one float an expression."""
+    if len(arguments) < MANY:
+        return scalar(arguments, expressions)
+    standing = set().union(*(e.free_symbols for e in expressions))
+    places = [k for k, symbol in enumerate(arguments) if symbol in standing]
+    function = scalar([arguments[k] for k in places], expressions)
+    return lambda t, *x: function(t, *[x[k] for k in places])

@@ -181,7 +181,6 @@ class _Flow:
         self._forgets = self._guards > 0 and solver.cooldown == "none"
         self._made, self._taylor = made, made.taylor
         self._state, self._lifts = self._taylor.state, self._taylor.pars
-        self._weights = [_constant_slope(model, g) for g in model.guard_expressions]
 
     def advance(
         self,
@@ -309,12 +308,12 @@ class _Flow:
 
     def _lift(self, item: Fresh, t: float, x: Sequence[float]) -> float:
         guard, speed, rate = item
-        weights = self._weights[guard]
-        if weights is None or dips(speed, rate):
+        slopes = self._model.slopes(guard)
+        if slopes.constants is None or dips(speed, rate):
             return lift(self._model, item, t, x, self._horizon)
         size = speed * SPAN * self._horizon
-        for k, weight in weights:
-            size += weight * abs(x[k])
+        for k, slope in zip(slopes.places, slopes.constants, strict=True):
+            size += abs(slope * x[k])
         return max(LIFT * EPSILON * size, LEAST)
 
     def _event_free_step(self, t: float, low: float, x: Sequence[float], until: float, fresh: Sequence[Fresh]) -> Stop:
@@ -333,14 +332,6 @@ class _Flow:
         point = tuple(quiet.state.tolist())
         below = tuple(k for k, g in enumerate(model.guard) if not model.guards[k].rising_only and g(t, *point)[0] < 0.0)
         return Stop("event" if below else "horizon", t, low, point, below)
-
-
-def _constant_slope(model: ModeFunctions, guard: sp.Expr) -> list[tuple[int, float]] | None:
-    """(state, abs(dg/dx)) of a guard that is linear in the states; None for any other."""
-    slopes = [sp.diff(guard, x) for x in model.states]
-    if not all(d.is_number for d in slopes):
-        return None
-    return [(k, abs(float(d))) for k, d in enumerate(slopes) if d != 0]
 
 
 HEYOKA = HeyokaTaylor("heyoka")

@@ -6,12 +6,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property, lru_cache
+from typing import NamedTuple
 
 import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.baselines.common_functions import CommonFunctions, common_functions
+from henon_ref.baselines.common_functions import MANY, CommonFunctions, common_functions, of_few
 from henon_ref.baselines.numba_callbacks import Callbacks, Fill, compiled, jacobian
 from henon_ref.modes.callables import ARITHMETIC, Jacobian, Scalar, scalar
 from henon_ref.modes.equations import Guard
@@ -58,12 +59,14 @@ class ModeFunctions:
         guards = self.equations.guards
         self._watched = [k for k, g in enumerate(guards) if not (g.kind == "surface" and g.index in idle)]
         self.guards: tuple[Guard, ...] = tuple(guards[k] for k in self._watched)
-        self.field_expressions = tuple(system.numeric(f) for f in self.equations.field)
         self.guard_expressions = tuple(system.numeric(g.expression) for g in self.guards)
         self._bends: dict[int, Scalar] = {}
-        self._gradients: dict[int, tuple[list[int], Scalar]] = {}
-        self._landings: dict[int, Landing] = {}
         self.surface_guard = {g.index: k for k, g in enumerate(self.guards) if g.kind == "surface"}
+
+    @cached_property
+    def field_expressions(self) -> tuple[sp.Expr, ...]:
+        """Time derivatives of the states."""
+        return tuple(self.system.numeric(f) for f in self.equations.field)
 
     @cached_property
     def common(self) -> CommonFunctions | None:
@@ -150,20 +153,14 @@ class ModeFunctions:
     @cached_property
     def guard(self) -> tuple[Scalar, ...]:
         """One function a guard, each -> (value,)."""
-        return tuple(scalar(self.states, (g,)) for g in self.guard_expressions)
+        return tuple(of_few(self.states, (g,)) for g in self.guard_expressions)
 
     @cached_property
     def rates(self) -> Scalar:
         """All guards -> (g_0, dg_0/dt, g_1, dg_1/dt, ...) along this mode's own field."""
         if self.common is not None:
-            rates, switches = self.common.rates, self.switches
-            chosen = [place for row in self.rows for place in (2 * row, 2 * row + 1)]
-
-            def picked(t: float, *x: float) -> tuple[float, ...]:
-                found = rates(t, *x, *switches)
-                return tuple([found[place] for place in chosen])
-
-            return picked
+            own, switches = [self.common.rate(row) for row in self.rows], self.switches
+            return lambda t, *x: tuple([value for rate in own for value in rate(t, *x, *switches)])
         pairs = [(g, self.along(g)) for g in self.guard_expressions]
         return scalar(self.states, [e for pair in pairs for e in pair])
 
@@ -176,21 +173,16 @@ class ModeFunctions:
 
     def size(self, index: int, t: float, x: Sequence[float], rtol: float, atol: float) -> float:
         """What relative and absolute errors in x make of a guard: sum of abs(dg/dx_k) (rtol abs(x_k) + atol)."""
-        places, slopes = self._slopes(index)
+        slopes = self.slopes(index)
         try:
-            values = slopes(t, *x)
+            values = slopes.values(t, *x)
         except ARITHMETIC:
             return 0.0
-        return math.fsum(abs(d) * (rtol * abs(x[k]) + atol) for k, d in zip(places, values, strict=True))
+        return math.fsum(abs(d) * (rtol * abs(x[k]) + atol) for k, d in zip(slopes.places, values, strict=True))
 
-    def _slopes(self, index: int) -> tuple[list[int], Scalar]:
-        """The states that stand in a guard, and its derivatives in these."""
-        if index not in self._gradients:
-            guard = self.guard_expressions[index]
-            places = [k for k, x in enumerate(self.states) if guard.has(x)]
-            slopes = scalar(self.states, [sp.diff(guard, self.states[k]) for k in places])
-            self._gradients[index] = places, slopes
-        return self._gradients[index]
+    def slopes(self, index: int) -> Slopes:
+        """A guard's derivatives in the states."""
+        return _slopes(self.guard_expressions[index], self.states)
 
     def jacobian(self, callbacks: Callbacks) -> Jacobian:
         """Of :attr:`right` in :attr:`unknowns`."""
@@ -198,11 +190,12 @@ class ModeFunctions:
             return self.common.jacobian(callbacks).at(self.switches)
         return jacobian(self.unknowns, self.right, callbacks)
 
-    def landing(self, index: int) -> Landing:
-        """What is needed of one surface when this mode begins or ends on it."""
-        if index not in self._landings:
-            self._landings[index] = Landing(self.system, self.mode, index)
-        return self._landings[index]
+    def landing(self, index: int) -> Scalar:
+        """What is needed of one surface when this mode begins or ends on it (:func:`landing`)."""
+        acting = _normal_velocity(self.system, index).free_symbols
+        pairs = enumerate(zip(self.system.signs, self.mode, strict=True))
+        told = tuple(entry if sign in acting and k != index else 1 for k, (sign, entry) in pairs)
+        return landing(self.system, told, index)
 
     def bend(self, index: int) -> Scalar:
         """One guard's first and second time derivative along this mode's field."""
@@ -242,35 +235,67 @@ def is_linear(expression: sp.Expr, states: tuple[sp.Symbol, ...]) -> bool:
     return not any(sp.diff(expression, v).free_symbols & moving for v in moving)
 
 
-class Landing:
-    """What is needed of one surface when a mode begins or ends on it.
+class Slopes(NamedTuple):
+    """Derivatives of a guard in the states that stand in it."""
 
-    ``values(t, *x)`` -> ``(h, dh/dt below, dh/dt above, *point)``: the surface's value before anything is
+    places: tuple[int, ...]
+    """Of these states."""
+    values: Scalar
+    constants: tuple[float, ...] | None
+    """The derivatives, where the guard is linear."""
+
+
+@lru_cache(maxsize=4096)
+def _slopes(guard: sp.Expr, states: tuple[sp.Symbol, ...]) -> Slopes:
+    places = tuple(k for k, x in enumerate(states) if guard.has(x))
+    slopes = [sp.diff(guard, states[k]) for k in places]
+    constants = tuple(map(float, slopes)) if all(d.is_number for d in slopes) else None
+    return Slopes(places, of_few(states, tuple(slopes)), constants)
+
+
+@lru_cache(maxsize=4096)
+def _normal_velocity(system: FilippovSystem, index: int) -> sp.Expr:
+    return system.numeric(system.normal_velocity(index))
+
+
+@lru_cache(maxsize=4096)
+def landing(system: FilippovSystem, mode: Mode, index: int) -> Scalar:
+    """What is needed of one surface when a mode begins or ends on it; made once for all modes that it is the same in.
+
+    ``f(t, *x)`` -> ``(h, dh/dt below, dh/dt above, *point)``: the surface's value before anything is
     corrected; the nearest point on the surface (one Newton step along the gradient, which moves x by the
     rounding or tolerance error that h shows, and no more); and, there, the normal velocities on both sides.
     """
+    states = system.states
+    h, normal = system.numeric(system.surfaces[index]), _normal_velocity(system, index)
+    sides = [
+        normal.xreplace({s: sp.Integer(v) for s, v in zip(system.signs, replaced(mode, index, side), strict=True)})
+        for side in (-1, 1)
+    ]
+    gradient = [sp.diff(h, x) for x in states]
+    square = sp.Add(*(d**2 for d in gradient))
+    if not square.is_number:
+        first = scalar(states, [h, *(x - h * d / square for x, d in zip(states, gradient, strict=True))])
+        second = scalar(states, sides)
+        return lambda t, *x: _in_two(first, second, t, x)
+    # Expanding lets a flat surface cancel to its own solution: x2 - (x2 - vp) is vp, with no rounding left.
+    # A surface in time alone has nothing to move.
+    point = [x - sp.expand(h * d / square) if d != 0 else x for x, d in zip(states, gradient, strict=True)]
+    moved = {k: p for k, (p, x) in enumerate(zip(point, states, strict=True)) if p != x}
+    there = {states[k]: p for k, p in moved.items()}
+    velocities = [side.subs(there, simultaneous=True) for side in sides]
+    if len(states) < MANY:
+        return scalar(states, [h, *velocities, *point])
+    values, places = of_few(states, (h, *velocities, *moved.values())), tuple(moved)
 
-    def __init__(self, system: FilippovSystem, mode: Mode, index: int) -> None:
-        states = system.states
-        h = system.numeric(system.surfaces[index])
-        normal = system.numeric(system.normal_velocity(index))
-        sides = [
-            normal.xreplace({s: sp.Integer(v) for s, v in zip(system.signs, replaced(mode, index, side), strict=True)})
-            for side in (-1, 1)
-        ]
-        gradient = [sp.diff(h, x) for x in states]
-        square = sp.Add(*(d**2 for d in gradient))
-        self.index = index
-        if not square.is_number:
-            first = scalar(states, [h, *(x - h * d / square for x, d in zip(states, gradient, strict=True))])
-            second = scalar(states, sides)
-            self.values: Scalar = lambda t, *x: _in_two(first, second, t, x)
-            return
-        # Expanding lets a flat surface cancel to its own solution: x2 - (x2 - vp) is vp, with no rounding left.
-        # A surface in time alone has nothing to move.
-        point = [x - sp.expand(h * d / square) if d != 0 else x for x, d in zip(states, gradient, strict=True)]
-        there = dict(zip(states, point, strict=True))
-        self.values = scalar(states, [h, *(side.subs(there, simultaneous=True) for side in sides), *point])
+    def at(t: float, *x: float) -> tuple[float, ...]:
+        h, below, above, *found = values(t, *x)
+        state = list(x)
+        for k, value in zip(places, found, strict=True):
+            state[k] = value
+        return (h, below, above, *state)
+
+    return at
 
 
 def _in_two(first: Scalar, second: Scalar, t: float, x: tuple[float, ...]) -> tuple[float, ...]:

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import sympy as sp
 
+from henon_ref.baselines.common_functions import of_few
 from henon_ref.baselines.flow import Flow, Library
 from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions, projected
 from henon_ref.baselines.restart import Fresh
@@ -112,7 +113,7 @@ class ModeEntry:
             or model.system.decided_together(guard, sliding)
         ):
             return None
-        landing = model.landing(i).values
+        landing = model.landing(i)
         stick, slip = replaced(mode, i, 0), {s: replaced(mode, i, s) for s in (-1, 1)}
         beyond = guard.to_sign
         hold = self._hold(i) if guard.kind == "surface" else None
@@ -329,14 +330,15 @@ class ModeTable:
         if index not in self._surfaces:
             h = self.system.numeric(self.system.surfaces[index])
             gradient = [sp.diff(h, x) for x in self.system.states]
-            self._surfaces[index] = (scalar(self.system.states, [h]), scalar(self.system.states, gradient))
+            states = self.system.states
+            self._surfaces[index] = (of_few(states, (h,)), of_few(states, tuple(gradient)))
         return self._surfaces[index]
 
 
 def _speed(model: ModeFunctions, index: int, t: float, x: Sequence[float]) -> tuple[float, float]:
     """abs(dh/dt) below plus above a surface, and the rate at which its guard rises in this mode."""
     try:
-        below, above = model.landing(index).values(t, *x)[1:3]
+        below, above = model.landing(index)(t, *x)[1:3]
     except ARITHMETIC:
         return 0.0, 0.0
     speed = abs(below) + abs(above)

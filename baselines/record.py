@@ -38,8 +38,8 @@ CHATTER = 16.0
 """to this times the root of that tolerance, as a part of the chain's first group."""
 
 
-Event = tuple[Kind, int, Mode, Mode, float, tuple[float, ...], float]
-"""kind, surface, mode before, mode after, time, state, what rounding the time lost."""
+_Fields = tuple[Kind, int, Mode, Mode, float, tuple[float, ...], float]
+"""Those of a transition in their order, but for the landing."""
 
 
 class Transitions(Sequence[Transition]):
@@ -48,7 +48,7 @@ class Transitions(Sequence[Transition]):
     Building one costs as much as a step of the fastest library here, and a run is timed.
     """
 
-    def __init__(self, events: list[Event], landing: str) -> None:
+    def __init__(self, events: list[_Fields], landing: str) -> None:
         self._events = events
         self._landing = landing
 
@@ -95,7 +95,7 @@ class Record:
     ) -> None:
         self.work = work
         self.landing = landing
-        self.events: list[Event] = []
+        self.events: list[_Fields] = []
         self.drift = 0.0
         self._times: list[float] = []
         self._window = WINDOW + 4 * surfaces

@@ -17,7 +17,7 @@ Neither can do a ``sliding`` override: there is no sliding in them to replace.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import metadata
 from typing import Any, Literal
@@ -32,7 +32,6 @@ from henon_ref.baselines.driver import tolerances
 from henon_ref.baselines.endings import blown_up
 from henon_ref.baselines.flow import LIMIT
 from henon_ref.baselines.mode_functions import EPSILON
-from henon_ref.baselines.record import Event, Transitions
 from henon_ref.baselines.work import BudgetSpent, DeadlinePassed, Work
 from henon_ref.errors import UnavailableError, UnsupportedError
 from henon_ref.modes.callables import ARITHMETIC, Jacobian, Scalar, scalar
@@ -40,7 +39,7 @@ from henon_ref.modes.mode import Mode
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.solver import Run
-from henon_ref.trajectory import Status, Trajectory
+from henon_ref.trajectory import Status, Trajectory, Transition
 
 WIDTH = 100.0
 """Width of the smoothing, in units of ``atol``."""
@@ -172,13 +171,13 @@ class _Naive:
             status, reason = "diverged", f"the state blows up at t = {t:.17g}: {reason}"
         for band in bands:
             band.end(t)
-        events, mode = joined(bands)
+        transitions, mode = joined(bands)
         modes = None
         if times is not None:
-            modes = tuple(_mode_at(events, mode, float(time)) for time in times)
+            modes = tuple(_mode_at(transitions, mode, float(time)) for time in times)
         return Trajectory(
             status=status,
-            transitions=Transitions(events, "band"),
+            transitions=transitions,
             end_time=t,
             end_state=x,
             end_mode=mode,
@@ -246,11 +245,8 @@ def _without_signs(system: FilippovSystem, sign: Literal["tanh", "sign"], eps: f
     return [system.numeric(f).xreplace(written) for f in system.field]
 
 
-def _mode_at(events: list[Event], last: Mode, time: float) -> Mode:
-    for event in events:
-        if time <= event[4]:
-            return event[2]
-    return last
+def _mode_at(transitions: Sequence[Transition], last: Mode, time: float) -> Mode:
+    return next((t.from_mode for t in transitions if time <= t.time), last)
 
 
 SMOOTHED = ScipyNaive("scipy-smoothed", "tanh", "LSODA")

@@ -111,33 +111,22 @@ class SundialsFlow(SmoothMode):
         return full
 
 
-def event_function(watchers: Sequence[Watcher], last: LastSeen, direction: int) -> Callable[..., None]:
-    """``eventsfn(t, x, out)``: the guards, then the guard against divergence, all terminal."""
+def event_function(
+    watchers: Sequence[Watcher], last: LastSeen, direction: int, *, dae: bool = False
+) -> Callable[..., None]:
+    """``eventsfn(t, x, out)``, of a DAE ``(t, y, yp, out)``: the guards, then that against divergence, all terminal."""
     count = len(watchers)
 
-    def eventsfn(t: float, x: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+    def of_ode(t: float, x: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         for k, watcher in enumerate(watchers):
             out[k] = watcher(t, x)
         out[count] = last.value(t, x)
 
-    _mark(eventsfn, count, direction)
-    return eventsfn
+    def of_dae(t: float, y: NDArray[np.float64], yp: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+        of_ode(t, y, out)
 
-
-def event_function_of_dae(watchers: Sequence[Watcher], last: LastSeen, direction: int) -> Callable[..., None]:
-    """``eventsfn(t, y, yp, out)``, for IDA."""
-    count = len(watchers)
-
-    def eventsfn(t: float, y: NDArray[np.float64], yp: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-        for k, watcher in enumerate(watchers):
-            out[k] = watcher(t, y)
-        out[count] = last.value(t, y)
-
-    _mark(eventsfn, len(watchers), direction)
-    return eventsfn
-
-
-def _mark(eventsfn: Callable[..., None], count: int, direction: int) -> None:
+    eventsfn = of_dae if dae else of_ode
     # scikit-sundae reads both off the function.
     eventsfn.terminal = [True] * (count + 1)  # type: ignore[attr-defined]
     eventsfn.direction = [direction] * count + [-1]  # type: ignore[attr-defined]
+    return eventsfn

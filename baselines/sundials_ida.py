@@ -30,7 +30,7 @@ from henon_ref.baselines.adapter import ConfiguredLibrary
 from henon_ref.baselines.mode_functions import ModeFunctions
 from henon_ref.baselines.numba_callbacks import Callbacks, compiled, jacobian, njit
 from henon_ref.baselines.restart import Restart, Watcher
-from henon_ref.baselines.sundials import STEPS_BETWEEN_OUTPUTS, SundialsAdapter, SundialsFlow, event_function_of_dae
+from henon_ref.baselines.sundials import STEPS_BETWEEN_OUTPUTS, SundialsAdapter, SundialsFlow, event_function
 from henon_ref.baselines.work import Work
 from henon_ref.modes.callables import ARITHMETIC, scalar
 from henon_ref.modes.equations import Guard
@@ -142,7 +142,7 @@ class _Flow(SundialsFlow):
         }
         watchers = [self._watcher(k) for k in range(len(model.guards))]
         self.events = {
-            "eventsfn": event_function_of_dae(watchers, self.last, self.gates.direction),
+            "eventsfn": event_function(watchers, self.last, self.gates.direction, dae=True),
             "num_events": len(watchers) + 1,
         }
 

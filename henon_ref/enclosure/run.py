@@ -43,8 +43,8 @@ Progress = Callable[[float, int], None]
 
 
 @dataclass(frozen=True)
-class CertifiedTransition:
-    """One change of mode at one instant, proven to happen, and to be the next."""
+class EnclosedTransition:
+    """One change of mode at one instant, in balls: here proven to happen, and to be the next."""
 
     kind: Kind
     surface: int
@@ -68,7 +68,7 @@ class CertifiedRun:
     """``nonunique`` and ``none`` are proven facts too: the future branches, or there is none."""
     reason: str
     """Why it did not reach the horizon; empty where it did."""
-    transitions: tuple[CertifiedTransition, ...]
+    transitions: tuple[EnclosedTransition, ...]
     """All that are proven, each to the radius asked for."""
     time: arb
     """How far the proof got [s]."""
@@ -177,7 +177,7 @@ class _Attempt:
         self.allowed = 0.0 if until is None else until - clock.monotonic()
         self.max_transitions = max_transitions
         self.precision = Precision.of(bits)
-        self.transitions: list[CertifiedTransition] = []
+        self.transitions: list[EnclosedTransition] = []
         numeric = problem.system.numeric
         self.horizon = enclose(numeric(problem.until))
         self.start = [enclose(numeric(e)) for e in (problem.start, *problem.initial)]
@@ -259,7 +259,7 @@ class _Attempt:
         for i, place in rows:
             kind: Kind = transition_kind(before[i], after[i]) if place is None else "reset"
             own = box if place is None else applied[place][1]
-            self.transitions.append(CertifiedTransition(kind, i, before, after, box[0], own[1:], hit.rate))
+            self.transitions.append(EnclosedTransition(kind, i, before, after, box[0], own[1:], hit.rate))
 
     def _result(self, status: Literal["certified", "not provable"], ended: Ended, reason: str) -> CertifiedRun:
         box = self.flow.points.hull() if self.flow is not None else self.start

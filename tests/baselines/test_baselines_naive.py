@@ -30,8 +30,8 @@ def fed(h: Any, until: float, width: float = 1e-3, step: float = 0.05) -> list[t
     for t_old, t in zip(times[:-1].tolist(), times[1:].tolist(), strict=True):
         band.step(t_old, t, lambda k: k.reshape(1, -1))
     band.end(until)
-    events, _ = joined([band])
-    return [(event[0], event[4]) for event in events]
+    found, _ = joined([band])
+    return [(t.kind, t.time) for t in found]
 
 
 def test_passing_through_the_band_is_a_crossing_at_the_root() -> None:

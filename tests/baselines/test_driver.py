@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,13 +15,17 @@ from numpy.typing import NDArray
 
 from henon_ref.baselines.driver import Driver, prepared, tolerances
 from henon_ref.baselines.flow import Stop
-from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
+from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions, landing
 from henon_ref.baselines.restart import Fresh
+from henon_ref.baselines.scipy_ivp import DOP853
 from henon_ref.baselines.work import Work
+from henon_ref.casefile.case import load_case
 from henon_ref.errors import UnsupportedError
+from henon_ref.modes.callables import _lambdified
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem
 
+CASES = Path(__file__).parents[2] / "cases"
 X, S, U, W = sp.symbols("x s u w", real=True)
 
 
@@ -252,3 +257,18 @@ def test_tolerances_are_asked_for() -> None:
         tolerances("x", None, None, None)
     with pytest.raises(UnsupportedError, match="step"):
         tolerances("x", 1e-6, 1e-6, 1e-3)
+
+
+def test_a_mode_that_was_not_seen_before_costs_no_functions_of_its_own() -> None:
+    """In a chain of blocks on a belt nearly every transition leads to one: SymPy's ``lambdify`` takes some 20 ms."""
+    problem = load_case(CASES / "classic/block_chain.yaml").readings[0].problem
+    landing.cache_clear()
+    driver, modes, made = Driver(problem, DOP853.library(1e-6, 1e-6), Work(None)), [], []
+    for until in (5.0, 10.0):
+        driver.until = until
+        driver.run()
+        modes.append(len(driver.table.visited))
+        made.append(_lambdified.cache_info().misses)
+    assert modes[1] > modes[0] + 10
+    assert made[1] <= made[0] + 4
+    assert landing.cache_info().currsize <= len(problem.system.surfaces)

@@ -7,7 +7,7 @@ import pytest
 import sympy as sp
 
 from henon_ref.baselines.heyoka_expressions import to_heyoka
-from henon_ref.baselines.mode_functions import Landing, ModeFunctions
+from henon_ref.baselines.mode_functions import ModeFunctions, landing
 from henon_ref.errors import ModelError, UnsupportedError
 from henon_ref.modes.callables import Jacobian, rounded, scalar
 from henon_ref.modes.system import FilippovSystem
@@ -67,12 +67,12 @@ def test_a_curved_guard_is_followed_and_a_flat_one_is_not() -> None:
 
 def test_landing_moves_to_the_nearest_point_of_the_surface() -> None:
     circle = FilippovSystem((X, Y), (S,), (X**2 + Y**2 - 1,), (X - S * Y, Y + S * X))
-    h, below, above, *point = Landing(circle, (1,), 0).values(0.0, 0.6 + 3e-6, 0.8 + 4e-6)
+    h, below, above, *point = landing(circle, (1,), 0)(0.0, 0.6 + 3e-6, 0.8 + 4e-6)
     assert h == pytest.approx(1e-5, rel=1e-5)
     assert point == pytest.approx([0.6, 0.8], abs=1e-10)
     assert (below, above) == pytest.approx((2.0, 2.0), rel=1e-4)
     flat = FilippovSystem((X, Y), (S,), (Y - sp.Rational(2, 5),), (Y, -S))
-    assert Landing(flat, (1,), 0).values(0.0, 3.0, 0.4000001)[3:] == (3.0, 0.4)
+    assert landing(flat, (1,), 0)(0.0, 3.0, 0.4000001)[3:] == (3.0, 0.4)
 
 
 def test_heyoka_gets_the_same_expression_and_refuses_what_it_has_not() -> None:
@@ -88,7 +88,7 @@ def test_normal_velocities_are_taken_on_the_surface_not_beside_it() -> None:
     # 1e-6 off the surface a slope of 1e6 would halve the friction and turn the decision round.
     slip = Y - sp.Rational(1, 5)
     system = FilippovSystem((X, Y), (S,), (slip,), (Y, -S / (1 + 10**6 * S * slip) - X))
-    _, below, above, *_ = Landing(system, (-1,), 0).values(0.0, 0.75, 0.2 - 1e-6)
+    _, below, above, *_ = landing(system, (-1,), 0)(0.0, 0.75, 0.2 - 1e-6)
     assert (below, above) == (0.25, -1.75)
 
 

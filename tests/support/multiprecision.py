@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -10,11 +11,18 @@ from henon_ref.modes.problem import Problem
 
 
 def simulate(problem: Problem, bits: int) -> Any:
-    """A :class:`henon_ref.harness.truth.multiprecision.run.Run`."""
+    """A ``Run`` of the multiprecision route; its ``events`` are what an instant's transitions share."""
     pytest.importorskip("heyoka")
     from henon_ref.harness.truth.multiprecision import run
 
-    return run.simulate(problem, bits)
+    found: Any = run.simulate(problem, bits)
+    found.events = [
+        SimpleNamespace(
+            time=t.time, before=t.from_mode, after=t.to_mode, surfaces=tuple(own.surface for own in (t, *rest))
+        )
+        for t, *rest in found.instants
+    ]
+    return found
 
 
 def multiprecision(problem: Problem) -> Any:
@@ -27,7 +35,7 @@ def multiprecision(problem: Problem) -> Any:
 
 def transitions(problem: Problem, bits: int) -> list[Any]:
     """The reference transitions of one run, with radii that claim nothing."""
-    events = simulate(problem, bits).events
+    instants = simulate(problem, bits).instants
     from henon_ref.harness.truth.multiprecision.route import _transitions
 
-    return [t for e in events for t in _transitions(e, e, 1e-30, 1e-30)]
+    return [t for instant in instants for t in _transitions(instant, instant, 1e-30, 1e-30)]

@@ -174,7 +174,7 @@ def _state_error(trajectory: Trajectory, expected: Expected, matching: Matching)
     """Largest absolute error of a state at a matched transition."""
     worst: float | None = None
     for i, j in matching.pairs:
-        exact = [float(str(value)) for value in expected.transitions[i].state]
+        exact = [float(value) for value in expected.transitions[i].state]
         error = max((abs(a - b) for a, b in zip(trajectory.transitions[j].state, exact, strict=False)), default=None)
         if error is not None and not math.isnan(error):
             worst = error if worst is None else max(worst, error)

@@ -6,38 +6,66 @@ import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from decimal import Decimal, localcontext
 from functools import cached_property
-from typing import Protocol
+from math import inf
 
 import numpy as np
 
-from henon_ref.trajectory import Event, Status
+from henon_ref.modes.mode import Mode
+from henon_ref.trajectory import Kind, Status
 
 HALF_ULP = 2.0**-53
 
 
-class ReferenceEvent(Event, Protocol):
-    """A transition of the truth, with what only the truth knows of it."""
+@dataclass(frozen=True)
+class ReferenceTransition:
+    """One transition, known to far more digits than a double holds."""
 
-    @property
-    def radius(self) -> float: ...
-    @property
-    def conditioning(self) -> float: ...
-    @property
-    def transversality(self) -> float: ...
+    kind: Kind
+    surface: int
+    """Index of the surface that changes (or is touched)."""
+    from_mode: Mode
+    to_mode: Mode
+    time_digits: str
+    """Time [s] in decimal digits."""
+    radius: float
+    """The true time is within this of ``time_digits`` [s]: proven, or what two precisions agree to."""
+    state: tuple[str, ...]
+    """State in decimal digits."""
+    state_radius: float
+    """The largest radius among the states."""
+    transversality: float = 0.0
+    """Speed with which the guard falls through zero [unit of the guard / s]; 0: it only touches."""
+    conditioning: float = inf
+    """Largest growth of an earlier error into this time [s / unit of state]; see truth.conditioning."""
+    proven: bool = False
+    """Ball arithmetic has enclosed it; without ``closed_form`` the radius is that of the enclosure."""
+    closed_form: bool = False
+    """The time is the case's closed form, which lies within the radius of what was computed or proven."""
+
+    @cached_property
+    def time(self) -> float:
+        """Time [s], rounded to double."""
+        return split_double(self.time_digits)[0]
+
+    @cached_property
+    def time_low(self) -> float:
+        """What rounding ``time`` lost [s]."""
+        return split_double(self.time_digits)[1]
 
 
-class NearGraze(Protocol):
+@dataclass(frozen=True)
+class NearGraze:
     """An instant at which a surface is nearly touched."""
 
-    @property
-    def time(self) -> float: ...
-    @property
-    def surface(self) -> int: ...
-    @property
-    def distance(self) -> float: ...
-    @property
-    def lasts(self) -> bool: ...
+    time: float
+    """[s]."""
+    surface: int
+    distance: float
+    """abs(h) there [unit of the surface]."""
+    lasts: bool = False
+    """Whether it comes no farther away until the mode changes: the surface is approached for as long."""
 
 
 class NearGrazes:
@@ -83,7 +111,7 @@ class NearGrazes:
             ):
                 part = (time - before.time) / (graze.time - before.time)
                 distance = before.distance * (graze.distance / before.distance) ** part if before.distance else 0.0
-                yield replace(before, time=time, distance=distance)  # type: ignore[type-var]
+                yield replace(before, time=time, distance=distance)
             if graze.lasts:
                 last[graze.surface] = graze
 
@@ -102,7 +130,7 @@ class Expected:
 
     status: Status
     """How the exact run ends."""
-    transitions: Sequence[ReferenceEvent]
+    transitions: Sequence[ReferenceTransition]
     """Every transition up to that end."""
     start: float
     """Initial time [s]."""
@@ -182,3 +210,18 @@ class Expected:
     def scale(self) -> float:
         """Size of the state that tolerances are relative to: at the start and at the transitions."""
         return max(self.start_size, self.state_size, HALF_ULP)
+
+
+def split_double(digits: str) -> tuple[float, float]:
+    """The double nearest to a decimal number, and what that rounding lost.
+
+    Examples
+    --------
+    >>> split_double("0.1")
+    (0.1, -5.551115123125783e-18)
+    """
+    with localcontext() as context:
+        context.prec = 1000
+        exact = Decimal(digits)
+        high = float(exact)
+        return high, float(exact - Decimal(high))

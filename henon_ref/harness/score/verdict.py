@@ -25,7 +25,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from henon_ref.harness.score.matching import Matching
-from henon_ref.harness.score.reference import Expected, NearGraze, ReferenceEvent
+from henon_ref.harness.score.reference import Expected, NearGraze, ReferenceTransition
 from henon_ref.trajectory import Status, Transition
 
 Word = Literal["right", "solver defect", "ill-conditioned", "not unique", "not judged"]
@@ -103,7 +103,7 @@ def verdict(
     return spurious_verdict(expected, found[matching.spurious[0]], allowed)
 
 
-def undecided_verdict(event: ReferenceEvent) -> Verdict:
+def undecided_verdict(event: ReferenceTransition) -> Verdict:
     """The verdict on a right run that decides nothing of a surface any more where this transition of it comes."""
     return Verdict("not judged", f"nothing is decided of the surface of the {event.kind} at t = {event.time:.9g} s")
 
@@ -149,7 +149,7 @@ def spurious_verdict(expected: Expected, event: Transition, allowed: float) -> V
 
 def graze_distance(expected: Expected, index: int) -> float:
     """How far a transition is from a graze [unit of the surface]: depth of the parabola to its neighbour's root."""
-    event: ReferenceEvent = expected.transitions[index]
+    event: ReferenceTransition = expected.transitions[index]
     return PARABOLA_PART * event.transversality * expected.gaps[index]
 
 

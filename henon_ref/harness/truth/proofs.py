@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from sys import float_info
 from typing import TYPE_CHECKING
 
 import flint
 from flint import arb
 
-from henon_ref.enclosure.run import CertifiedRun, CertifiedTransition, Ended, certify
-from henon_ref.harness.truth.multiprecision.numbers import GUARD_BITS, ball_text
-from henon_ref.harness.truth.reference import ReferenceTransition, Route
+from henon_ref.enclosure.run import CertifiedRun, Ended, certify
+from henon_ref.harness.truth.multiprecision.numbers import GUARD_BITS, ball_text, in_digits
+from henon_ref.harness.truth.reference import Route
 from henon_ref.modes.problem import Problem
 from henon_ref.precision import working_precision
 from henon_ref.trajectory import Status
@@ -66,7 +65,7 @@ def _route(run: CertifiedRun) -> Route:
         reason=run.reason,
         end_digits=ball_text(run.time, radius),
         end_radius=radius,
-        transitions=tuple(_transition(t) for t in run.transitions),
+        transitions=tuple(in_digits(t, _radius(t.time), _radius(*t.state), proven=True) for t in run.transitions),
         undecided="" if complete else run.reason,
     )
 
@@ -75,20 +74,3 @@ def _radius(*balls: arb) -> float:
     """A radius around the written digits that holds every ball: two digits, rounded up with room to spare."""
     widest = max(float(ball.rad()) for ball in balls)
     return float(f"{1.1 * max(widest, SMALLEST):.1e}")
-
-
-def _transition(t: CertifiedTransition) -> ReferenceTransition:
-    radius, state_radius = _radius(t.time), _radius(*t.state)
-    slope = abs(float(t.rate))
-    return ReferenceTransition(
-        kind=t.kind,
-        surface=t.surface,
-        from_mode=t.from_mode,
-        to_mode=t.to_mode,
-        time_digits=ball_text(t.time, radius),
-        radius=radius,
-        state=tuple(ball_text(v, state_radius) for v in t.state),
-        state_radius=state_radius,
-        transversality=float(f"{slope:.6g}") if math.isfinite(slope) else 0.0,
-        proven=True,
-    )

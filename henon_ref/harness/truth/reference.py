@@ -1,16 +1,14 @@
-"""What truth is made of: reference transitions in decimal digits with a radius, and how they were come by."""
+"""A truth: reference transitions, each in decimal digits with a radius, and how they were come by."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from decimal import Decimal, localcontext
 from functools import cached_property
 from itertools import accumulate, groupby
-from math import inf
 
 from henon_ref.errors import HenonRefError
-from henon_ref.modes.mode import Mode
-from henon_ref.trajectory import Kind, Status
+from henon_ref.harness.score.reference import NearGraze, ReferenceTransition, split_double
+from henon_ref.trajectory import Status
 
 OUT_OF_TIME = "the truth's time limit passed"
 """Begin of the reason of a truth that has been cut short by it."""
@@ -18,56 +16,6 @@ OUT_OF_TIME = "the truth's time limit passed"
 
 class TruthError(HenonRefError):
     """Two routes to the truth contradict each other, so that there is none to store."""
-
-
-@dataclass(frozen=True)
-class ReferenceTransition:
-    """One transition, known to far more digits than a double holds."""
-
-    kind: Kind
-    surface: int
-    """Index of the surface that changes (or is touched)."""
-    from_mode: Mode
-    to_mode: Mode
-    time_digits: str
-    """Time [s] in decimal digits."""
-    radius: float
-    """The true time is within this of ``time_digits`` [s]: proven, or what two precisions agree to."""
-    state: tuple[str, ...]
-    """State in decimal digits."""
-    state_radius: float
-    """The largest radius among the states."""
-    transversality: float = 0.0
-    """Speed with which the guard falls through zero [unit of the guard / s]; 0: it only touches."""
-    conditioning: float = inf
-    """Largest growth of an earlier error into this time [s / unit of state]; see truth.conditioning."""
-    proven: bool = False
-    """Ball arithmetic has enclosed it; without ``closed_form`` the radius is that of the enclosure."""
-    closed_form: bool = False
-    """The time is the case's closed form, which lies within the radius of what was computed or proven."""
-
-    @cached_property
-    def time(self) -> float:
-        """Time [s], rounded to double."""
-        return split_double(self.time_digits)[0]
-
-    @cached_property
-    def time_low(self) -> float:
-        """What rounding ``time`` lost [s]."""
-        return split_double(self.time_digits)[1]
-
-
-@dataclass(frozen=True)
-class NearGraze:
-    """An instant at which a surface is nearly touched."""
-
-    time: float
-    """[s]."""
-    surface: int
-    distance: float
-    """abs(h) there [unit of the surface]."""
-    lasts: bool = False
-    """Whether it comes no farther away until the mode changes: the surface is approached for as long."""
 
 
 @dataclass(frozen=True)
@@ -137,18 +85,3 @@ def instants(transitions: tuple[ReferenceTransition, ...]) -> list[range]:
     """Indices of the transitions of each instant (several surfaces may change at one)."""
     sizes = [len(list(g)) for _, g in groupby(transitions, lambda t: (t.time_digits, t.from_mode, t.to_mode))]
     return [range(end - size, end) for size, end in zip(sizes, accumulate(sizes), strict=True)]
-
-
-def split_double(digits: str) -> tuple[float, float]:
-    """The double nearest to a decimal number, and what that rounding lost.
-
-    Examples
-    --------
-    >>> split_double("0.1")
-    (0.1, -5.551115123125783e-18)
-    """
-    with localcontext() as context:
-        context.prec = 1000
-        exact = Decimal(digits)
-        high = float(exact)
-        return high, float(exact - Decimal(high))

@@ -47,7 +47,7 @@ def test_a_truth_ends_beside_a_kink_where_nothing_moves_on_as_henon_does() -> No
     """d = (1 - t)^2 up to 1: the steps in front of it shrink one after the other, by the same part each."""
     problem = case(LEVEL).readings[0].problem
     found, own = simulate(problem, 128), solver("henon").prepare(problem, rtol=1e-9)()
-    assert (found.status, found.events, own.status) == ("failed", [], "failed")
+    assert (found.status, found.instants, own.status) == ("failed", [], "failed")
     assert float(found.end_time) == pytest.approx(1.0, abs=1e-15)
     assert own.end_time == pytest.approx(1.0, abs=1e-9)
     assert "singular" in found.reason

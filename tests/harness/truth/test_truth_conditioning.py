@@ -92,7 +92,7 @@ def _moved(problem: Problem, index: int) -> Sequence[float]:
         initial = list(problem.initial)
         initial[index] += sign * step
         run = simulate(replace(problem, initial=tuple(initial)), 128)
-        times.append([e.time for e in run.events])
+        times.append([e.time for e, *_ in run.instants])
     return [float(a - b) / (2 * float(step)) for a, b in zip(*times, strict=False)]
 
 

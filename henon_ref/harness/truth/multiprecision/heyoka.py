@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from functools import reduce
 from operator import mul
 from typing import Any
@@ -41,34 +41,48 @@ class RealParameters:
     ----------
     bits : int
         Precision.
-    first : int
-        Parameters that stand before them.
     """
 
-    def __init__(self, bits: int, first: int) -> None:
-        self.values: list[Any] = []
-        """Heyoka numbers, in order."""
-        self._bits, self._first = bits, first
+    def __init__(self, bits: int) -> None:
+        self._expressions: dict[sp.Expr, Any] = {}
+        """Numbers, and products and sums of numbers and switches, each with its parameter."""
+        self._bits = bits
         self._constant = real_constants(bits)
+        self._known: dict[sp.Expr, Any] = {}
 
-    def __call__(self, number: sp.Expr) -> Any:
-        if number.is_Integer:
-            return self._constant(number)
-        self.values.append(exact_real(number, self._bits))
-        return hy.par[self._first + len(self.values) - 1]
+    def __len__(self) -> int:
+        return len(self._expressions)
+
+    def __call__(self, expression: sp.Expr) -> Any:
+        if expression.is_Integer:
+            return self._constant(expression)
+        return self._expressions.setdefault(expression, hy.par[len(self._expressions)])
+
+    def values(self, switches: Mapping[sp.Symbol, sp.Expr]) -> list[Any]:
+        """Heyoka numbers, in order, where the switches have these values."""
+        numbers = [e.xreplace(switches) for e in self._expressions]
+        for number in numbers:
+            if number not in self._known:
+                self._known[number] = exact_real(number, self._bits)
+        return [self._known[number] for number in numbers]
 
 
-def to_heyoka(expression: sp.Expr, symbols: Mapping[sp.Symbol, Any], constant: Number) -> Any:
+def to_heyoka(
+    expression: sp.Expr, symbols: Mapping[sp.Symbol, Any], constant: Number, switches: Collection[sp.Symbol] = ()
+) -> Any:
     """Translate a smooth expression.
 
     Parameters
     ----------
     expression : Expr
-        Its symbols are those of ``symbols``; everything else in it is an exact number.
+        Its symbols are those of ``symbols`` and ``switches``; everything else in it is an exact number.
     symbols : mapping
-        Symbol -> heyoka expression (``hy.time`` for time, ``hy.par[i]`` for what is set at run time).
+        Symbol -> heyoka expression (``hy.time`` for time).
     constant : callable
-        Exact number -> heyoka constant, or run-time parameter.
+        Exact number, or expression in switches -> heyoka constant, or run-time parameter.
+    switches : collection of Symbol
+        Symbols that are numbers in a run. A factor of them is one parameter: of a product of several heyoka would
+        make a series of its own, and a product of series costs as many operations as the square of the order.
 
     Raises
     ------
@@ -76,10 +90,13 @@ def to_heyoka(expression: sp.Expr, symbols: Mapping[sp.Symbol, Any], constant: N
         For a function that heyoka does not integrate.
     """
 
+    telling = frozenset(switches)
+
     def parts(e: sp.Expr, walk: Walk[Any]) -> list[Any]:
-        """Those that move, then the product or sum of all numbers among them, as one."""
-        numbers, moving = ([a for a in e.args if a.is_number is still] for still in (True, False))
-        return list(map(walk, [*moving, e.func(*numbers)] if numbers else moving))
+        """Those that move, then the product or sum of all numbers and switches among them, as one."""
+        still = [a for a in e.args if a.free_symbols <= telling]
+        moving = [walk(a) for a in e.args if not a.free_symbols <= telling]
+        return [*moving, constant(e.func(*still))] if still else moving
 
     def power(e: sp.Expr, walk: Walk[Any]) -> Any:
         base, exponent = e.base, e.exp
@@ -94,6 +111,8 @@ def to_heyoka(expression: sp.Expr, symbols: Mapping[sp.Symbol, Any], constant: N
         return walk(base) ** constant(exponent)
 
     def function(e: sp.Expr, walk: Walk[Any]) -> Any:
+        if e in telling:
+            return constant(e)
         name = e.func.__name__
         if name not in FUNCTIONS:
             raise ModelError(f"heyoka has no Taylor recurrence for {e}: a field is smooth in t and x")

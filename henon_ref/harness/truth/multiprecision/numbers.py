@@ -10,7 +10,9 @@ from typing import Any
 import sympy as sp
 from flint import arb
 
+from henon_ref.enclosure.run import EnclosedTransition
 from henon_ref.errors import ModelError
+from henon_ref.harness.truth.reference import ReferenceTransition
 
 GUARD_BITS = 32
 """Ball arithmetic works with so many bits more than heyoka, so that it adds no rounding of its own."""
@@ -69,3 +71,22 @@ def ball_text(value: arb, radius: float) -> str:
         digits = Decimal(value.mid().str(max(places, 0) + 330, radius=False))
         rounded = digits.quantize(Decimal(1).scaleb(-places))
         return format(rounded + 0, "f" if -6 < rounded.adjusted() < 30 or not rounded else "e")
+
+
+def in_digits(
+    t: EnclosedTransition, radius: float, state_radius: float, *, proven: bool = False
+) -> ReferenceTransition:
+    """A transition in balls as it is kept: the digits that its radii are worth."""
+    slope = abs(float(t.rate))
+    return ReferenceTransition(
+        kind=t.kind,
+        surface=t.surface,
+        from_mode=t.from_mode,
+        to_mode=t.to_mode,
+        time_digits=ball_text(t.time, radius),
+        radius=radius,
+        state=tuple(ball_text(v, state_radius) for v in t.state),
+        state_radius=state_radius,
+        transversality=float(f"{slope:.6g}") if math.isfinite(slope) else 0.0,
+        proven=proven,
+    )

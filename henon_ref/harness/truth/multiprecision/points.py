@@ -41,6 +41,8 @@ class SeriesEvaluation:
 
     def __init__(self, system: FilippovSystem, bits: int) -> None:
         self.system, self.bits = system, bits
+        self._numeric: dict[Mode, tuple[list[sp.Expr], list[sp.Expr]]] = {}
+        """Of each mode its field and its guards, parameters put in."""
 
     def at(self, time: arb, state: Sequence[arb]) -> Point:
         """A point, with the radii to which it is known."""
@@ -59,8 +61,12 @@ class SeriesEvaluation:
 
     def guard_series(self, mode: Mode, t: arb, x: Sequence[arb], order: int = series.ORDER) -> list[list[arb]]:
         """Taylor coefficients in time of a mode's guards."""
-        equations = self.system.equations(mode)
-        return self.along(equations.field, [g.expression for g in equations.guards], t, x, order)
+        if mode not in self._numeric:
+            equations, numeric = self.system.equations(mode), self.system.numeric
+            guards = [numeric(g.expression) for g in equations.guards]
+            self._numeric[mode] = [numeric(f) for f in equations.field], guards
+        rates, guards = self._numeric[mode]
+        return series.along(rates, guards, self.system.states, t, x, bits=self.bits, order=order)
 
     def along(
         self, field: Sequence[sp.Expr], outputs: Sequence[sp.Expr], t: arb, x: Sequence[arb], order: int

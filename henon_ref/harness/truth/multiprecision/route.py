@@ -16,10 +16,9 @@ from time import perf_counter, process_time
 import heyoka as hy
 from flint import arb
 
-from henon_ref.harness.truth.multiprecision.numbers import GUARD_BITS, ball_text, exact_ball
-from henon_ref.harness.truth.multiprecision.run import Event, Progress, Run, simulate
+from henon_ref.harness.truth.multiprecision.numbers import GUARD_BITS, ball_text, exact_ball, in_digits
+from henon_ref.harness.truth.multiprecision.run import Instant, Progress, Run, simulate
 from henon_ref.harness.truth.reference import ReferenceTransition, Route
-from henon_ref.modes.mode import transition_kind
 from henon_ref.modes.problem import Problem
 from henon_ref.precision import working_precision
 
@@ -70,8 +69,10 @@ def _part(progress: Progress | None, index: int) -> Progress | None:
     return None if progress is None else lambda done: progress((index + done) / 2)
 
 
-def _same(a: Event, b: Event) -> bool:
-    return (a.before, a.after, a.surfaces, a.resets) == (b.before, b.after, b.surfaces, b.resets)
+def _same(a: Instant, b: Instant) -> bool:
+    return [(t.kind, t.surface, t.from_mode, t.to_mode) for t in a] == [
+        (t.kind, t.surface, t.from_mode, t.to_mode) for t in b
+    ]
 
 
 def _agreed(problem: Problem, high: Run, low: Run, *, seconds: float) -> Route:
@@ -79,22 +80,22 @@ def _agreed(problem: Problem, high: Run, low: Run, *, seconds: float) -> Route:
     with working_precision(high.bits + GUARD_BITS):
         start, until = exact_ball(problem.start, high.bits), exact_ball(problem.until, high.bits)
         span = max(abs(float(start)), float(until - start))
-        pairs = list(takewhile(lambda pair: _same(*pair), zip(high.events, low.events, strict=False)))
+        pairs = list(takewhile(lambda pair: _same(*pair), zip(high.instants, low.instants, strict=False)))
         floor = ROUNDING * 2.0**-low.bits
-        kept = list(takewhile(lambda pair: _radius(pair[0].time, pair[1].time, floor * span) <= WANTED * span, pairs))
-        size = max((abs(float(v)) for event in high.events for v in event.state), default=0.0) or 1.0
+        kept = list(takewhile(lambda pair: _time_radius(*pair, floor * span) <= WANTED * span, pairs))
+        size = max((abs(float(v)) for instant in high.instants for t in instant for v in t.state), default=0.0) or 1.0
         transitions = tuple(t for pair in kept for t in _transitions(*pair, floor * span, floor * size))
         undecided = ""
         stopped = [run for run in (high, low) if run.out_of_time]
         if stopped:
             undecided = min(stopped, key=lambda run: float(run.end_time)).reason
-        elif len(kept) < max(len(high.events), len(low.events)):
+        elif len(kept) < max(len(high.instants), len(low.instants)):
             what = "know its time too roughly" if len(kept) < len(pairs) else "see different events"
             undecided = f"after transition {len(transitions)} the runs at {high.bits} and {low.bits} bits {what}"
         elif high.status != low.status:
             undecided = f"the runs at {high.bits} and {low.bits} bits end differently: {high.status}, {low.status}"
         if undecided:
-            last = kept[-1][0].time if kept else start.mid()
+            last = kept[-1][0][0].time if kept else start.mid()
             status, reason, end, end_radius = "failed", undecided, last, _radius(last, last, floor * span)
         else:
             status, reason, end = high.status, high.reason, high.end_time
@@ -119,24 +120,14 @@ def _radius(a: arb, b: arb, least: float) -> float:
     return float(f"{1.1 * max(2 * abs(float(a - b)), least, sys.float_info.min):.1e}")
 
 
-def _transitions(high: Event, low: Event, least_time: float, least_state: float) -> list[ReferenceTransition]:
+def _time_radius(high: Instant, low: Instant, least: float) -> float:
+    return _radius(high[0].time, low[0].time, least)
+
+
+def _transitions(high: Instant, low: Instant, least_time: float, least_state: float) -> list[ReferenceTransition]:
     """One reference transition a surface."""
-    radius = _radius(high.time, low.time, least_time)
-    states, others = (event.states or (event.state,) * len(event.surfaces) for event in (high, low))
-    radii = [
-        max(_radius(a, b, least_state) for a, b in zip(*pair, strict=True)) for pair in zip(states, others, strict=True)
-    ]
+    radius = _time_radius(high, low, least_time)
     return [
-        ReferenceTransition(
-            kind="reset" if i in high.resets else transition_kind(high.before[i], high.after[i]),
-            surface=i,
-            from_mode=high.before,
-            to_mode=high.after,
-            time_digits=ball_text(high.time, radius),
-            radius=radius,
-            state=tuple(ball_text(v, state_radius) for v in state),
-            state_radius=state_radius,
-            transversality=float(f"{high.transversality:.6g}"),
-        )
-        for i, state, state_radius in zip(high.surfaces, states, radii, strict=True)
+        in_digits(a, radius, max(_radius(v, w, least_state) for v, w in zip(a.state, b.state, strict=True)))
+        for a, b in zip(high, low, strict=True)
     ]

@@ -10,28 +10,27 @@ from time import process_time
 import numpy as np
 from flint import arb
 
+from henon_ref.enclosure.run import EnclosedTransition
 from henon_ref.harness.truth.multiprecision.heyoka import to_real
 from henon_ref.harness.truth.multiprecision.numbers import GUARD_BITS, exact_ball, to_ball
 from henon_ref.harness.truth.multiprecision.points import Point, SeriesEvaluation
 from henon_ref.harness.truth.multiprecision.stepper import Step, Stepper
-from henon_ref.harness.truth.multiprecision.termination import CROWD, EndedError, Termination, written
+from henon_ref.harness.truth.multiprecision.termination import CROWD, Approaches, EndedError, Termination, written
 from henon_ref.harness.truth.reference import OUT_OF_TIME, NearGraze
 from henon_ref.harness.truth.roots import isolate
 from henon_ref.modes.after_jump import AfterJump, Rest, after_jump
 from henon_ref.modes.decision import Decision
 from henon_ref.modes.equations import Guard
-from henon_ref.modes.mode import Mode
+from henon_ref.modes.mode import Mode, transition_kind
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.resets import resetting, rows_at
 from henon_ref.modes.resting import REMAINING, turning_in_flight
 from henon_ref.modes.selection import after_event, initial_mode, signs_at
 from henon_ref.precision import working_precision
-from henon_ref.trajectory import Status
+from henon_ref.trajectory import Kind, Status
 
 FINAL = 2.0**-80
 """Part of the run that is left of accumulating impacts where their limit is taken: it is wrong by about its square."""
-GRAZE_DISTANCE, GRAZE_FACTOR = 1e-3, 0.1
-"""A surface that is approached so closely is noted, and again where it is as much closer."""
 MAX_STEPS = 1_000_000
 """Taylor steps after which a run is given up: the time limit of a truth ends nearly all runs before."""
 
@@ -39,22 +38,16 @@ Progress = Callable[[float], None]
 """Told the part of the run that is done, 0 to 1."""
 
 
-@dataclass(frozen=True)
-class Event:
-    """One instant at which modes change (or a surface is touched)."""
+Instant = tuple[EnclosedTransition, ...]
+"""What happens at one time, in balls without a radius: one transition for each surface that changes, or is touched.
 
-    time: arb
-    state: tuple[arb, ...]
-    before: Mode
-    after: Mode
-    surfaces: tuple[int, ...]
-    """Surfaces that change, or that are touched where none changes; twice where a map is applied twice."""
-    transversality: float
-    """Smallest speed with which a guard that ends the mode falls through zero [unit of the guard / s]."""
-    resets: tuple[int, ...] = ()
-    """Surfaces that reset the state, in order; ``state`` is the one after all."""
-    states: tuple[tuple[arb, ...], ...] = ()
-    """For each of ``surfaces`` the state that its map has left, or all maps; empty where nothing resets the state."""
+The rate is the smallest with which a guard that ends the mode falls through zero. The state is the one that the
+surface's map has left, or all maps; a surface whose map is applied twice has two.
+"""
+
+
+_States = Sequence[tuple[int, Sequence[arb]]]
+"""Surfaces, each with the state that is told of it."""
 
 
 @dataclass
@@ -64,7 +57,7 @@ class Run:
     bits: int
     status: Status = "ok"
     reason: str = ""
-    events: list[Event] = field(default_factory=list)
+    instants: list[Instant] = field(default_factory=list)
     near_grazes: list[NearGraze] = field(default_factory=list)
     end_time: arb = field(default_factory=arb)
     accumulates: bool = False
@@ -131,8 +124,7 @@ class _Simulation:
         self.skipped: list[int] = []
         """Leading coefficients of each guard that are zero at the start of the next step."""
         self.termination = Termination(self.span, bits)
-        self.approached: dict[int, list[NearGraze]] = {}
-        """By surface, how close it has come since the mode began, as long as it comes no farther."""
+        self.approaches = Approaches(self.result.near_grazes)
         self.accumulating: tuple[int, ...] = ()
         """The surface of impacts that have come to their limit, and are no longer told of."""
 
@@ -141,7 +133,7 @@ class _Simulation:
             self._begin()
             for _ in range(MAX_STEPS):
                 if self._advance():
-                    self._keep_approaches()
+                    self.approaches.keep()
                     self.result.end_time = self.until
                     return self.result
                 if process_time() > self.deadline:
@@ -151,7 +143,7 @@ class _Simulation:
         except EndedError as end:
             self.result.status, self.result.reason, self.result.accumulates = end.status, end.reason, end.accumulates
             if end.accumulates:
-                del self.result.events[-CROWD + 1 :]
+                del self.result.instants[-CROWD + 1 :]
             if end.time is not None:
                 self.result.end_time = end.time
             return self.result
@@ -166,13 +158,12 @@ class _Simulation:
     def _decided(self, decision: Decision) -> Mode:
         if decision.mode is not None:
             return decision.mode
-        status: dict[str, Status] = {"nonunique": "nonunique", "invalid": "invalid"}
-        raise EndedError(status.get(decision.status, "failed"), decision.reason)
+        raise EndedError(decision.ending, decision.reason)
 
     def _enter(self, mode: Mode, active: frozenset[int]) -> None:
         """Go on in a mode from the present point; what fails at once is the next event."""
         self.mode = mode
-        self._keep_approaches()
+        self.approaches.keep()
         terms = self.point.leading_terms(mode, active)
         if terms is None:
             raise EndedError("failed", f"the field is not finite at t = {self._now()}")
@@ -189,10 +180,6 @@ class _Simulation:
             return
         values = self.point.guard_values(mode)
         self.stepper.start(mode, self.point.time, self.point.state, values)
-
-    def _keep_approaches(self) -> None:
-        self.result.near_grazes += [graze for known in self.approached.values() for graze in known]
-        self.approached.clear()
 
     @property
     def stepper(self) -> Stepper:
@@ -214,7 +201,9 @@ class _Simulation:
             self._land(step, hits)
             return self._at_horizon()
         time, state = stepper.end()
-        self._note_near_grazes(step)
+        surfaces = [(k, g.index) for k, g in enumerate(stepper.guards) if g.kind == "surface" and self.signs[k]]
+        ends = [(i, stepper.guard_at_end(k)) for k, i in surfaces]
+        self.approaches.step(float(step.time) + float(step.length), ends)
         self.point = self._blurred(time, state, step)
         self.skipped = [0] * len(self.skipped)
         self.result.end_time = time
@@ -222,18 +211,6 @@ class _Simulation:
         if self.progress:
             self.progress(float(time - self.start) / self.span)
         return self._at_horizon()
-
-    def _note_near_grazes(self, step: Step) -> None:
-        """Note how close surfaces are behind a step, where they come closer for as long as the mode lasts."""
-        end = float(step.time) + float(step.length)
-        for place, guard in enumerate(self.stepper.guards):
-            if guard.kind != "surface" or not self.signs[place]:
-                continue
-            distance, known = abs(self.stepper.guard_at_end(place)), self.approached.setdefault(guard.index, [])
-            while known and known[-1].distance <= distance:
-                known.pop()
-            if distance <= GRAZE_DISTANCE and (not known or distance <= GRAZE_FACTOR * known[-1].distance):
-                known.append(NearGraze(end, guard.index, distance, lasts=True))
 
     def _first_hits(self, step: Step) -> list[_Hit]:
         """The guards that end the mode first on a step; several where they tie."""
@@ -295,33 +272,39 @@ class _Simulation:
         before, point = self.mode, self.point
         self.result.end_time = point.time.mid()
         if not self.accumulating:
-            self.termination.event([*(e.time for e in self.result.events[-CROWD:]), point.time.mid()])
+            self.termination.event([*(instant[0].time for instant in self.result.instants[-CROWD:]), point.time.mid()])
         due = resetting(self.problem.system, before, hits)
         if due:
             jumped = self._jump(due, hits)
             resets = tuple(i for i, _ in jumped.applied)
             after, active, rest = self.mode, frozenset(jumped.on), jumped.rest
-            rows = rows_at(before, after, resets)
-            changed = tuple(i for i, _ in rows)
-            left = [jumped.state if place is None else jumped.applied[place][1] for _, place in rows]
+            places = rows_at(before, after, resets)
+            states = [(i, jumped.state if place is None else jumped.applied[place][1]) for i, place in places]
         else:
-            resets, rest, left = (), None, []
+            resets, rest = (), None
             after = self._decided(after_event(point, before, hits, touched=touched))
             active = self.problem.system.closed({g.index for g in hits}, {i for i, s in enumerate(before) if s == 0})
-            changed = tuple(i for i in sorted(active) if after[i] != before[i])
+            states = [(i, point.state) for i in sorted(active) if after[i] != before[i]]
         if self.accumulating and resets != self.accumulating and not self._turns_in_flight(hits):
             raise EndedError("failed", f"something happens where impacts accumulate, at t = {self._now()}")
-        met = tuple(sorted({g.index for g in hits}))
-        state, *states = (tuple(v.mid() for v in own) for own in (self.point.state, *left))
         if not self.accumulating:
-            event = Event(point.time.mid(), state, before, after, changed or met, transversality, resets, tuple(states))
-            self.result.events.append(event)
+            met = [(i, self.point.state) for i in sorted({g.index for g in hits})]
+            self._note(before, after, states or met, transversality, resets)
         if rest is not None:
             self.accumulating = resets
             if rest.remaining <= FINAL * self.span:
                 self._come_to_rest(after, rest)
                 return
         self._enter(after, active)
+
+    def _note(self, before: Mode, after: Mode, states: _States, rate: float = 0.0, resets: Sequence[int] = ()) -> None:
+        """Note what happens at the present point."""
+        time, slope, instant = self.point.time.mid(), arb(rate), []
+        for i, state in states:
+            kind: Kind = "reset" if i in resets else transition_kind(before[i], after[i])
+            middle = tuple(v.mid() for v in state)
+            instant.append(EnclosedTransition(kind, i, before, after, time, middle, slope))
+        self.result.instants.append(tuple(instant))
 
     def _turns_in_flight(self, hits: Sequence[Guard]) -> bool:
         """Whether friction turns round at the height of a flight between impacts that accumulate."""
@@ -335,26 +318,15 @@ class _Simulation:
         self.accumulating = ()
         self.point = self.modes.at(self.until if late else time, rest.state)
         self.result.end_time = self.point.time
-        surfaces = tuple(i for i, s in enumerate(rest.mode) if s != before[i])
         if not late:
-            state = tuple(v.mid() for v in rest.state)
-            self.result.events.append(Event(time, state, before, rest.mode, surfaces, 0.0))
+            self._note(before, rest.mode, [(i, rest.state) for i, s in enumerate(rest.mode) if s != before[i]])
         self._enter(rest.mode, frozenset(i for i, s in enumerate(rest.mode) if s == 0))
 
     def _jump(self, due: tuple[int, ...], hits: Sequence[Guard]) -> AfterJump:
         """Let the state jump, and go over to the mode after it."""
-        after = after_jump(
-            self.problem.system,
-            self.modes,
-            self.mode,
-            due,
-            hits,
-            self.point.time,
-            self.point.state,
-            arb(REMAINING * self.span),
-        )
-        self.mode = self._decided(after.decision)
-        self.point = self.modes.at(self.point.time, after.state)
+        system, time, least = self.problem.system, self.point.time, arb(REMAINING * self.span)
+        after = after_jump(system, self.modes, self.mode, due, hits, time, self.point.state, least)
+        self.mode, self.point = self._decided(after.decision), self.modes.at(time, after.state)
         return after
 
     def _blurred(self, time: arb, state: Sequence[arb], step: Step) -> Point:

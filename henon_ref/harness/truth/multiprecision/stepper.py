@@ -120,21 +120,19 @@ class Stepper:
         variables = hy.make_vars(*names) if len(names) > 1 else [hy.make_vars(*names)]
         symbols: dict[sp.Symbol, Any] = {TIME: hy.time}
         symbols.update(zip(system.states, variables, strict=False))
-        used = set().union(*(e.free_symbols for e in (*field, *slopes)))
-        telling = system.signs if self._shared is None else tuple(self._shared.owner)
-        self._switches = [s for s in telling if s in used]
-        """Symbols that tell the modes apart: heyoka's run-time parameters, in this order."""
-        symbols.update((symbol, hy.par[k]) for k, symbol in enumerate(self._switches))
+        switches = system.signs if self._shared is None else tuple(self._shared.owner)
         self._values: dict[sp.Symbol, sp.Expr] = {}
         self._rhs = [*field, *slopes]
-        self._own: dict[int, sp.Expr] = {}
-        self._parabolas: dict[int, bool] = {}
+        self._switches = [tuple(e.free_symbols.intersection(switches)) for e in self._rhs]
+        """Of each row those that stand in it."""
+        self._own: dict[tuple[int, tuple[sp.Expr, ...]], sp.Expr] = {}
+        self._linear: dict[tuple[int, tuple[sp.Expr, ...]], bool] = {}
         self._places = {x: i for i, x in enumerate(system.states)}
-        self._numbers = RealParameters(bits, len(self._switches))
-        rhs = tuple([to_heyoka(e, symbols, self._numbers) for e in self._rhs])
+        self._numbers = RealParameters(bits)
+        rhs = tuple([to_heyoka(e, symbols, self._numbers, switches) for e in self._rhs])
         self._shortened: Any = None
         """Length of the last step, if heyoka's choice of it could not be trusted."""
-        self._integrator = _integrator(tuple(variables), rhs, bits, len(self._switches) + len(self._numbers.values))
+        self._integrator = _integrator(tuple(variables), rhs, bits, len(self._numbers))
 
     @property
     def order(self) -> int:
@@ -151,8 +149,7 @@ class Stepper:
             self._rows = [self._dimension + row for row in self._shared.rows(mode)]
             outputs = [guards[place] if place >= 0 else arb(1) for place in self._shared.places(mode)]
             self._values = self._shared.values(mode)
-        self._own, self._parabolas = {}, {}
-        integrator.pars[:] = [hy.real(str(self._values[s]), self.bits) for s in self._switches] + self._numbers.values
+        integrator.pars[:] = self._numbers.values(self._values)
         integrator.state[:] = [to_real(v, self.bits) for v in (*state, *outputs)]
         integrator.time = to_real(time, self.bits)
         self._shortened = None
@@ -216,19 +213,26 @@ class Stepper:
             for i, c in zip(rows, slopes, strict=True)
         )
 
+    def _entries(self, row: int) -> tuple[int, tuple[sp.Expr, ...]]:
+        """A row, and what the mode puts for the symbols in it that tell modes apart."""
+        return row, tuple(self._values[s] for s in self._switches[row])
+
     def _in_mode(self, row: int) -> sp.Expr:
         """What a row's polynomial is the integral of, in the mode."""
-        if row not in self._own:
-            self._own[row] = self._rhs[row].xreplace(self._values)
-        return self._own[row]
+        key = self._entries(row)
+        if key not in self._own:
+            self._own[key] = self._rhs[row].xreplace(self._values)
+        return self._own[key]
 
     def _is_parabola(self, row: int) -> bool:
         """Whether a row is of degree 2 at most: its rate is linear in time and in states whose rates are constant."""
-        if row not in self._parabolas:
-            rate, places = self._in_mode(row), self._places
-            constant = all(s == TIME or (s in places and self._in_mode(places[s]).is_number) for s in rate.free_symbols)
-            self._parabolas[row] = constant and not any(sp.diff(rate, s).free_symbols for s in rate.free_symbols)
-        return self._parabolas[row]
+        rate, places = self._in_mode(row), self._places
+        if not all(s == TIME or (s in places and self._in_mode(places[s]).is_number) for s in rate.free_symbols):
+            return False
+        key = self._entries(row)
+        if key not in self._linear:
+            self._linear[key] = not any(sp.diff(rate, s).free_symbols for s in rate.free_symbols)
+        return self._linear[key]
 
     def state_at(self, time: arb) -> list[arb]:
         """State within (or a little past) the last step."""

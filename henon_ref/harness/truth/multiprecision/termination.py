@@ -1,15 +1,20 @@
-"""How a run ends before its horizon: blow-up, a field that ends, a model that ends, events that accumulate."""
+"""What is watched beside the events of a run.
+
+How it ends before its horizon: blow-up, a field that ends, a model that ends, events that accumulate. And surfaces that
+come close without being reached.
+"""
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from flint import arb
 
 from henon_ref.harness.truth.multiprecision.numbers import to_ball
 from henon_ref.harness.truth.multiprecision.stepper import Step
+from henon_ref.harness.truth.reference import NearGraze
 from henon_ref.modes.equations import Guard
 from henon_ref.trajectory import Status
 
@@ -21,6 +26,8 @@ CROWD = 16
 """Crowded events in a row before transitions count as accumulating."""
 CYCLE = 4
 """Gaps between crowded events fall geometrically from one to the next so many later (or a divisor of it)."""
+GRAZE_DISTANCE, GRAZE_FACTOR = 1e-3, 0.1
+"""A surface that is approached so closely is noted, and again where it is as much closer."""
 MEMORY = 24
 """Steps looked back on to tell a blow-up (increments last) from a field that ends (they fade)."""
 
@@ -115,6 +122,35 @@ class Termination:
         if len(self._increments) == MEMORY and self._increments[-1] > 0.5 * self._increments[0]:
             raise EndedError("diverged", f"the state leaves every bound at t = {written(limit)}", limit)
         raise EndedError("failed", f"the field is singular at t = {written(limit)}: the solution ends there", limit)
+
+
+class Approaches:
+    """Surfaces that come closer for as long as a mode lasts.
+
+    Parameters
+    ----------
+    found : list of NearGraze
+        They are added to it as the mode ends.
+    """
+
+    def __init__(self, found: list[NearGraze]) -> None:
+        self._found = found
+        self._of: dict[int, list[NearGraze]] = {}
+        """By surface, how close it has come since the mode began, as long as it comes no farther."""
+
+    def step(self, end: float, values: Iterable[tuple[int, float]]) -> None:
+        """Note how close surfaces are behind a step without an event: (surface, its value) of each."""
+        for surface, value in values:
+            distance, known = abs(value), self._of.setdefault(surface, [])
+            while known and known[-1].distance <= distance:
+                known.pop()
+            if distance <= GRAZE_DISTANCE and (not known or distance <= GRAZE_FACTOR * known[-1].distance):
+                known.append(NearGraze(end, surface, distance, lasts=True))
+
+    def keep(self) -> None:
+        """The mode ends."""
+        self._found += [graze for known in self._of.values() for graze in known]
+        self._of.clear()
 
 
 def written(time: arb) -> str:

@@ -63,3 +63,18 @@ def test_a_double_and_what_it_lost_make_up_the_number(number: Decimal) -> None:
     assert high == float(number)
     exact = Fraction(number)
     assert abs(Fraction(high) + Fraction(low) - exact) <= abs(exact) / 2**104
+
+
+def test_what_tells_modes_apart_is_one_number_in_a_product() -> None:
+    """Of a product of several parameters heyoka makes a series, whose product costs the square of the order."""
+    hy = pytest.importorskip("heyoka")
+    from henon_ref.harness.truth.multiprecision.heyoka import RealParameters, to_heyoka
+
+    x, sign, slip = sp.symbols("x s p", real=True)
+    numbers = RealParameters(128)
+    made = to_heyoka(slip * sign * sp.Rational(2, 7) / (1 + x), {x: hy.make_vars("x")}, numbers, (sign, slip))
+    assert len(numbers) == 1
+    assert hy.get_variables(made) == ["x"]
+    for entries, value in (((1, 1), "2/7"), ((-1, 1), "-2/7"), ((1, 0), "0")):
+        (number,) = numbers.values({sign: sp.Integer(entries[0]), slip: sp.Integer(entries[1])})
+        assert to_ball(number) == to_ball(hy.real(str(sp.N(sp.Rational(value), 60)), 128))

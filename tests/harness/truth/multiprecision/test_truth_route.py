@@ -10,19 +10,20 @@ from flint import arb
 
 pytest.importorskip("heyoka")
 
+from henon_ref.enclosure.run import EnclosedTransition
 from henon_ref.harness.truth.multiprecision import route as multiprecision
 from henon_ref.harness.truth.multiprecision.route import multiprecision as route
-from henon_ref.harness.truth.multiprecision.run import Event, Run
+from henon_ref.harness.truth.multiprecision.run import Instant, Run
 from henon_ref.harness.truth.multiprecision.stepper import _integrator
 from henon_ref.harness.truth.proofs import prove
 
 
-def event(time: str, after: int = 1) -> Event:
-    return Event(arb(time), (arb(0),), (-1,), (after,), (0,), 1.0)
+def event(time: str, after: int = 1) -> Instant:
+    return (EnclosedTransition("crossing", 0, (-1,), (after,), arb(time), (arb(0),), arb(1)),)
 
 
-def run(bits: int, *events: Event) -> Run:
-    return Run(bits, events=list(events), end_time=arb(3))
+def run(bits: int, *instants: Instant) -> Run:
+    return Run(bits, instants=list(instants), end_time=arb(3))
 
 
 def test_the_radius_holds_the_closed_form_and_is_small() -> None:
@@ -90,8 +91,8 @@ def test_precision_is_raised_until_it_suffices(monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_states_below_the_smallest_double_have_a_radius() -> None:
-    tiny = [replace(event("1"), state=(arb("5e-320"),)) for _ in range(2)]
-    agreed = multiprecision._agreed(systems.leaving_slide(), run(256, tiny[0]), run(224, tiny[1]), seconds=0)
+    tiny = tuple(replace(t, state=(arb("5e-320"),)) for t in event("1"))
+    agreed = multiprecision._agreed(systems.leaving_slide(), run(256, tiny), run(224, tiny), seconds=0)
     assert 0 < agreed.transitions[0].state_radius < 1e-300
 
 

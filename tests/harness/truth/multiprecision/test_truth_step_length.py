@@ -42,4 +42,4 @@ def test_a_guard_that_a_rest_keeps_constant_does_not_cut_steps(monkeypatch: pyte
     monkeypatch.setattr(Stepper, "step", counted)
     run = simulate(parse_case(TEXT).readings[0].problem, 320)
     assert run.status == "ok"
-    assert run.events[1].after[2] == 0  # it rests on the second stop
+    assert run.instants[1][0].to_mode[2] == 0  # it rests on the second stop
