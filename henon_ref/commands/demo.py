@@ -5,14 +5,13 @@ For the exit statuses see :mod:`henon_ref.commands.exit_status`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from henon_ref.commands import status_line
-from henon_ref.commands.exit_status import DONE, exit_status, parsed
+from henon_ref.commands.exit_status import DONE, command_of
 from henon_ref.commands.pictures import check_picture, write_picture
 from henon_ref.commands.typer_app import application, examples
 
@@ -38,6 +37,4 @@ def main(
     return DONE
 
 
-def command(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; the exit status."""
-    return exit_status(lambda: int(parsed(app, arguments, name="demo")), name="demo", arguments=arguments)
+command = command_of(app, "demo")

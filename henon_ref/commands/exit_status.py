@@ -108,6 +108,23 @@ def parsed(app: Callable[..., Any], arguments: Sequence[str] | None, *, name: st
     return DONE if result is None else result
 
 
+def command_of(app: Callable[..., Any], name: str) -> Callable[[Sequence[str] | None], int]:
+    """The subcommand that a typer application reads: a function of its arguments that returns the exit status.
+
+    Parameters
+    ----------
+    app : typer.Typer
+        Its function returns the exit status where nothing goes wrong.
+    name : str
+        The subcommand's.
+    """
+
+    def command(arguments: Sequence[str] | None = None) -> int:
+        return exit_status(lambda: int(parsed(app, arguments, name=name)), name=name, arguments=arguments)
+
+    return command
+
+
 @contextmanager
 def writing_into(folder: Path, *, kept: str = "") -> Iterator[None]:
     """What goes wrong with the folder that a command was told to write into is a bad argument.

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from henon_ref.commands.exit_status import DONE, exit_status, parsed, say
+from henon_ref.commands.exit_status import DONE, command_of, say
 from henon_ref.commands.pictures import check_picture, write_picture
 from henon_ref.commands.typer_app import application, examples
 from henon_ref.errors import CaseError
@@ -121,6 +121,4 @@ def _write(path: Path, text: str) -> None:
         raise CaseError(f"cannot write {path}: {error.strerror or error}") from None
 
 
-def command(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; the exit status."""
-    return exit_status(lambda: int(parsed(app, arguments, name="simulate")), name="simulate", arguments=arguments)
+command = command_of(app, "simulate")

@@ -38,7 +38,7 @@ def made(solver: str, rtol: float, wall: float, *, what: str = "right", truth=No
     if what == "unavailable":
         outcome = replace(outcome, failure=Failure("unavailable", "it is not installed"))
     elif what == "untried":
-        outcome = replace(outcome, failure=Failure("timeout", "not tried: it took too long before"))
+        outcome = replace(outcome, failure=Failure("timeout", "not run: timed out at 1e-6"))
     else:
         transitions = found(error=0.99 * rtol)
         outcome = replace(

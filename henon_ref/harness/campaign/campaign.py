@@ -16,6 +16,7 @@ from henon_ref.harness import registry
 from henon_ref.harness.campaign import WORKERS_NEED
 from henon_ref.harness.campaign.options import TRUTH, Deliver, Draw, Observer, Options
 from henon_ref.harness.campaign.plan import (
+    NOT_RUN,
     SAMPLERS,
     PendingRuns,
     case_state,
@@ -150,14 +151,15 @@ class Campaign:
     def _rows(self, state: CaseState, pending: PendingRuns) -> Jobs:
         """The rows of one solver on one reading; one that ran out of time is not asked for more accuracy.
 
-        Unless it did so among transitions that are not the truth's: what such a run costs tells nothing of the others.
+        Unless it did so among transitions that are not the truth's (what such a run costs tells nothing of the others),
+        or its rows are demanded.
         """
         settings = iter(pending.settings)
         for number, setting in enumerate(settings):
             outcome = yield from self._outcome(state, pending, setting, cold=number == 0)
             self._keep(state, outcome, pending.result)
-            if outcome.timed_out and not outcome.invented:
-                for untried in _untried(outcome, settings, self.options.timeout):
+            if outcome.timed_out and not (outcome.invented or pending.demanded):
+                for untried in _untried(outcome, settings):
                     self._keep(state, untried, pending.result)
 
     def _outcome(
@@ -216,10 +218,11 @@ class Campaign:
             state.journal.remove()
 
 
-def _untried(outcome: Outcome, settings: Iterator[Setting], timeout: float) -> Iterator[Outcome]:
+def _untried(outcome: Outcome, settings: Iterator[Setting]) -> Iterator[Outcome]:
     """What is said of tighter settings than one that took too long: an ignored deadline is the fault of them all."""
-    what = f"it took more than {timeout:g} s" if outcome.prepared else TOO_LONG_TO_PREPARE
-    reason = f"not tried: with {outcome.setting.label} {what}"
+    step, rtol = outcome.setting.step, outcome.setting.rtol
+    at = f"{rtol:g}".replace("e-0", "e-") if step is None else f"a step of {step:g} s"
+    reason = NOT_RUN + (f"timed out at {at}" if outcome.prepared else f"at {at} {TOO_LONG_TO_PREPARE}")
     ignored = outcome.failure is not None and outcome.failure.ignored
     for setting in settings:
         yield Outcome(

@@ -54,6 +54,8 @@ class Options:
     """Leave the journals where they are: the caller has more to do before nothing of this can be lost."""
     timed: bool = True
     """Whether right runs are repeated for their wall times."""
+    required: tuple[str, ...] = ()
+    """Solvers that are run at all their settings, whatever time one of these takes."""
 
     def __post_init__(self) -> None:
         for name, entries in (("solvers", self.solvers), ("tolerances", self.tolerances)):

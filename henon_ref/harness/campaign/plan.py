@@ -17,6 +17,8 @@ from henon_ref.harness.campaign.settings import Setting, settings, state_scale
 from henon_ref.harness.campaign.truth_job import Statement
 from henon_ref.solver import Solver
 
+NOT_RUN = "not run: "
+"""How the reason begins of a row whose run was left out, since a looser setting of the solver took too long."""
 SAMPLERS = ("henon", "scipy-dop853")
 """Solvers that draw the motion for the figures: the first that can."""
 
@@ -32,6 +34,8 @@ class PendingRuns:
     """The solver, or the name under which a worker finds it."""
     settings: tuple[Setting, ...]
     """From the loosest to the tightest."""
+    demanded: bool
+    """A bound of the case's gate, or the caller, asks for them all: none is left out after a timeout."""
 
 
 def check_solvers(cases: Sequence[Case], options: Options) -> None:
@@ -105,9 +109,10 @@ def pending_runs(state: CaseState, result: ReadingResult, options: Options) -> l
     key = reading_key(state.case.name, result.reading, result.expected)
     found: list[PendingRuns] = []
     for name, solver in chosen_solvers(result.reading, options).items():
-        waiting = _settings_to_run(state, result, key, name, solver, options)
+        demanded = name in options.required or name in result.reading.gate
+        waiting = _settings_to_run(state, result, key, name, solver, options, demanded=demanded)
         if waiting:
-            found.append(PendingRuns(result, name, solver, waiting))
+            found.append(PendingRuns(result, name, solver, waiting, demanded))
     return found
 
 
@@ -117,9 +122,19 @@ def reading_is_drawn(state: CaseState, result: ReadingResult) -> bool:
 
 
 def _settings_to_run(
-    state: CaseState, result: ReadingResult, key: str, name: str, solver: str | Solver, options: Options
+    state: CaseState,
+    result: ReadingResult,
+    key: str,
+    name: str,
+    solver: str | Solver,
+    options: Options,
+    *,
+    demanded: bool,
 ) -> tuple[Setting, ...]:
-    """The settings of one solver on one reading (of this :func:`reading_key`) without a row, loosest first."""
+    """The settings of one solver on one reading (of this :func:`reading_key`) without a row, loosest first.
+
+    A row of what was not run is none where it is demanded now.
+    """
     reading = result.reading
     waiting: list[Setting] = []
     for setting in settings(
@@ -139,7 +154,7 @@ def _settings_to_run(
             timed=options.timed,
         )
         kept = state.journal.get(state.keys[slot]) if state.journal else None
-        if kept is None:
+        if kept is None or (demanded and (kept.run.status_reason or "").startswith(NOT_RUN)):
             waiting.append(setting)
         else:
             state.rows[slot] = kept

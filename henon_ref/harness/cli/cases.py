@@ -10,7 +10,7 @@ import typer
 
 from henon_ref.casefile.outline import Outline, outline
 from henon_ref.casefile.shipped import located, shipped_folder, yaml_files
-from henon_ref.commands.exit_status import DONE, exit_status, parsed
+from henon_ref.commands.exit_status import DONE, command_of
 from henon_ref.commands.typer_app import application, examples
 from henon_ref.errors import CaseError
 from henon_ref.harness.table import Table
@@ -46,9 +46,7 @@ def main(
     return DONE
 
 
-def command(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; the exit status."""
-    return exit_status(lambda: int(parsed(app, arguments, name="cases")), name="cases", arguments=arguments)
+command = command_of(app, "cases")
 
 
 def _files(paths: Sequence[Path]) -> list[Path]:

@@ -17,7 +17,7 @@ from typing import Annotated
 
 import typer
 
-from henon_ref.commands.exit_status import DONE, NOT_MET, exit_status, parsed, say
+from henon_ref.commands.exit_status import DONE, NOT_MET, command_of, say
 from henon_ref.commands.typer_app import Cases, application, examples
 from henon_ref.errors import CaseError
 from henon_ref.harness.campaign.case_files import load_cases
@@ -174,6 +174,4 @@ def main(
     return NOT_MET if found else DONE
 
 
-def command(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; the exit status."""
-    return exit_status(lambda: int(parsed(app, arguments, name="check")), name="report.check", arguments=arguments)
+command = command_of(app, "check")

@@ -57,6 +57,7 @@ def run(request: Request) -> Unmet:
         processes=request.processes,
         folder=request.out,
         resume=request.resume,
+        required=request.required,
     )
     check_solvers(cases, options)
     check_required(request.required, cases, options)

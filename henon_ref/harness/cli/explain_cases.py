@@ -13,7 +13,7 @@ from pathlib import Path
 import sympy as sp
 
 from henon_ref.casefile.case import Case, Reading
-from henon_ref.commands.exit_status import DONE, exit_status, parsed
+from henon_ref.commands.exit_status import DONE, command_of
 from henon_ref.commands.typer_app import Cases, application, examples
 from henon_ref.errors import ModelError
 from henon_ref.harness.campaign.case_files import load_cases
@@ -40,9 +40,7 @@ def main(cases: Cases) -> int:
     return DONE
 
 
-def command(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; the exit status."""
-    return exit_status(lambda: int(parsed(app, arguments, name="explain")), name="explain", arguments=arguments)
+command = command_of(app, "explain")
 
 
 def explain(paths: Sequence[Path]) -> None:

@@ -16,7 +16,7 @@ from typing import Annotated
 import typer
 
 from henon_ref.atomic_write import replace_file
-from henon_ref.commands.exit_status import DONE, NOT_MET, exit_status, parsed, say
+from henon_ref.commands.exit_status import DONE, NOT_MET, command_of, say
 from henon_ref.commands.typer_app import application, examples
 from henon_ref.errors import CaseError
 from henon_ref.harness.cli.arguments import names
@@ -99,9 +99,7 @@ def main(
     return NOT_MET if unmet else DONE
 
 
-def command(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; the exit status."""
-    return exit_status(lambda: int(parsed(app, arguments, name="gate")), name="gate", arguments=arguments)
+command = command_of(app, "gate")
 
 
 @dataclass

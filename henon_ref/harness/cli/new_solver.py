@@ -6,7 +6,6 @@ import os
 import re
 import shlex
 import sys
-from collections.abc import Sequence
 from importlib.metadata import packages_distributions
 from keyword import iskeyword
 from pathlib import Path
@@ -16,7 +15,7 @@ from typing import Annotated
 import typer
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from henon_ref.commands.exit_status import DONE, exit_status, parsed
+from henon_ref.commands.exit_status import DONE, command_of
 from henon_ref.errors import CaseError
 from henon_ref.harness import registry
 from henon_ref.text import message, shortened
@@ -59,9 +58,7 @@ def main(
     return DONE
 
 
-def command(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; the exit status."""
-    return exit_status(lambda: int(parsed(app, arguments, name="new-solver")), name="new-solver", arguments=arguments)
+command = command_of(app, "new-solver")
 
 
 def module_of(name: str) -> str:

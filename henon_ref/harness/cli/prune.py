@@ -15,7 +15,7 @@ from typing import Annotated
 import typer
 
 from henon_ref.atomic_write import replace_file
-from henon_ref.commands.exit_status import DONE, exit_status, parsed, say
+from henon_ref.commands.exit_status import DONE, command_of, say
 from henon_ref.harness.campaign.case_files import load_cases
 from henon_ref.harness.report.folder import (
     INDEX,
@@ -104,6 +104,4 @@ def main(
     return DONE
 
 
-def command(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; the exit status."""
-    return exit_status(lambda: int(parsed(app, arguments, name="prune")), name="prune", arguments=arguments)
+command = command_of(app, "prune")

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-from henon_ref.commands.exit_status import DONE, exit_status, parsed
+from henon_ref.commands.exit_status import DONE, command_of
 from henon_ref.commands.typer_app import application, examples
 
 app = application()
@@ -24,6 +22,4 @@ def main() -> int:
     return DONE
 
 
-def command(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; the exit status."""
-    return exit_status(lambda: int(parsed(app, arguments, name="schema")), name="schema", arguments=arguments)
+command = command_of(app, "schema")

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
-from henon_ref.commands.exit_status import DONE, exit_status, parsed
+from henon_ref.commands.exit_status import DONE, command_of
 from henon_ref.commands.typer_app import application, examples
 from henon_ref.harness.table import Table
 from henon_ref.text import message
@@ -49,9 +48,7 @@ def main() -> int:
     return DONE
 
 
-def command(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; the exit status."""
-    return exit_status(lambda: int(parsed(app, arguments, name="solvers")), name="solvers", arguments=arguments)
+command = command_of(app, "solvers")
 
 
 def listed_solvers() -> list[Listed]:

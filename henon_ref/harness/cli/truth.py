@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -12,7 +11,7 @@ import typer
 from henon_ref.casefile.case import Case, Reading
 from henon_ref.casefile.files import read_cases
 from henon_ref.commands import status_line
-from henon_ref.commands.exit_status import DONE, NOT_MET, exit_status, parsed
+from henon_ref.commands.exit_status import DONE, NOT_MET, command_of
 from henon_ref.commands.typer_app import FLAG, Cases, application, examples
 from henon_ref.errors import CaseError, ModelError
 from henon_ref.harness.truth import compute, store
@@ -51,9 +50,7 @@ def main(
     return NOT_MET if failed else DONE
 
 
-def command(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; the exit status."""
-    return exit_status(lambda: int(parsed(app, arguments, name="truth")), name="truth", arguments=arguments)
+command = command_of(app, "truth")
 
 
 @dataclass(frozen=True)

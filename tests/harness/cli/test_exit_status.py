@@ -43,7 +43,7 @@ COMMANDS = {
     "compare": (importlib.import_module("henon_ref.harness.cli.compare"), compare_cases, "load_cases"),
     "truth": (truth_command, truth_command, "read_cases"),
     "study": (importlib.import_module("henon_ref.harness.cli.study"), folder, "check_writable"),
-    "report.check": (check, check, "load_cases"),
+    "check": (check, check, "load_cases"),
 }
 
 
