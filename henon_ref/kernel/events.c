@@ -1,4 +1,9 @@
-/* Guards on a step: which one falls first, which are at zero, and with how many zeros a surface is left. */
+/* Event detection: which guard falls first on a step, which are at zero, and with how many zeros a surface is left.
+ *
+ * A guard is positive within its mode; on the step it is a Taylor polynomial, whose roots roots.c isolates. The earliest
+ * falling root is the event. It is decided here if it stands alone, is steep enough for rounding not to matter, and no
+ * other guard has a root as early; what is closer goes to double-double (close_event.c), then to multiprecision.
+ */
 
 /* Relative steepness of a guard at its root below which the root is located in multiprecision. */
 #define UNDECIDED_STEEPNESS 1e-5

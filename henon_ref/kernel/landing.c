@@ -1,4 +1,9 @@
-/* Landings: putting the step's end on a guard's root that stands alone on the step. */
+/* Landing: event location's last step, onto a root of a guard that stands alone on the step.
+ *
+ * Henon's method (Physica D 5, 1982): the variable is swapped from t to the guard h, dt/dh = 1/h', and one step of -h
+ * leads from a point near the surface onto it; here the step is of order 4, by the series that is reversed. Newton's and
+ * Brent's methods can take its place. All three are safeguarded by the bracket of the root.
+ */
 #ifndef HENON_LANDING_C
 #define HENON_LANDING_C
 

@@ -1,4 +1,9 @@
-/* Step size from the last two terms of the expansion (Jorba and Zou 2005), and where coefficients are not finite. */
+/* Step-size control: the step on which the last two terms of a Taylor expansion are below the tolerance.
+ *
+ * With coefficients c_k and order p, theta = min over k of p - 1 and p of (tolerance size / |c_k|)^(1/k), size being that
+ * of the row itself (Jorba and Zou, Exp. Math. 14, 2005, Sec. 3). The unit of time of the coefficients is kept near the
+ * step, so that powers of it stay within the range of doubles; coefficients that are not finite shorten it.
+ */
 
 /* A step, in the unit, that no coefficient limits. */
 #define UNLIMITED 1e30

@@ -1,4 +1,10 @@
-/* Step validation: terms that do not decrease, gaps, branch points, cancellation. */
+/* Step validation: does the Taylor polynomial stand for the solution on the whole step?
+ *
+ * The step size trusts two terms. Here all are looked at: terms must fall towards the last ones, not vanish all at once
+ * (a gap says nothing of what follows), nor cancel by more digits than double precision has to spare; next to a branch
+ * point of an operation (sqrt, power, asin) the step ends before its radius of convergence. A step that fails is made
+ * shorter. This is a heuristic of the reference alone; proofs bound the tails (henon_ref/enclosure/tail_bounds.py).
+ */
 
 /* Terms this much smaller than those before them are no tail but a gap. */
 #define GAP_RATIO 1e-5
