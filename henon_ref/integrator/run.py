@@ -1,7 +1,7 @@
 """One run from Python: calls the compiled mode loop, answers its return codes, and ends the run.
 
-The loop (``kernel/loop.c``) integrates mode after mode as long as double precision decides what follows. It returns with
-a code where it does not, where a mode has no machine code yet, and where the run ends; :mod:`mode_changes
+The loop (``kernel/loop.c``) integrates mode after mode as long as double precision decides what follows. It returns
+with a code where it does not, where a mode has no machine code yet, and where the run ends; :mod:`mode_changes
 <henon_ref.integrator.mode_changes>` has the answers that let it go on.
 """
 
