@@ -233,7 +233,7 @@ def towards(colour: str, end: str, background: str) -> str:
     Examples
     --------
     >>> towards("#000000", "#ffffff", "#15181c"), towards("#0072b2", "#000000", "#ffffff")
-    ('#6b6b6b', '#0072b2')
+    ('#666666', '#0072b2')
     """
     for share in range(0, 101, 2):
         mixed = _mixed(colour, end, share / 100)

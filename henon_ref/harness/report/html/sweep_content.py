@@ -20,14 +20,12 @@ from henon_ref.sweeps.plan import Plan
 from henon_ref.sweeps.storage import chunk_files, owned
 from henon_ref.text import one_line
 
-POINT_BYTES, ROW_BYTES = 1_500_000, 550_000
+POINT_BYTES, ROW_BYTES = 1_500_000, 1_100_000
 """Bytes that the points, and the rows of all tables, may have before they are written as base64 text."""
 MOST_READ = 2_000_000
 """Points of which a page is made, and rows that are read of a table; a sweep of more points has none."""
 MOST_WORDS = 255
 """Different texts that a column of the page may have."""
-LARGEST = 32767
-"""Whole numbers of a table's column go from minus this to this."""
 
 
 def kept_points(plan: Plan, bytes_a_point: int) -> NDArray[np.int64]:
@@ -70,8 +68,7 @@ def point_columns(table: pd.DataFrame, swept: Sequence[str]) -> list[dict[str, A
         if name in swept:
             made.append({"name": one_line(name), "kind": "double", "data": packed_numbers(own, "<f8")})
         elif _is_number(own.dtype):
-            with np.errstate(over="ignore"):
-                made.append({"name": one_line(name), "kind": "single", "data": packed_numbers(own, "<f4")})
+            made.append({"name": one_line(name), "kind": "single", "data": packed_numbers(own, "<f4")})
         elif own.nunique() < MOST_WORDS:
             codes, words = pd.factorize(own.fillna(""), sort=True)
             texts = [one_line(str(word)) for word in words]
@@ -106,27 +103,14 @@ def frame_content(name: str, frame: pd.DataFrame, rows: int, kept: NDArray[np.in
     there = kept[np.minimum(place, len(kept) - 1)] == frame["point"].to_numpy()
     own, place = frame[there], place[there]
     numbers = [column for column in own.columns if column != "point" and _is_number(own[column].dtype)]
-    most = max(ROW_BYTES // (tables * (4 + 2 * len(numbers))), 1)
+    most = max(ROW_BYTES // (tables * (4 + 4 * len(numbers))), 1)
     stride = max(-(-len(own) // most), 1)
     own, place = own.iloc[::stride], place[::stride]
     return {
         "name": one_line(name),
         "rows": rows,
         "point": packed_numbers(place, "<u4"),
-        "columns": [_whole(column, own[column].to_numpy(dtype=float)) for column in numbers],
-    }
-
-
-def _whole(name: str, values: NDArray[np.float64]) -> dict[str, Any]:
-    """Numbers as whole ones between two limits: to a 65,000th of what there is."""
-    finite = values[np.isfinite(values)]
-    low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
-    share = np.nan_to_num((values - low) / ((high - low) or 1.0), posinf=1.0, neginf=0.0)
-    return {
-        "name": one_line(name),
-        "low": low,
-        "high": high,
-        "data": packed_numbers(np.rint((2 * share - 1) * LARGEST), "<i2"),
+        "columns": [{"name": one_line(name), "data": packed_numbers(own[name], "<f4")} for name in numbers],
     }
 
 
@@ -188,4 +172,5 @@ def _is_number(dtype: Any) -> bool:
 
 def packed_numbers(values: Any, kind: str) -> str:
     """Numbers of a NumPy kind, little-endian, as base64 text."""
-    return b64encode(np.asarray(values).astype(kind).tobytes()).decode("ascii")
+    with np.errstate(over="ignore"):  # what single precision does not hold is infinite
+        return b64encode(np.asarray(values).astype(kind).tobytes()).decode("ascii")

@@ -124,12 +124,11 @@ def test_of_many_points_so_many_are_kept_as_there_is_room_for(monkeypatch: pytes
 
 def test_rows_of_a_table_are_thinned_and_keep_their_points(monkeypatch: pytest.MonkeyPatch) -> None:
     frame = pd.DataFrame({"point": np.repeat(np.arange(100), 10), "x": np.linspace(-1, 1, 1000)})
-    monkeypatch.setattr(sweep_content, "ROW_BYTES", 1200)
+    monkeypatch.setattr(sweep_content, "ROW_BYTES", 1600)
     made = frame_content("section", frame, 5000, np.arange(0, 100, 2), tables=1)
     place = np.frombuffer(b64decode(made["point"]), "<u4")
     (column,) = made["columns"]
-    whole = np.frombuffer(b64decode(column["data"]), "<i2").astype(float)
-    values = column["low"] + (whole + 32767) / 65534 * (column["high"] - column["low"])
+    values = np.frombuffer(b64decode(column["data"]), "<f4")
     assert made["rows"] == 5000
     assert 100 < len(place) <= 200
     assert np.array_equal(np.round((values + 1) / 2 * 999).astype(int) // 10, 2 * place)

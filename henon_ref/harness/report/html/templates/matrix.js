@@ -1,4 +1,4 @@
-// The matrix: a row a reading, a column a solver. Cells are made once; filters hide rows and columns, the slider colours.
+// The matrix: a row a reading, a column a solver. Cells are made once; filters hide rows and columns, the digits wanted colour them.
 
 const MATRIX = { rows: [], hidden: new Set(), sort: { by: "case", up: true } };
 const SHORT = { unsupported: "–", unavailable: "·", "ill-conditioned": "ill-cond." };

@@ -1,7 +1,5 @@
 // The page of a sweep's folder: a diagram of its points or section points, and the run behind each point.
 
-const LARGEST = 32767;
-
 /** Bytes of base64 text as an array of numbers. */
 function numbersOf(text, kind) {
   const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
@@ -18,15 +16,12 @@ const SWEPT = DATA.swept;
 const textOf = (column, k) => (column.kind === "word" ? column.words[column.values[k]] : numberText(column, column.values[k]));
 const numberText = (column, value) => (Number.isNaN(value) ? "" : column.kind === "double" ? String(value) : significant(value, 7));
 
-/** Tables with several rows a point; their numbers are whole ones between two limits. */
-const FRAMES = DATA.frames.map((frame) => {
-  const point = numbersOf(frame.point, Uint32Array);
-  const columns = new Map(frame.columns.map(({ name, low, high, data }) => {
-    const whole = numbersOf(data, Int16Array);
-    return [name, Float64Array.from(whole, (value) => low + ((value + LARGEST) / (2 * LARGEST)) * (high - low))];
-  }));
-  return { ...frame, point, columns };
-});
+/** Tables with several rows a point. */
+const FRAMES = DATA.frames.map((frame) => ({
+  ...frame,
+  point: numbersOf(frame.point, Uint32Array),
+  columns: new Map(frame.columns.map(({ name, data }) => [name, numbersOf(data, Float32Array)])),
+}));
 
 const CATEGORIES = ["#0072b2", "#e69f00", "#009e73", "#d55e00", "#56b4e9", "#aa4499", "#b8a800", "#767676", "#8c4a2f", "#5a5fd0", "#66cdaa", "#cc79a7"];
 const VIRIDIS = ["#440154", "#472d7b", "#3b528b", "#2c728e", "#21918c", "#28ae80", "#5ec962", "#addc30", "#fde725"];
