@@ -109,7 +109,7 @@ def parsed(app: Callable[..., Any], arguments: Sequence[str] | None, *, name: st
 
 
 def command_of(app: Callable[..., Any], name: str) -> Callable[..., int]:
-    """The subcommand that a typer application reads: of its arguments (None: the process's), it returns the exit status.
+    """The subcommand that a typer application reads: a function of its arguments, or the process's; the exit status.
 
     Parameters
     ----------
