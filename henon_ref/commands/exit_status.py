@@ -108,8 +108,8 @@ def parsed(app: Callable[..., Any], arguments: Sequence[str] | None, *, name: st
     return DONE if result is None else result
 
 
-def command_of(app: Callable[..., Any], name: str) -> Callable[[Sequence[str] | None], int]:
-    """The subcommand that a typer application reads: a function of its arguments that returns the exit status.
+def command_of(app: Callable[..., Any], name: str) -> Callable[..., int]:
+    """The subcommand that a typer application reads: a function of its arguments, or the process's; the exit status.
 
     Parameters
     ----------

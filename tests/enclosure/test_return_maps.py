@@ -54,6 +54,7 @@ def test_autonomous_orbit_from_an_event() -> None:
     assert found.period.rad() < 1e-30
 
 
+@pytest.mark.slow  # daily: the plane map of the same figure, below, and an autonomous orbit, above
 def test_fig8_scalar_map_from_a_stick() -> None:
     """Two sticks over 2T (the published 1.1746 and 0.4161 without the listing's step), multiplier 0.4005."""
     guess = Guess(sp.Rational(613, 10), (0.42142948400854, 0.4), (0,), period=2 * PERIOD)

@@ -88,6 +88,7 @@ def test_the_second_run_on_a_case_names_the_first_and_changes_nothing(made_up, t
     assert not list((tmp_path / "out").rglob(LOCK))
 
 
+@pytest.mark.slow  # daily: a report is put in place while nobody reads for the index, the next test
 def test_different_cases_side_by_side_end_with_a_right_index(tmp_path):
     names = ("first", "second")
     for name in names:

@@ -17,6 +17,7 @@ from pathlib import Path
 
 import pytest
 from commands import run
+from often import daily
 
 from henon_ref.errors import CaseError
 from henon_ref.harness.campaign import journal
@@ -207,7 +208,9 @@ def test_a_manifest_that_is_not_ours_takes_nothing_with_it(made_up, tmp_path, ca
     assert json.loads((folder / "manifest.json").read_text())["case"] == "made_up"
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+@pytest.mark.parametrize(
+    "number", daily([signal.SIGINT, signal.SIGTERM, signal.SIGKILL], some=[signal.SIGINT, signal.SIGKILL])
+)
 def test_an_interrupt_keeps_finished_rows_and_says_how_to_go_on(made_up, tmp_path, number):
     script = tmp_path / "run.py"
     script.write_text(
