@@ -152,7 +152,7 @@ def _event(
     return event
 
 
-def scouting(_adapter: Adapter, _library: ConfiguredLibrary) -> Library:
+def scouting(_adapter: Adapter, library: ConfiguredLibrary) -> Library:
     """``loosened`` of a library that compiles its modes: which are visited is found out by ``DOP853``, without that."""
     return DOP853.library(SCOUTING, SCOUTING)
 
