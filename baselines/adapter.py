@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
-from importlib import metadata
 from typing import Any, ClassVar
 
 import numpy as np
@@ -14,7 +13,7 @@ from henon_ref.baselines.driver import prepared, tolerances
 from henon_ref.baselines.flow import Flow, Library
 from henon_ref.baselines.mode_functions import ModeFunctions
 from henon_ref.baselines.restart import STOPPED, Restart
-from henon_ref.baselines.work import Work
+from henon_ref.baselines.work import Work, installed_version
 from henon_ref.errors import UnavailableError
 from henon_ref.modes.problem import Problem
 from henon_ref.solver import Run
@@ -43,10 +42,7 @@ class Adapter(ABC):
     @property
     def version(self) -> str:
         """The library's version, empty where it is not installed."""
-        try:
-            return metadata.version(self.distribution)
-        except metadata.PackageNotFoundError:
-            return ""
+        return installed_version(self.distribution)
 
     def prepare(
         self,

@@ -26,12 +26,13 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.baselines.adapter import SCOUTING, Adapter, ConfiguredLibrary
+from henon_ref.baselines.adapter import Adapter, ConfiguredLibrary
 from henon_ref.baselines.base import SmoothMode
-from henon_ref.baselines.flow import LIMIT, Library, Stop
+from henon_ref.baselines.flow import LIMIT, Stop
 from henon_ref.baselines.jax_functions import ModeSource, jax_function, mode_source
 from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
 from henon_ref.baselines.restart import LEAST, Restart
+from henon_ref.baselines.scipy_ivp import scouting
 from henon_ref.baselines.work import Work
 from henon_ref.modes.callables import ARITHMETIC
 
@@ -77,11 +78,7 @@ class DiffraxOde(Adapter):
         """An explicit method's first step is as exact as it is short."""
         return super().start_errors(rtol, atol) if self.method == "Kvaerno5" else (EPSILON, 0.0)
 
-    def loosened(self, library: ConfiguredLibrary) -> Library:
-        """SciPy's ``DOP853``: which modes are visited is found out without compiling for it."""
-        from henon_ref.baselines.scipy_ivp import DOP853
-
-        return DOP853.library(SCOUTING, SCOUTING)
+    loosened = scouting
 
     def location_error(self, t: float) -> float:
         """Rounding of the dense output whose root is sought: more than the tolerances of the root finder."""

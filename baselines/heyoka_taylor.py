@@ -29,11 +29,12 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.baselines.adapter import SCOUTING, Adapter, ConfiguredLibrary
-from henon_ref.baselines.flow import LIMIT, Library, Stop
+from henon_ref.baselines.adapter import Adapter, ConfiguredLibrary
+from henon_ref.baselines.flow import LIMIT, Stop
 from henon_ref.baselines.heyoka_expressions import to_heyoka
 from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
 from henon_ref.baselines.restart import LEAST, LIFT, SPAN, Fresh, Restart, dips, lift, quiet_until
+from henon_ref.baselines.scipy_ivp import scouting
 from henon_ref.baselines.work import Work
 from henon_ref.jit.processor_time import compiling
 from henon_ref.modes.callables import ARITHMETIC
@@ -85,11 +86,7 @@ class HeyokaTaylor(Adapter):
         """A Taylor expansion starts exactly at its state."""
         return EPSILON, 0.0
 
-    def loosened(self, library: ConfiguredLibrary) -> Library:
-        """SciPy's ``DOP853``: which modes are visited is found out without compiling for it."""
-        from henon_ref.baselines.scipy_ivp import DOP853
-
-        return DOP853.library(SCOUTING, SCOUTING)
+    loosened = scouting
 
     def location_error(self, t: float) -> float:
         """Rounding of the time."""
@@ -193,18 +190,22 @@ class _Flow:
     ) -> Stop:
         """See :class:`henon_ref.baselines.flow.Flow`."""
         lifted: Sequence[Fresh] = ()
-        if fresh:
-            if self._policy == "offset":
-                lifted = [item for item in fresh if item[0] in self._slots]
-                for item in lifted:
-                    self._lifts[self._slots[item[0]]] = self._lift(item, t, x)
-            elif self._policy == "event-free-step":
-                return self._behind_a_step(t, low, x, until, fresh, wanted)
-        stop = self._propagate(t, low, x, until)
-        for guard, *_ in lifted:
-            self._lifts[self._slots[guard]] = 0.0
-        if lifted and self._is_lost(lifted, stop):
-            return self._behind_a_step(t, low, x, until, fresh, wanted)
+        steps_free = bool(fresh) and self._policy == "event-free-step"
+        if fresh and self._policy == "offset":
+            lifted = [item for item in fresh if item[0] in self._slots]
+            for item in lifted:
+                self._lifts[self._slots[item[0]]] = self._lift(item, t, x)
+        if not steps_free:
+            stop = self._propagate(t, low, x, until)
+            for guard, *_ in lifted:
+                self._lifts[self._slots[guard]] = 0.0
+            steps_free = bool(lifted) and self._is_lost(lifted, stop)
+        if steps_free:
+            late = self._event_free_step(t, low, x, until, fresh)
+            if late.status != "horizon" or late.t >= until:
+                return late
+            t, low, x = late.t, late.low, late.x
+            stop = self._propagate(t, low, x, until)
         return stop if wanted is None else stop._replace(samples=self._sampled(t, low, x, wanted[wanted <= stop.t]))
 
     def _is_lost(self, lifted: Sequence[Fresh], stop: Stop) -> bool:
@@ -222,24 +223,6 @@ class _Flow:
             ):
                 return True
         return False
-
-    def _behind_a_step(
-        self,
-        t: float,
-        low: float,
-        x: Sequence[float],
-        until: float,
-        fresh: Sequence[Fresh],
-        wanted: NDArray[np.float64] | None,
-    ) -> Stop:
-        """An event-free step, and what follows it."""
-        late = self._event_free_step(t, low, x, until, fresh)
-        if late.status != "horizon" or late.t >= until:
-            return late
-        stop = self._propagate(late.t, late.low, late.x, until)
-        if wanted is None:
-            return stop
-        return stop._replace(samples=self._sampled(late.t, late.low, late.x, wanted[wanted <= stop.t]))
 
     def _begin(self, t: float, low: float, x: Sequence[float]) -> None:
         self._taylor.dtime = (t, low)

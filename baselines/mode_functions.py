@@ -212,10 +212,6 @@ class ModeFunctions:
         tape = build_tape(self.states, self.field_expressions, self.guard_expressions)
         return tape, [float(c) for c in tape.constants]
 
-    def guard_series(self, t: float, x: Sequence[float], order: int) -> list[list[float]]:
-        """Taylor coefficients in time of every guard, as :meth:`series` has them."""
-        return self.series(t, x, order)[1]
-
     def series(self, t: float, x: Sequence[float], order: int) -> tuple[list[list[float]], list[list[float]]]:
         """Taylor coefficients in time of the states, and of every guard, along this mode's solution through (t, x).
 

@@ -22,7 +22,6 @@ import copy
 import io
 from contextlib import redirect_stdout
 from dataclasses import dataclass
-from importlib import metadata
 from importlib.util import find_spec
 from itertools import product
 from math import ceil, sqrt
@@ -39,7 +38,7 @@ from henon_ref.baselines.flow import LIMIT
 from henon_ref.baselines.record import Record
 from henon_ref.baselines.scipy_ivp import RK45
 from henon_ref.baselines.sundials_cvode import ADAMS
-from henon_ref.baselines.work import DeadlinePassed, Work
+from henon_ref.baselines.work import DeadlinePassed, Work, installed_version
 from henon_ref.errors import UnavailableError, UnsupportedError
 from henon_ref.modes.callables import rounded
 from henon_ref.modes.kinks import visible
@@ -84,10 +83,7 @@ class Nosnoc:
     @property
     def version(self) -> str:
         """nosnoc's version, empty where it is not installed."""
-        try:
-            return metadata.version("nosnoc")
-        except metadata.PackageNotFoundError:
-            return ""
+        return installed_version("nosnoc")
 
     def unavailable(self) -> str:
         """Why it cannot be had; empty where it can."""

@@ -98,7 +98,7 @@ def quiet_until(
         Longest event-free step [s].
     """
     try:
-        series = model.guard_series(t, x, ORDER)
+        series = model.series(t, x, ORDER)[1]
     except ARITHMETIC:
         series = [[0.0] * (ORDER + 1)] * len(model.guards)
     ends = []

@@ -22,10 +22,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.baselines.adapter import Adapter, ConfiguredLibrary
+from henon_ref.baselines.adapter import SCOUTING, Adapter, ConfiguredLibrary
 from henon_ref.baselines.base import SmoothMode
 from henon_ref.baselines.callbacks import counted_field
-from henon_ref.baselines.flow import Stop
+from henon_ref.baselines.flow import Library, Stop
 from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
 from henon_ref.baselines.numba_callbacks import Callbacks
 from henon_ref.baselines.restart import Restart
@@ -150,6 +150,11 @@ def _event(
     event.terminal = True  # type: ignore[attr-defined]
     event.direction = direction  # type: ignore[attr-defined]
     return event
+
+
+def scouting(_adapter: Adapter, library: ConfiguredLibrary) -> Library:
+    """``loosened`` of a library that compiles its modes: which are visited is found out by ``DOP853``, without that."""
+    return DOP853.library(SCOUTING, SCOUTING)
 
 
 RK45 = ScipyIvp("scipy-rk45", "RK45")

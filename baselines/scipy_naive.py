@@ -19,7 +19,6 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from importlib import metadata
 from typing import Any, Literal
 
 import numpy as np
@@ -32,7 +31,7 @@ from henon_ref.baselines.driver import tolerances
 from henon_ref.baselines.endings import blown_up
 from henon_ref.baselines.flow import LIMIT
 from henon_ref.baselines.mode_functions import EPSILON
-from henon_ref.baselines.work import BudgetSpent, DeadlinePassed, Work
+from henon_ref.baselines.work import BudgetSpent, DeadlinePassed, Work, installed_version
 from henon_ref.errors import UnavailableError, UnsupportedError
 from henon_ref.modes.callables import ARITHMETIC, Jacobian, Scalar, scalar
 from henon_ref.modes.mode import Mode
@@ -69,10 +68,7 @@ class ScipyNaive:
     @property
     def version(self) -> str:
         """SciPy's version."""
-        try:
-            return metadata.version("scipy")
-        except metadata.PackageNotFoundError:
-            return ""
+        return installed_version("scipy")
 
     def prepare(
         self,

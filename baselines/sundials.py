@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from henon_ref.baselines.adapter import Adapter
 from henon_ref.baselines.base import SmoothMode
-from henon_ref.baselines.callbacks import LastSeen
 from henon_ref.baselines.flow import Stop
 from henon_ref.baselines.mode_functions import EPSILON
 from henon_ref.baselines.restart import Watcher
@@ -49,6 +48,25 @@ class SundialsFlow(SmoothMode):
     """Of the integrator, without events."""
     events: dict[str, Any]
     """Its options for events."""
+
+    def connect(self, jacfn: Callable[..., None], watchers: Sequence[Watcher], dae: bool = False, **more: Any) -> None:
+        """Set the options, ``more`` among them; all events are terminal, the guard against divergence is the last."""
+        last, count, direction = self.last, len(watchers), self.gates.direction
+
+        def of_ode(t: float, x: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+            for k, watcher in enumerate(watchers):
+                out[k] = watcher(t, x)
+            out[count] = last.value(t, x)
+
+        def of_dae(t: float, y: NDArray[np.float64], yp: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+            of_ode(t, y, out)
+
+        eventsfn: Any = of_dae if dae else of_ode
+        # scikit-sundae reads both off the function.
+        eventsfn.terminal, eventsfn.direction = [True] * (count + 1), [direction] * count + [-1]
+        self.events = {"eventsfn": eventsfn, "num_events": count + 1}
+        self.options = {"rtol": self.rtol, "atol": self.atol, "jacfn": jacfn, **more}
+        self.options["max_num_steps"] = STEPS_BETWEEN_OUTPUTS
 
     @abstractmethod
     def start(self, t: float, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
@@ -109,24 +127,3 @@ class SundialsFlow(SmoothMode):
         full = np.full((times.size, self.states), np.nan)
         full[: len(found)] = found
         return full
-
-
-def event_function(
-    watchers: Sequence[Watcher], last: LastSeen, direction: int, *, dae: bool = False
-) -> Callable[..., None]:
-    """``eventsfn(t, x, out)``, of a DAE ``(t, y, yp, out)``: the guards, then that against divergence, all terminal."""
-    count = len(watchers)
-
-    def of_ode(t: float, x: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-        for k, watcher in enumerate(watchers):
-            out[k] = watcher(t, x)
-        out[count] = last.value(t, x)
-
-    def of_dae(t: float, y: NDArray[np.float64], yp: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-        of_ode(t, y, out)
-
-    eventsfn = of_dae if dae else of_ode
-    # scikit-sundae reads both off the function.
-    eventsfn.terminal = [True] * (count + 1)  # type: ignore[attr-defined]
-    eventsfn.direction = [direction] * count + [-1]  # type: ignore[attr-defined]
-    return eventsfn

@@ -27,7 +27,7 @@ from henon_ref.baselines.callbacks import filling_field
 from henon_ref.baselines.mode_functions import ModeFunctions
 from henon_ref.baselines.numba_callbacks import Callbacks
 from henon_ref.baselines.restart import Restart
-from henon_ref.baselines.sundials import STEPS_BETWEEN_OUTPUTS, SundialsAdapter, SundialsFlow, event_function
+from henon_ref.baselines.sundials import SundialsAdapter, SundialsFlow
 from henon_ref.baselines.work import Work
 
 
@@ -68,18 +68,7 @@ class _Flow(SundialsFlow):
         def jacfn(t: float, x: NDArray[np.float64], xp: NDArray[np.float64], out: NDArray[np.float64]) -> None:
             jacobian.fill(t, x, out)
 
-        self.options = {
-            "method": adapter.method,
-            "rtol": library.rtol,
-            "atol": library.atol,
-            "jacfn": jacfn,
-            "max_num_steps": STEPS_BETWEEN_OUTPUTS,
-        }
-        guards = self.gates.watchers(work.count_event)
-        self.events = {
-            "eventsfn": event_function(guards, self.last, self.gates.direction),
-            "num_events": len(guards) + 1,
-        }
+        self.connect(jacfn, self.gates.watchers(work.count_event), method=adapter.method)
 
     def start(self, t: float, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
         """The unknowns."""

@@ -30,7 +30,7 @@ from henon_ref.baselines.adapter import ConfiguredLibrary
 from henon_ref.baselines.mode_functions import ModeFunctions
 from henon_ref.baselines.numba_callbacks import Callbacks, compiled, jacobian, njit
 from henon_ref.baselines.restart import Restart, Watcher
-from henon_ref.baselines.sundials import STEPS_BETWEEN_OUTPUTS, SundialsAdapter, SundialsFlow, event_function
+from henon_ref.baselines.sundials import SundialsAdapter, SundialsFlow
 from henon_ref.baselines.work import Work
 from henon_ref.modes.callables import ARITHMETIC, scalar
 from henon_ref.modes.equations import Guard
@@ -133,18 +133,9 @@ class _Flow(SundialsFlow):
             np.negative(out, out=out)
             out[moving, moving] += cj
 
-        self.options = {
-            "rtol": library.rtol,
-            "atol": library.atol,
-            "jacfn": jacfn,
-            "algebraic_idx": list(range(equations.differential, len(equations.unknowns))) or None,
-            "max_num_steps": STEPS_BETWEEN_OUTPUTS,
-        }
         watchers = [self._watcher(k) for k in range(len(model.guards))]
-        self.events = {
-            "eventsfn": event_function(watchers, self.last, self.gates.direction, dae=True),
-            "num_events": len(watchers) + 1,
-        }
+        algebraic = list(range(equations.differential, len(equations.unknowns)))
+        self.connect(jacfn, watchers, dae=True, algebraic_idx=algebraic or None)
 
     def _watcher(self, k: int) -> Watcher:
         """Guard k as a function of (t, y): a stick ends where its unknown reaches -1 or +1."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib import metadata
 from time import perf_counter
 
 from henon_ref.jit.processor_time import Deadline
@@ -89,3 +90,11 @@ class Work:
     @property
     def counts(self) -> Counts:
         return Counts(self.steps, self.rhs, self.events)
+
+
+def installed_version(distribution: str) -> str:
+    """Version of a package, empty where it is not installed."""
+    try:
+        return metadata.version(distribution)
+    except metadata.PackageNotFoundError:
+        return ""

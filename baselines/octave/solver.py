@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import re
 import shutil
-import subprocess
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import as_file, files
 
+from henon_ref.baselines.protocol.exchange import said_by
 from henon_ref.baselines.protocol.messages import Problem
 from henon_ref.baselines.protocol.program import ProgramSolver
 from henon_ref.errors import UnavailableError
@@ -20,8 +20,6 @@ from henon_ref.errors import UnavailableError
 PROGRAM = "octave-cli"
 OPTIONS = ("--no-init-file", "--no-history", "--quiet")
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-SECONDS = 30.0
-"""Wall time in which Octave tells its version [s]."""
 
 
 @cache
@@ -30,13 +28,7 @@ def octave_version() -> str:
     path = shutil.which(PROGRAM)
     if path is None:
         return ""
-    try:
-        done = subprocess.run(
-            [path, "--no-init-file", "--version"], capture_output=True, text=True, timeout=SECONDS, check=False
-        )
-    except (OSError, subprocess.TimeoutExpired):
-        return ""
-    found = re.search(r"version (\S+)", done.stdout)
+    found = re.search(r"version (\S+)", said_by(path, "--no-init-file", "--version") or "")
     return found[1] if found else ""
 
 

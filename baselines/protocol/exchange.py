@@ -37,6 +37,8 @@ LOOK = 0.05
 COUNTED = 0.5
 """Part of its limit that a program has used at least that is stopped by it: the system holds against the limit whole
 ticks of its clock in which the program was met, and on a busy machine that was up to a third more than it had used."""
+ASKED = 60.0
+"""Wall time in which a program tells its version [s]."""
 CHUNK = 2**16
 
 
@@ -207,6 +209,22 @@ def _end(process: _Program) -> None:
     with contextlib.suppress(ProcessLookupError, PermissionError):
         os.killpg(process.pid, signal.SIGKILL)
     process.has_ended(0)
+
+
+def said_by(*command: str, environment: Mapping[str, str] | None = None) -> str | None:
+    """What a command writes, its version say; None where it fails, or takes longer than ``ASKED``."""
+    try:
+        done = subprocess.run(
+            command,
+            capture_output=True,
+            text=True,
+            timeout=ASKED,
+            check=False,
+            env={**os.environ, **(environment or {})},
+        )
+    except (OSError, subprocess.TimeoutExpired):
+        return None
+    return done.stdout.strip() if done.returncode == 0 else None
 
 
 def _judged(status: int, output: bytes, said: bytes) -> bytes:

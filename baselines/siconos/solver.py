@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import os
 import shutil
-import subprocess
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import as_file, files
 
+from henon_ref.baselines.protocol.exchange import said_by
 from henon_ref.baselines.protocol.messages import Problem
 from henon_ref.baselines.protocol.program import ProgramSolver
 from henon_ref.errors import UnavailableError
@@ -22,8 +22,6 @@ VARIABLE = "SICONOS_PYTHON"
 DEFAULT = "/usr/bin/python3"
 PACKAGE = "python3-siconos"
 ENVIRONMENT = {"PYTHONPATH": "", "PYTHONHOME": "", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-SECONDS = 60.0
-"""Wall time in which the interpreter tells whether it has Siconos [s]."""
 
 
 def interpreter() -> str:
@@ -41,21 +39,10 @@ def _version_of(python: str) -> str:
     if shutil.which(python) is None:
         return ""
     asked = "import importlib.util, sys; sys.exit(importlib.util.find_spec('siconos') is None)"
-    if _said(python, "-c", asked) is None:
+    if said_by(python, "-c", asked, environment=ENVIRONMENT) is None:
         return ""
-    package = _said("dpkg-query", "-W", "-f", "${Version}", PACKAGE) if python == DEFAULT else None
+    package = said_by("dpkg-query", "-W", "-f", "${Version}", PACKAGE) if python == DEFAULT else None
     return package or "unknown"
-
-
-def _said(*command: str) -> str | None:
-    """What a command writes; None where it fails."""
-    try:
-        done = subprocess.run(
-            command, capture_output=True, text=True, timeout=SECONDS, check=False, env=os.environ | ENVIRONMENT
-        )
-    except (OSError, subprocess.TimeoutExpired):
-        return None
-    return done.stdout.strip() if done.returncode == 0 else None
 
 
 @dataclass(frozen=True)

@@ -68,18 +68,11 @@ class TransitionForm(_Form):
         """The transition as the rest of the package has it."""
         before, after = (_mode(side) for side in self.modes.split(" -> "))
         return ReferenceTransition(
-            kind=self.kind,
-            surface=self.surface,
+            **self.model_dump(exclude={"modes", "time", "conditioning"}),
             from_mode=before,
             to_mode=after,
             time_digits=self.time,
-            radius=self.radius,
-            state=self.state,
-            state_radius=self.state_radius,
-            transversality=self.transversality,
             conditioning=math.inf if self.conditioning is None else self.conditioning,
-            proven=self.proven,
-            closed_form=self.closed_form,
         )
 
 
@@ -105,19 +98,17 @@ class TruthForm(_Form):
     def truth(self) -> Truth:
         """The truth as the rest of the package has it."""
         return Truth(
-            case=self.case,
-            reading=self.reading,
+            **{name: getattr(self, name) for name in _SAME},
             mathematics_hash=self.mathematics,
-            status=self.status,
-            reason=self.reason,
             end_digits=self.end_time,
-            end_radius=self.end_radius,
             transitions=tuple(entry.transition for entry in self.transitions),
-            near_grazes=tuple(NearGraze(g.time, g.surface, g.distance, g.lasts) for g in self.near_grazes),
+            near_grazes=tuple(NearGraze(**graze.model_dump()) for graze in self.near_grazes),
             methods=tuple((m.method, m.bits, m.seconds) for m in self.methods),
-            certified=self.certified,
-            uncertified_because=self.uncertified_because,
         )
+
+
+_SAME = ("case", "reading", "status", "reason", "end_radius", "certified", "uncertified_because")
+"""Entries of the form that a truth has by the same name."""
 
 
 def parse(text: str) -> Truth:
