@@ -2,7 +2,7 @@
 
 The models only check form; what the expressions in them mean is checked where they are read
 (:mod:`henon_ref.casefile.problem`, :mod:`henon_ref.casefile.expected`). A system is built of the tree, not of them:
-what comes from Python does without them where it plainly fits (:mod:`henon_ref.casefile.model_form`).
+a model from Python is checked without them (:mod:`henon_ref.casefile.model_form`).
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """One-sided stops: they keep x_p - x_q at or above a gap, as Modelica's ``ElastoGap`` does.
 
 As there, the damping force of an elastic stop is never larger than the spring's, so that it does not pull and its force
-is continuous. A hard stop throws back (:mod:`henon_ref.casefile.impact_law`).
+is continuous. A hard stop throws back (:func:`henon_ref.casefile.assembly.thrown_back`).
 """
 
 from __future__ import annotations
