@@ -298,7 +298,8 @@ class ModeTable:
         for record, guard in zip(records, guards, strict=False):
             surface = guard.kind == "surface"
             record["kind"] = kernel.VALID if guard.ends else _KIND[guard.kind]
-            record["index"], record["rising_only"] = guard.index, guard.rising_only
+            record["index"], record["valid"] = guard.index, guard.kind == "valid"
+            record["rising_only"] = guard.rising_only
             record["hold_zone"] = surface and system.held_inside(guard.index)
             record["side"], record["to_sign"] = mode[guard.index] if surface else 0, guard.to_sign
             record["kink"] = surface and not guard.ends and guard.index in self._kinks

@@ -49,7 +49,7 @@ static double guard_noise(const struct work *w, int64_t guard, double theta)
 static double *since_of(const struct work *w, int64_t guard)
 {
     const struct guard *own = &w->mode->guard[guard];
-    return w->since + rounding_place(own->kind == VALID, own->index, w->run->guards);
+    return w->since + rounding_place(own->valid, own->index, w->run->guards);
 }
 
 /* Note that a guard is below its rounding, "part" units behind the step's begin. */

@@ -1,4 +1,5 @@
-/* Event detection: which guard falls first on a step, which are at zero, and with how many zeros a surface is left.
+/* Event detection: which guard falls first on a step, which are at zero, and to what order a guard vanishes
+ * where its surface is left (its "known zeros": 1 with a speed, 2 tangentially).
  *
  * A guard is positive within its mode; on the step it is a Taylor polynomial, whose roots roots.c isolates. The earliest
  * falling root is the event. It is decided here if it stands alone, is steep enough for rounding not to matter, and no
@@ -7,7 +8,8 @@
 
 /* Relative steepness of a guard at its root below which the root is located in multiprecision. */
 #define UNDECIDED_STEEPNESS 1e-5
-/* So many local errors, of its size on a step, off zero a guard may only seem to touch it, or not to. */
+/* A guard whose minimum is within so many tolerances of zero, relative to its size on the step, may touch zero or not:
+ * multiprecision decides. */
 #define NEAR 1e3
 /* Of the minimum of a guard on a step: Newton's steps, and places to begin with. */
 #define TOUCH_STEPS 6
@@ -148,7 +150,8 @@ static inline struct event first_event(struct work *w, double theta, double natu
     return first;
 }
 
-/* Of a guard below zero where a step begins: zeros with which its surface is left (0: it is not), whether it fails.
+/* Of a guard <= 0 where a step begins: the order to which it vanishes if its surface is being left there (0: it is not
+ * left); "fails": it is below zero and not being left, so that the mode is not consistent.
  *
  * "surface": it may be one that is left. A mode's side of a surface was decided when it was left, and no root came
  * since: a value below zero is rounding's (another event followed at once), and if it rises, with a speed or

@@ -17,7 +17,8 @@
 #define HENON_EXPORT __attribute__((visibility("default")))
 #endif
 
-/* Kinds of guards. */
+/* Kinds of guards. VALID is every guard at which the run ends: a valid expression, "attracts", and any guard of
+ * henon_ref.modes.equations that has "ends", a surface's as well. */
 enum guard_kind { SURFACE, RELEASE, VALID };
 
 /* Kinds of transitions. */
@@ -120,6 +121,7 @@ struct tape {
 struct guard {
     int64_t kind;             /* enum guard_kind */
     int64_t index;            /* of the surface, or of the valid expression */
+    int64_t valid;            /* whether the index is that of a valid expression */
     int64_t rising_only;      /* whether it may begin below zero, and counts once it has risen */
     int64_t hold_zone;        /* whether the mode after it is decided by a hold zone */
     int64_t coupled;          /* COUPLED where its surface and one that the mode slides on act on each other; or
@@ -259,8 +261,9 @@ struct run {
 struct places {
     int64_t last_steps;   /* REMEMBERED_STEPS: last step of modes [s] */
     int64_t state;        /* n: x; then n: what rounding it lost; then n: x before the last jump */
-    int64_t known_zeros;  /* G integers: known zeros of each guard at the present point (the surface just left), which
-                             are divided out; then G: 1 for one that is at zero; then G: 1 for one that is below its own
+    int64_t known_zeros;  /* G integers: known zeros of each guard: the order to which it vanishes where the run stands
+                             (1: its surface was just left with a speed, 2: tangentially),
+                             divided out; then G: 1 for one that is at zero; then G: 1 for one that is below its own
                              rounding on the present step */
     int64_t entries;      /* words: the entries of contacts that are the mode, none without contacts */
     int64_t since;        /* G: since when guards have been below their rounding [s], infinite where they have not */

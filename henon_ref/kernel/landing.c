@@ -9,7 +9,8 @@
 
 #include "roots.c"
 
-/* How many times less steep than the chord an end may be for an inverse cubic: it is monotone then. */
+/* How many times less steep than the chord an end may be for an inverse cubic: it is monotone then (Fritsch and
+ * Carlson, SIAM J. Numer. Anal. 17, 1980). */
 #define CUBIC_STEEPNESS 3.0
 
 /* Root by the cubic in h that has the guard's values and slopes at both ends of [0, 1] (Hermite's interpolation).
@@ -38,10 +39,11 @@ static inline void around(const double *q, int64_t degree, double tau, bool orde
     g[0] = g0, g[1] = g1, g[2] = g2, g[3] = g3, g[4] = g4;
 }
 
-/* Step to the zero by the reversed series in h, of order 4, and its relative error; 1 where it is no good.
+/* Step to the zero by the reversed series in h, of order 4 (Lagrange inversion), and its relative error; 1 where it is
+ * no good.
  *
- * u is the step of order 1, "inverse" 1 / h'. The terms fall off like powers of one number; the error is about the
- * fourth.
+ * u = -h / h' is Newton's step, "inverse" 1 / h', b_k = g_k / g_1. The error is about the first term left out, of size
+ * u^4.
  */
 static inline double reverted(double u, double inverse, const double g[5], double *error)
 {
@@ -94,7 +96,8 @@ static inline double landing_start(const double *q, int64_t degree, double low, 
 
 /* Put the step's end on the root of q that [low, high], within [0, 1], brackets, q falling.
  *
- * HENON: the independent variable is swapped from t to h (Henon 1982; Eq. (14) of the paper) and one Taylor step of
+ * HENON: the independent variable is swapped from t to h (Henon 1982; Eq. (14) of Olejnik and Awrejcewicz, 2013) and one
+ * Taylor step of
  * order 4 in h, of length -h, is taken from a point near the surface: dt/dh = 1/h', whose Taylor series is the
  * reversion of h's. That point is the root of an inverse cubic where the guard falls evenly over the whole step, and
  * the chord's otherwise. The step is repeated once where the first was long. Where the swapped series does not converge

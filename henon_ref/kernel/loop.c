@@ -6,13 +6,14 @@
 
 /* Steps between two looks at the clock, in Python. */
 #define BUDGET 50000
-/* An event at a smaller part of the unit is looked at with a shorter one: powers of it would be no doubles. */
+/* An event nearer than this part of the unit is looked at again in a shorter unit: its powers would underflow. */
 #define TINY_PART 1e-60
 
-/* A step that is looked at. */
+/* A candidate step, on which all guards are examined. */
 struct look {
     double theta;   /* its length, in the unit */
-    double natural; /* [s]: where nothing but its size, or its validation, has cut it short */
+    double natural; /* [s]: its length by step size and validation alone, before the horizon cuts it. (The argument
+                       "natural" of other functions is the same in the unit.) */
     bool final;     /* whether it leads to the horizon */
     bool cut;       /* whether the branch point of a guard has cut it short */
 };
@@ -37,7 +38,7 @@ static inline struct look accepted_step(struct work *w, double theta)
     int64_t rows = run->states + w->mode->guards;
     double unit = run->unit;
     if (w->mode->slopes && 0.0 < run->longest_step && run->longest_step < theta * unit)
-        theta = run->longest_step / unit; /* it may have been cut before a branch point */
+        theta = run->longest_step / unit; /* the last step may have been cut before a branch point */
     struct look look = {.theta = theta, .natural = theta * unit};
     double left = remaining(run);
     look.final = look.natural >= left;
@@ -100,7 +101,8 @@ static inline void find_event_at_horizon(const struct work *w, const struct look
             *event = (struct event){1.0, g, true, event->landing};
 }
 
-/* Take a step, up to an event if there is one; EVENT, ON, or why the loop is left. */
+/* Take a step, up to an event if there is one; EVENT, ON, or why the loop is left. "part" is the length taken, in the
+ * unit (event->part is one of the candidate's theta). */
 static inline int64_t take_step(struct work *w, const struct look *look, const struct event *event, double part)
 {
     struct run *run = w->run;
@@ -135,9 +137,10 @@ static inline int64_t take_step(struct work *w, const struct look *look, const s
     return HORIZON;
 }
 
-/* One look ahead: steps that no guard can end, then one that is looked at.
+/* Expansions, and steps on which a bound keeps all guards positive (event_free_steps in step.c: most steps); then one
+ * candidate step on which the guards are examined.
  *
- * "shrunk": whether the unit has been made shorter for what is to be seen. EVENT where the run stands at an event, ON
+ * "shrunk": whether the unit was shortened to see a very near event. EVENT where the run stands at an event, ON
  * where it goes on, else why the loop is left.
  */
 static int64_t look_ahead(struct work *w, int64_t stop_at, bool *shrunk)

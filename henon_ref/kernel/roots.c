@@ -170,7 +170,7 @@ struct signs {
     int64_t clear;       /* sign of the first one beyond noise */
     int64_t changes;     /* of the sign */
     double largest;      /* of all, in size */
-    double lowest;       /* of those between the ends, which are looked at where pieces meet */
+    double lowest;       /* of the inner ones; those at the ends are values, tested where two pieces meet */
 };
 
 static inline struct signs signs_on(const double *b, int64_t degree, double noise, double size)
@@ -195,6 +195,10 @@ static inline struct signs signs_on(const double *b, int64_t degree, double nois
 }
 
 /* Isolate the first root on (0, 1] through which the polynomial falls.
+ *
+ * Pieces are looked at from the left (Lane and Riesenfeld, BIT 21, 1981). Descartes: no change of sign, no root; one
+ * change, one root, which is rising, and passed over, if the piece begins below zero. "before": the sign with which the
+ * pieces passed over have ended.
  *
  * a: coefficients in powers of a variable on [0, 1]. stack: DEPTH + 2 rows of a width, whole fours above degree; its
  * first one holds the Bernstein coefficients on [0, 1], the others are work space.

@@ -1,7 +1,8 @@
 /* Step-size control: the step on which the last two terms of a Taylor expansion are below the tolerance.
  *
- * With coefficients c_k and order p, theta = min over k of p - 1 and p of (tolerance size / |c_k|)^(1/k), size being that
- * of the row itself (Jorba and Zou, Exp. Math. 14, 2005, Sec. 3). The unit of time of the coefficients is kept near the
+ * With coefficients c_k and order p, theta = min over k of p - 1 and p of (tolerance size / |c_k|)^(1/k), size being
+ * |c_0| + |c_1| theta + |c_2| theta^2 of the same row, iterated while theta shrinks to less than half
+ * (Jorba and Zou, Exp. Math. 14, 2005, Sec. 3). The unit of time of the coefficients is kept near the
  * step, so that powers of it stay within the range of doubles; coefficients that are not finite shorten it.
  */
 
@@ -51,8 +52,9 @@ static bool infinite(const struct work *w, int64_t rows, int64_t degree)
 
 /* Step in the unit at which the last two terms of an expansion fall below the tolerance (Jorba and Zou 2005, Sec. 3).
  *
- * 0 where a coefficient is not finite. The expansion puts the largest relative sizes of the last two coefficients on a
- * step of one unit, a number that is no double where one is not finite, and the longest step behind its rows.
+ * 0 where a coefficient is not finite. Behind its rows the expansion puts four norms: the largest relative sizes of
+ * coefficients p and p - 1 on a step of one unit, a sum that is infinite or no number where a coefficient is, and the
+ * longest step that exponentials allow.
  */
 static inline double step_size(const struct work *w, const double *c, int64_t rows)
 {

@@ -121,8 +121,9 @@ static bool never_left(struct work *w, const struct guard *guard)
     return found;
 }
 
-/* What follows where the surface of a guard of a mode is reached alone, at the mode's normal velocities; ON, or why
- * Python is needed. */
+/* What follows where the surface h of a guard of a mode is reached alone, from the side s (Filippov, 1988, Sec. 4):
+ * inside = -s h'(s) is the speed towards it, beyond = -s h'(-s) that away from it on the other side. Sliding where
+ * inside > 0 > beyond, crossing where both are > 0; a hold zone decides instead. ON, or why Python is needed. */
 static int64_t at_surface(struct work *w, const struct mode *mode, int64_t g, const double *speeds,
                           struct change *found)
 {
@@ -167,7 +168,7 @@ static int64_t zeros_ahead(const struct work *w, const struct mode *mode, int64_
     return 0;
 }
 
-/* A row that a link leads to; where there is no link, that of the mode's number. */
+/* The row of a mode: the guard's link (mode_across, mode_stuck) if it has one, else looked up by the mode's number. */
 static int64_t known_row(const struct work *w, int64_t link, int64_t number)
 {
     return link >= 0 || w->mode->surfaces == 0 ? link : row_of_number(w, number);

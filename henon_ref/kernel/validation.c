@@ -8,22 +8,23 @@
 
 /* Terms this much smaller than those before them are no tail but a gap. */
 #define GAP_RATIO 1e-5
-/* What is left of a step at a time where terms grow. */
+/* Factor by which a step is shortened at a time while terms grow; and the largest ratio of the last two terms of a
+ * step that needs no closer look. */
 #define SHORTER 0.7
-/* And at least of one that is not accepted: as much as would make up for what it is off, its terms falling. */
+/* Least factor for a step that is refused; above it 0.95 worst^(-1/p), for an error that goes as theta^p. */
 #define QUARTER 0.25
 /* Terms that fall by less than this over two orders have not converged. */
 #define SLOW 0.5
 /* A step this much shorter than the last one is accepted though guards are not what was predicted. */
 #define LEAST_PART (1.0 / 64.0)
-/* One this much shorter, or too short to move the time, though slopes, or guards with branch points, are not (but
- * numbers): steps end before a kink or a singularity. */
+/* Where slopes, or guards with branch points, disagree: part of the unit below which a step is accepted all the same.
+ * So is one too short to move the compensated time, if all is finite. So steps end before a kink or a singularity. */
 #define SHORTEST_PART 1e-60
 /* What rounding may cost a row of a polynomial at least, of its size on a step. */
 #define ROUNDING (1e3 * EPS)
-/* By so much of what separates its values at neighbouring points a guard may be off. */
+/* A guard may be off by this multiple of the difference of its values at neighbouring points. */
 #define SPREAD 8.0
-/* Where on a step the size of a row is looked for. */
+/* Places on a step at which the size of a row is sampled. */
 #define SIZE_POINTS 4
 
 /* What the last terms of a step do (tail_shape). */
@@ -58,6 +59,9 @@ static double cancellation_limit(const struct work *w, int64_t rows, double thet
 }
 
 /* What the last terms of a row do on a step.
+ *
+ * With T_k = |c_k| theta^k, m = p/2 - 1, half = max T_m..T_(m+3), before = max(T_(p-3), T_(p-2)), end =
+ * max(T_(p-1), T_p): DECREASING if GAP_RATIO before < end < SLOW min(half, before). All are over theta^m below.
  *
  * NOT_DECREASING: the last two are not much smaller than those before them or halfway to them; what comes after may be
  * larger still (a singularity on the step, a high power whose turn comes later). ENDS_IN_GAP: they are next to nothing
@@ -167,7 +171,7 @@ static void compare_at(const struct work *w, double at, double theta, expand_cod
         w->point[i] = w->x[i] + w->change[i];
     code(end, run->time_low, run->unit, w->point, w->constants, w->ahead);
     run->expansions += 1;
-    /* The exponentials allow the way back, too. */
+    /* From there, too, exponentials must allow a quarter of the step (taylor/llvm/step_bounds.py: longest_step). */
     found->agrees = found->agrees && (slopes || row_ahead(w, n + guards)[3] >= 0.25 * at);
     bool measured = false;
     for (int64_t r = 0; r < n + guards; r++) {

@@ -1,8 +1,12 @@
 """Filippov's sliding: the convex combination of the fields beside the surfaces, and where it ends.
 
+On one surface ``f = (1 + s)/2 f(+1) + (1 - s)/2 f(-1)``, s in [-1, 1] such that ``h' = slope s + rest = 0``: the
+equivalent sign ``s = -rest / slope`` (Filippov, 1988, Sec. 4). On several the combination is the multi-affine one
+(blending: Alexander and Seidman, *Houston J. Math.* 24, 1998), and ``slope`` a matrix.
+
 What is done to an expression here is linear in its size, or is begun only where it is known to be little
-(:mod:`henon_ref.modes.algebra`): equations are derived from a stranger's text, also in the process that waits for
-nobody. Equations that would be too large are refused.
+(:mod:`henon_ref.modes.algebra`): equations are derived from a stranger's text, also in a process that has
+no deadline. Equations that would be too large are refused.
 """
 
 from __future__ import annotations
@@ -93,7 +97,7 @@ Matrix = list[list[sp.Expr]]
 def _normal_velocities(
     system: SwitchedField, sliding: tuple[int, ...], rhs: Sequence[sp.Expr], on_surface: Mapping[sp.Symbol, sp.Expr]
 ) -> tuple[Matrix, list[sp.Expr], list[sp.Expr]]:
-    """Of dh/dt on the surfaces the slopes in the signs, what holds no sign, and all of it, a row a surface."""
+    """``(slope, rest, normal)`` with ``normal = h' = slope s + rest`` on the surfaces, a row a surface."""
     signs = tuple(system.signs[i] for i in sliding)
     normal = [expanded(put(along(system.surfaces[i], system.states, tuple(rhs)), on_surface)) for i in sliding]
     _small(normal, signs)

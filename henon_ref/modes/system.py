@@ -57,7 +57,8 @@ class FilippovSystem(SwitchedField):
     kinks: frozenset[int] = frozenset()
     """Surfaces that stand for a kink or jump written as such in the field (``abs``, ``piecewise`` ...)."""
     sections: tuple[sp.Expr, ...] = ()
-    """Signs of surfaces that have kinks, by the signs of their branches: what these are seen by where no field is."""
+    """Signs of surfaces whose own text has kinks, written in the signs of their branches (``abs(x) - 1``): a branch's
+    sign that one of these holds is in use, though the field may not hold it."""
     effects: tuple[str, ...] = ()
     """Names of the effects a scene was built from (empty for a plain system)."""
     open_kinks: frozenset[int] = frozenset()
@@ -101,7 +102,7 @@ class FilippovSystem(SwitchedField):
         return {self.signs[i]: sp.Integer(s) for i, s in enumerate(mode) if s}
 
     def hides(self, index: int, mode: Mode) -> bool:
-        """Whether nothing in a mode depends on the sign of a surface but the surface itself; what is slid on counts."""
+        """Whether field, other guards and sections of a mode lack the sign of a surface; never of one slid on."""
         if not mode[index]:
             return False
         if self.switched is not None:
@@ -183,7 +184,7 @@ class FilippovSystem(SwitchedField):
     def shared_equations(self, sliding: frozenset[int]) -> ModeEquations:
         """Equations that all modes with this set of sliding surfaces share, slip signs kept as symbols.
 
-        A ``surface`` guard is then ``s_i h_i`` and its ``to_sign`` is 0 (it is ``-s_i``).
+        A ``surface`` guard is then ``s_i h_i``; its ``to_sign``, ``-s_i``, is known in a mode only, and 0 here.
         """
         overridden = sliding & set(self.overrides)
         releases: tuple[Guard, ...] = ()

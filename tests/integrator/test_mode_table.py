@@ -7,6 +7,7 @@ import numpy as np
 import henon_ref as hr
 from henon_ref.integrator.integrator import Integrator
 from henon_ref.integrator.mode_table import ModeTable
+from henon_ref.kernel.shared import kernel
 from henon_ref.modes.mode import Mode
 
 
@@ -62,3 +63,16 @@ def test_whoever_reads_is_not_led_to_rows_that_he_does_not_have() -> None:
     assert table.leads_to(0, 0, 0) == 1
     table.row((1, 0, 1))
     assert table.leads_to(0, 1, 0) == 2
+
+
+def test_what_ends_a_run_is_noted_at_its_own_place() -> None:
+    """A guard that ends the run is a surface's or a valid expression's: its place among those below rounding."""
+    system = hr.System(["x", "y"], {}, {"s": "x", "u": "y"}, ["(t - 1)*s", "s/10 - u"], valid=["2 - t", "3 - x"]).model
+    table = ModeTable(system, 8)
+    table.row((0, 0))
+    own = table.compiled.records["guards"][0]
+    found = {(guard.kind, guard.index): int(own["valid"][g]) for g, guard in enumerate(table.guards((0, 0)))}
+    assert {key: valid for key, valid in found.items() if key[0] != "release"} == {
+        ("attracts", 0): 0, ("valid", 0): 1, ("valid", 1): 1,
+    }  # fmt: skip
+    assert all(own["kind"][g] == kernel.VALID for g, guard in enumerate(table.guards((0, 0))) if guard.ends)
