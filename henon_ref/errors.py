@@ -49,7 +49,7 @@ class CaseError(HenonRefError):
 
 
 class ArgumentError(HenonRefError, ValueError):
-    """An argument of a function that cannot be meant; the message names it and says what is allowed.
+    """An invalid argument of a function; the message names it and says what is allowed.
 
     Parameters
     ----------

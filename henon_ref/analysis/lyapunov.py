@@ -178,7 +178,7 @@ def lyapunov_exponents(
     Raises
     ------
     HenonRefError
-        Where something cannot be meant, where several surfaces change at one instant, and where the sum of the
+        For invalid arguments, where several surfaces change at one instant, and where the sum of the
         logarithms is off.
 
     Examples

@@ -65,7 +65,7 @@ def periodic_orbit(
     Raises
     ------
     HenonRefError
-        Where something cannot be meant, the run does not repeat itself by ``until``, or nothing can be proven: the
+        For invalid arguments, the run does not repeat itself by ``until``, or nothing can be proven: the
         message says which.
 
     Examples

@@ -61,6 +61,8 @@ def _explained(whole: type[Form], tree: Node, error: dict[str, Any]) -> tuple[Pl
     if kind == "extra_forbidden":
         known = _keys(form)
         text = f"unknown key {name}{where}{did_you_mean(str(path[-1]), known)}; allowed: {listed(known)}"
+        if path == ["points"]:
+            text += " (a sweep file is run by henon-ref sweep)"
         return locate(tree, path, key=True), text
     if kind == "missing":
         return locate(tree, path[:-1], key=True), f"the key {name} is missing{where}"

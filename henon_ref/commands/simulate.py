@@ -52,7 +52,7 @@ def main(
     ] = None,
     csv: Annotated[
         Path | None,
-        typer.Option(help="Write the transitions as CSV, numbers in full; - prints them.", metavar="FILE"),
+        typer.Option(help="Write the transitions as CSV, numbers in full, in place of printing them; - prints the CSV.", metavar="FILE"),
     ] = None,
 ) -> int:
     """Simulate a case with the reference, and print its transitions."""
@@ -86,7 +86,7 @@ def _run(system: System, until: str | None, values: Sequence[str], rtol: float, 
     Raises
     ------
     HenonRefError
-        For what cannot be meant.
+        For invalid arguments.
     """
     from henon_ref.simulation.simulate import simulate
 

@@ -166,7 +166,7 @@ def check(name: str) -> str:
     """
     base, restart = _base_and_restart(name)
     if base not in names():
-        raise CaseError(f"unknown solver '{base}'{did_you_mean(base, names())}; solvers: {listed(names())}")
+        raise CaseError(f"unknown solver '{base}'{did_you_mean(base, names())}; solvers: {listed(names())}; one of your own is known once its package is installed")
     if base != name:
         check_restart(restart)
         if not restart_of(base):

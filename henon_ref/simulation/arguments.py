@@ -70,8 +70,8 @@ def start_of(
     """
     own = system.own_start
     if (initial is None or until is None) and own is None:
-        missing = "'initial'" if initial is None else "'until'"
-        raise ArgumentError(f"{missing} is missing: a system that is no case's has no initial values and no horizon")
+        missing, what = ("'initial'", "initial values") if initial is None else ("'until'", "horizon")
+        raise ArgumentError(f"{missing} is missing: only a system from a case has {what} of its own")
     if own is not None:
         mode = own.mode if mode is None and initial is None else mode
         initial = own.initial if initial is None else initial

@@ -110,11 +110,12 @@ def launch(
     Raises
     ------
     ArgumentError
-        For what cannot be meant.
+        For invalid arguments.
     """
     if not isinstance(system, System):
         example = ", such as System(['x', 'v'], field=['v', '-x']): the field as text, not a function"
-        raise ArgumentError(f"system is {str(system)[:60]!r}; wanted a System{example if callable(system) else ''}")
+        meant = ": write scene.system()" if hasattr(system, "system") else example if callable(system) else ""
+        raise ArgumentError(f"system is {str(system)[:60]!r}; wanted a System{meant}")
     if start is None and system.own_start is None:
         start = 0
     if type(initial) is not dict or until is None or start is None:

@@ -188,7 +188,7 @@ class Scene:
         Raises
         ------
         ArgumentError
-            For a declaration that cannot be meant: which one, what is wrong with it and what is allowed.
+            For an invalid declaration: which one, what is wrong with it and what is allowed.
         """
         bodies, connections = mapping(self._bodies), sequence(self._connections)
         scene = mapping({"parameters": self._parameters, "bodies": bodies, "connections": connections})
@@ -209,7 +209,7 @@ class Scene:
         Raises
         ------
         ArgumentError
-            For a scene that cannot be meant, or has more bodies than a picture shows.
+            For an invalid scene, or one that has more bodies than a picture shows.
         """
         from henon_ref.figures import style
         from henon_ref.figures.scene import schematic

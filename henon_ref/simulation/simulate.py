@@ -73,7 +73,7 @@ def simulate(
     Raises
     ------
     HenonRefError
-        Also a ValueError, before anything runs, for what cannot be meant.
+        Also a ValueError, before anything runs, for invalid arguments.
 
     Examples
     --------
@@ -126,7 +126,7 @@ def stream(
     Raises
     ------
     HenonRefError
-        Also a ValueError, at once, for what cannot be meant.
+        Also a ValueError, at once, for invalid arguments.
 
     Examples
     --------

@@ -54,7 +54,7 @@ class System:
         The model holds while these expressions are > 0.
     sliding : mapping, optional
         Sign symbol -> ``{"field": [...], "release": [{"when": EXPR, "direction": "rising", "to": -1}]}``, sliding in a
-        way of one's own (static friction, with ``"entry": "inside"``) in place of Filippov's.
+        other way (static friction, with ``"entry": "inside"``) in place of Filippov's.
     resets : mapping, optional
         Sign symbol -> ``{"when": "falling", "map": {state: EXPR}, "priority": 0}``: where the surface falls through
         zero the state jumps, each right-hand side in time and the state before; states that are not named stay. A map
@@ -65,8 +65,8 @@ class System:
     -----
     Expressions are text or SymPy, whose symbols go by their names; ``Abs``, ``sign``, ``Max``, ``Min``, ``Piecewise``,
     ``Heaviside`` are taken, too: their kinks and jumps become surfaces. Numbers are int, float, Fraction or text. They
-    are exact, and a float is the decimal that it is printed as: 0.1 is 1/10, as in a case file. Two systems are equal
-    that say the same; an equal one compiles nothing anew.
+    are exact, and a float is the decimal that it is printed as: 0.1 is 1/10, as in a case file. Systems with equal
+    content are equal, and an equal system is not compiled again.
 
     Attributes
     ----------
@@ -85,7 +85,7 @@ class System:
     Raises
     ------
     HenonRefError
-        Also a ValueError, where something cannot be meant: what, and what is allowed.
+        Also a ValueError, for invalid arguments: what is wrong, and what is allowed.
 
     Examples
     --------

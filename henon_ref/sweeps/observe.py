@@ -143,7 +143,7 @@ def lyapunov(span: float, discard: float = 0) -> Observation:
 
 
 def function(of: Callable[[Solution], Any], name: str = VALUE, dense_output: bool = False) -> Observation:
-    """A function of one's own on each run, simulated by itself in the worker.
+    """A function on each run (a Solution), which the worker calls.
 
     Its columns, and whether they hold numbers or text, are those of its first values, so that it is called at the first
     point before the sweep as well. Later values have the same keys, or fewer: what is missing, and None, is NaN (of

@@ -26,8 +26,7 @@ from henon_ref.sweeps.runs import Columns, Settings
 from henon_ref.workers.executors import Task
 
 MOST_CHUNK, CHUNKS = 2000, 64
-"""Without a size of one's own a chunk has so many points at most; a sweep is cut into so many chunks where its size
-allows it. (Neither depends on the number of workers, so that the files do not.)"""
+"""Where no size is given: points of a chunk at most, and chunks that a sweep is cut into where it has so many points. (Neither depends on the number of workers, so that the files do not.)"""
 MOST_CHUNKS = 1_000_000
 """Chunks that a sweep may have: their files stand in one folder, in the order of their names."""
 FIGURES = "figures"
@@ -111,7 +110,7 @@ def planned(
     Raises
     ------
     HenonRefError
-        For what cannot be meant.
+        For invalid arguments.
     """
     tolerance = tolerance_of(rtol)
     points = points_of(grid)

@@ -1,4 +1,4 @@
-"""Observations of a run by itself: Lyapunov exponents, and functions of one's own."""
+"""Observations of a run by itself: Lyapunov exponents, and functions of the user."""
 
 from __future__ import annotations
 

@@ -89,7 +89,7 @@ def sweep(
     Raises
     ------
     HenonRefError
-        Also a ValueError, before anything is run or written, for what cannot be meant. A CaseError where the folder
+        Also a ValueError, before anything is run or written, for invalid arguments. A CaseError where the folder
         cannot be written.
 
     Examples

@@ -19,7 +19,7 @@ WORKFLOWS: list[dict[str, Any]] = [
     YAML(typ="safe").load(file.read_text(encoding="utf-8")) for file in (ROOT / ".github/workflows").iterdir()
 ]
 JOBS: dict[str, Any] = {name: job for workflow in WORKFLOWS for name, job in workflow["jobs"].items()}
-SCRIPTS = sorted((ROOT / ".ci").iterdir())
+SCRIPTS = sorted(path for path in (ROOT / ".ci").iterdir() if path.is_file())
 
 
 def commands(job: dict[str, Any]) -> list[str]:

@@ -1,4 +1,4 @@
-"""Whether reports that lie there still say what a fresh comparison says, wall times apart.
+"""Check stored reports against a fresh comparison, wall times apart.
 
 ``python -m henon_ref.check CASE... [--reports DIR] [--fresh DIR]``: exit status 1 with a line for everything
 that differs; for the others see :mod:`henon_ref.commands.exit_status`. ``--fresh`` takes the fresh results from a
@@ -167,7 +167,7 @@ def main(
         ),
     ] = None,
 ) -> int:
-    """Tell whether stored reports still say what a fresh comparison says, wall times apart."""
+    """Check stored reports against a fresh comparison, wall times apart."""
     found = check(cases, reports, fresh)
     for words in found:
         say(words)
