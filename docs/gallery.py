@@ -65,7 +65,8 @@ def _scene(case: Case) -> Iterator[str]:
     yield f"![Phase portrait of {case.name}]({case.name}.svg)\n\n{_text(first.story)}\n\n"
     yield "    " + _NEXT_EQUATION.sub("\n    ", _text(first.equations)) + "\n\n"
     yield f"*Case file:* [`scenes/{case.name}`](../../cases/scenes/{case.name}.yaml), simulated by "
-    yield f"`henon-ref simulate scenes/{case.name}`, compared by `henon-ref compare scenes/{case.name}`.\n\n*Source.* {markdown(_text(first.source))}\n"
+    yield f"`henon-ref simulate scenes/{case.name}`, compared by `henon-ref compare scenes/{case.name}`."
+    yield f"\n\n*Source.* {markdown(_text(first.source))}\n"
     if "not at hand" in (first.source or ""):
         yield f"\n{NOTE}"
     yield "\n## Transitions\n"

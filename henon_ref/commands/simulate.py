@@ -52,7 +52,10 @@ def main(
     ] = None,
     csv: Annotated[
         Path | None,
-        typer.Option(help="Write the transitions as CSV, numbers in full, in place of printing them; - prints the CSV.", metavar="FILE"),
+        typer.Option(
+            help="Write the transitions as CSV, numbers in full, in place of printing them; - prints the CSV.",
+            metavar="FILE",
+        ),
     ] = None,
 ) -> int:
     """Simulate a case with the reference, and print its transitions."""

@@ -166,7 +166,8 @@ def check(name: str) -> str:
     """
     base, restart = _base_and_restart(name)
     if base not in names():
-        raise CaseError(f"unknown solver '{base}'{did_you_mean(base, names())}; solvers: {listed(names())}; one of your own is known once its package is installed")
+        known = f"solvers: {listed(names())}; one of your own is known once its package is installed"
+        raise CaseError(f"unknown solver '{base}'{did_you_mean(base, names())}; {known}")
     if base != name:
         check_restart(restart)
         if not restart_of(base):

@@ -26,7 +26,8 @@ from henon_ref.sweeps.runs import Columns, Settings
 from henon_ref.workers.executors import Task
 
 MOST_CHUNK, CHUNKS = 2000, 64
-"""Where no size is given: points of a chunk at most, and chunks that a sweep is cut into where it has so many points. (Neither depends on the number of workers, so that the files do not.)"""
+"""Where no size is given: points of a chunk at most, and chunks that a sweep is cut into if it has as many points.
+(Neither depends on the number of workers, so that the files do not.)"""
 MOST_CHUNKS = 1_000_000
 """Chunks that a sweep may have: their files stand in one folder, in the order of their names."""
 FIGURES = "figures"
