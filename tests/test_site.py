@@ -63,7 +63,8 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def pages(site: Path) -> dict[Path, Page]:
-    return {path.resolve(): Page(path) for path in site.rglob("*.html")}
+    """All but what is there to be downloaded, such as the page of the reports, which works alone."""
+    return {path.resolve(): Page(path) for path in site.rglob("*.html") if "_downloads" not in path.parts}
 
 
 def dead(path: Path, page: Page, pages: dict[Path, Page]) -> Iterator[str]:

@@ -43,7 +43,7 @@ PAGES = "docs/"
 """Beginning of the names of the pages that the contents lead to."""
 _ANCHOR = re.compile(r'^<a id="([\w-]+)"></a>$', re.MULTILINE)
 """A place in a report that links lead to; it becomes a target of Sphinx, so that such links are checked."""
-_WIDE = re.compile(r'<pre(?=>)|<div class="(?:table-wrapper|math)[^"]*"')
+_WIDE = re.compile(r'<pre(?=>)|<div class="(?:table-wrapper|math|output text_html)[^"]*"')
 _MARK = re.compile(r"<!-- made: (?P<name>[^>]*?) -->")
 
 
