@@ -5,8 +5,10 @@ from __future__ import annotations
 import inspect
 import subprocess
 from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
 
 PROGRAMS = Path(__file__).parent / "programs"
@@ -59,9 +61,7 @@ def cause(
 
 
 def _apart(check: Check) -> str:
-    from loky import ProcessPoolExecutor
-
-    with ProcessPoolExecutor(1) as pool:
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
         return str(pool.submit(check).result())
 
 

@@ -123,7 +123,7 @@ def small_steps() -> str:
         "u_i { y = 0.0, z = 0.0 } F_i { 1.0, sqrt(1.0 - y) } stop_i { 1.0 - y }": 1.0,
         "u_i { v = 1.0 } F_i { -1.0 / (v + 1e-9) } stop_i { v }": 0.5 + 1e-9,
     }
-    every = [said(lambda text=text: solve(text, 3.0, "bdf")) for text in ends]
+    every = [said(partial(solve, text, 3.0, "bdf")) for text in ends]
     for words, end in zip(every, ends.values(), strict=True):
         small, _, time = words.partition(" at time = ")
         holds("Step size is too small" in small and abs(float(time) - end) < 1e-6, words or "nothing is said")

@@ -73,7 +73,7 @@ def root_of_third_order() -> str:
     x' = 1 through (x - 1)^3.
     """
     for method in METHODS:
-        words = said(lambda method=method: run(unit_speed, 3, [0.0], method, events=lambda t, x: (x[0] - 1.0) ** 3))
+        words = said(partial(run, unit_speed, 3, [0.0], method, events=lambda t, x: (x[0] - 1.0) ** 3))
         holds("100 iterations" in words, f"{method} raises {words or 'nothing'}")
     return "the root of (x - 1)³ at t = 1 ends a run of every method by an exception, after 100 iterations of brentq"
 
@@ -88,7 +88,7 @@ def bracket_without_a_sign_change() -> str:
     From -c to 0, for some c: which of them it is depends on the last bits of the linear algebra library.
     """
     event = terminal(lambda t, x: -x[0], -1)
-    every = [said(lambda c=k / 10: run(unit_speed, c, [-c], "Radau", 1e-6, events=event)) for k in range(1, 31)]
+    every = [said(partial(run, unit_speed, k / 10, [-k / 10], "Radau", 1e-6, events=event)) for k in range(1, 31)]
     words = [own for own in every if own]
     holds(words and all("different signs" in own for own in words), f"{words or 'no ValueError'}")
     return (
@@ -192,5 +192,5 @@ def number_that_is_none() -> str:
         found = tank(method)
         holds(found.status < 0 and np.isfinite(found.y).all(), f"{method}: {found.message}")
     for method in ("Radau", "BDF"):
-        holds(said(lambda method=method: tank(method)) or tank(method).status < 0, f"{method} says nothing")
+        holds(said(partial(tank, method)) or tank(method).status < 0, f"{method} says nothing")
     return f"{seen}, where h = {lsoda.y[0, numbers][-1]:.2f}; no other method reports success"

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 from henon_ref.baselines.adapter import Adapter
 from henon_ref.baselines.heyoka_taylor import HEYOKA
@@ -95,7 +96,7 @@ def run_restarts(asked: Asked) -> Made:
         return Made(None)
     ways = [registry.with_restart(library, way) for library in libraries for way in registry.RESTARTS]
     options = options_of(libraries)
-    solvers = (*ways, *(option.solver for option in options))
+    solvers: tuple[Any, ...] = (*ways, *(option.solver for option in options))
     changed = replace(asked.options, solvers=solvers, timed=False, folder=asked.out / FOLDER)
     rows = [row for own in rows_of(cases, changed, asked.observer).values() for row in own]
     tried = option_rows(options, rows)
