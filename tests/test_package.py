@@ -87,7 +87,7 @@ def test_a_door_that_is_imported_says_so_and_takes_no_function_s_place() -> None
 @pytest.mark.parametrize("door", ["sweep", "compare", "check", "prune", "truth"])
 def test_workers_that_are_spawned_come_in_by_the_door(door: str) -> None:
     """They import the command's module as ``__mp_main__``: a door that refuses that ends every worker."""
-    runpy.run_module(f"henon_ref.{door}", run_name="__mp_main__")
+    assert runpy.run_module(f"henon_ref.{door}", run_name="__mp_main__")["__name__"] == "__mp_main__"
 
 
 def shown(language: str) -> str:

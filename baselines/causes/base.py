@@ -54,13 +54,13 @@ def cause(
     def made(check: Check) -> Check:
         claim = " ".join((inspect.getdoc(check) or "").partition("\n\n")[0].split())
         every = (docs, *links) if docs else links
-        CAUSES[name] = Cause(name, package, title, claim, partial(_apart, check) if apart else check, every)
+        CAUSES[name] = Cause(name, package, title, claim, partial(_in_own_process, check) if apart else check, every)
         return check
 
     return made
 
 
-def _apart(check: Check) -> str:
+def _in_own_process(check: Check) -> str:
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
         return str(pool.submit(check).result())
 

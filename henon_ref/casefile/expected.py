@@ -158,11 +158,13 @@ def check_runs(source: Source, form: CaseForm, known: Collection[str] | None) ->
         return
     for i, solver in enumerate(form.solvers or []):
         if solver not in known:
-            raise source.error(("solvers", i), _unknown_solver(solver, known))
+            raise source.error(("solvers", i), unknown_solver(solver, known))
     for solver in form.gate:
         if solver not in known:
-            raise source.error(("gate", solver), _unknown_solver(solver, known), key=True)
+            raise source.error(("gate", solver), unknown_solver(solver, known), key=True)
 
 
-def _unknown_solver(solver: str, known: Collection[str]) -> str:
-    return f"unknown solver '{solver}'{did_you_mean(solver, known)}; solvers: {listed(known)}"
+def unknown_solver(solver: str, known: Collection[str]) -> str:
+    """What is wrong with a solver's name, and what may be written."""
+    own = "one of your own is known once its package is installed"
+    return f"unknown solver '{solver}'{did_you_mean(solver, known)}; solvers: {listed(known)}; {own}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from henon_ref.simulation.notice import Line
+from henon_ref.terminal import Line
 
 _line = Line()
 """There is one terminal, and it has one line that the cursor is in."""

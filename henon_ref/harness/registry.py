@@ -19,6 +19,7 @@ from importlib.metadata import EntryPoint, PackageNotFoundError, entry_points, v
 from types import ModuleType
 from typing import Any, TypeVar, cast
 
+from henon_ref.casefile.expected import unknown_solver
 from henon_ref.errors import CaseError, UnavailableError
 from henon_ref.solver import Solver, fault
 from henon_ref.text import did_you_mean, listed
@@ -166,8 +167,7 @@ def check(name: str) -> str:
     """
     base, restart = _base_and_restart(name)
     if base not in names():
-        known = f"solvers: {listed(names())}; one of your own is known once its package is installed"
-        raise CaseError(f"unknown solver '{base}'{did_you_mean(base, names())}; {known}")
+        raise CaseError(unknown_solver(base, names()))
     if base != name:
         check_restart(restart)
         if not restart_of(base):

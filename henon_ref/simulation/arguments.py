@@ -70,7 +70,7 @@ def start_of(
     """
     own = system.own_start
     if (initial is None or until is None) and own is None:
-        missing, what = ("'initial'", "initial values") if initial is None else ("'until'", "horizon")
+        missing, what = ("'initial'", "initial values") if initial is None else ("'until'", "a horizon")
         raise ArgumentError(f"{missing} is missing: only a system from a case has {what} of its own")
     if own is not None:
         mode = own.mode if mode is None and initial is None else mode

@@ -23,9 +23,9 @@ from henon_ref.simulation.arguments import (
     tolerance_of,
     whole_number,
 )
-from henon_ref.simulation.notice import notice_if_slow
 from henon_ref.simulation.quick_start import QuickStart
 from henon_ref.simulation.system import System
+from henon_ref.terminal import notice_if_slow
 from henon_ref.trajectory import Trajectory
 
 MOST_PREPARED = 32

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from henon_ref.simulation.notice import Line, in_notebook
+from henon_ref.terminal import Line, in_notebook
 
 PERIOD = 0.2
 """Seconds between two pictures."""

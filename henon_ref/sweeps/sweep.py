@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 from henon_ref.integrator.start import MOST_STEPS
 from henon_ref.simulation.arguments import whole_number
-from henon_ref.simulation.notice import notice_if_slow
 from henon_ref.simulation.system import System
 from henon_ref.sweeps.chunk import Tables, execute
 from henon_ref.sweeps.manifest import files_of, manifest_of
@@ -18,6 +17,7 @@ from henon_ref.sweeps.observations import Observation
 from henon_ref.sweeps.plan import MOST_CHUNK, RTOL, Plan, planned
 from henon_ref.sweeps.progress import shown
 from henon_ref.sweeps.storage import SweepFolder
+from henon_ref.terminal import notice_if_slow
 from henon_ref.workers.executors import EndedError, check_executor, finished, processors
 
 if TYPE_CHECKING:

@@ -38,7 +38,7 @@ START_VARIABLE = "HENON_REF_START"
 ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 """A worker is one thread: those of linear algebra would only get in the way of the others."""
 FORK, SERVER, SPAWN = "fork", "forkserver", "spawn"
-SELDOM = "henon_ref.workers.seldom"
+SERVER_START = "henon_ref.workers.server_start"
 """The module that a fork server imports first."""
 LOG_TAIL = 4000
 """Bytes of a worker's output that are kept, for its last words."""
@@ -64,7 +64,7 @@ def begin_server(*modules: str) -> None:
     global _served
     if sys.platform != "linux" or len(os.sched_getaffinity(0)) < 2 or start_method() == SPAWN:
         return
-    server.set_forkserver_preload([SELDOM, *modules])
+    server.set_forkserver_preload([SERVER_START, *modules])
     with suppress(OSError), _fresh(main=False):  # such as where no socket can be made
         server.ensure_running()
         _served = True
@@ -147,7 +147,7 @@ class WorkerProcess:
             context: Any = get_context(method)
             self._process = context.Process(target=_work, args=given)
             if method == SERVER and not _served:
-                server.set_forkserver_preload([SELDOM, *modules])
+                server.set_forkserver_preload([SERVER_START, *modules])
             with nullcontext() if method == FORK else _fresh(main=main):
                 self._process.start()
         theirs.close()

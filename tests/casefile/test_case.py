@@ -117,6 +117,7 @@ def test_rational_parameters_may_use_each_other_in_a_long_chain() -> None:
     ("text", "place", "says"),
     [
         (changed("until: 3", "untill: 3"), "12:1", "unknown key 'untill'; did you mean 'until'"),
+        (changed("until: 3", "until: 3\npoints: {}"), "13:1", "(a sweep file is run by henon-ref sweep)"),
         (changed("  state: [x]", "  states: [x]"), "6:3", "unknown key 'states' in 'system'; did you mean 'state'"),
         (changed("until: 3\n", ""), "1:1", "the key 'until' is missing"),
         (changed("schema: 1\n", ""), "1:1", "'schema' is missing"),

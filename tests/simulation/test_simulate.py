@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from fractions import Fraction
 from inspect import signature
@@ -233,3 +234,15 @@ def test_arguments_of_scipy_are_refused_with_what_to_write(function: Callable[..
         function(system, {"x": 1}, untill=1)
     with pytest.raises(ValueError, match="the field as text, not a function"):
         function(lambda t, y: -y, (0, 10))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ((OSCILLATOR, {"x": 1, "v": 0}), "'until' is missing: only a system from a case has a horizon of its own"),
+        ((hr.Scene(), {}), "wanted a System: write scene.system()"),
+    ],
+)
+def test_what_is_missing_is_named(arguments, words) -> None:
+    with pytest.raises(hr.ArgumentError, match=re.escape(words)):
+        hr.simulate(*arguments)

@@ -11,7 +11,7 @@ from typing import TextIO
 from henon_ref.harness.campaign.options import TRUTH, Observer
 from henon_ref.harness.campaign.rows import Record
 from henon_ref.harness.campaign.settings import Setting
-from henon_ref.simulation.notice import Line, in_notebook, is_terminal
+from henon_ref.terminal import Line, in_notebook, is_terminal
 from henon_ref.text import message
 
 PERIOD = 0.2

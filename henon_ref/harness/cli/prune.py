@@ -32,10 +32,10 @@ from henon_ref.harness.report.folder import (
 )
 from henon_ref.harness.report.folder_report import write_folder_report
 from henon_ref.harness.report.svg import shortened
-from henon_ref.harness.report.text.paired_times import FOLDER as PAIRED_TIMES
-from henon_ref.harness.report.text.paired_times import RATIOS
-from henon_ref.harness.report.text.restarts import FOLDER as RESTARTS
 from henon_ref.harness.studies.atlas.page import FOLDER as ATLAS
+from henon_ref.harness.studies.paired_times.rows import FOLDER as PAIRED_TIMES
+from henon_ref.harness.studies.paired_times.rows import RATIOS
+from henon_ref.harness.studies.restart_tables import FOLDER as RESTARTS
 
 PAGE_ROWS = (
     f"{ATLAS}/{RUNS}", f"{RESTARTS}/{RUNS}", f"{PAIRED_TIMES}/{RATIOS}", "price/price.csv", "price/samples.csv",

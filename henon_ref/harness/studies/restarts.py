@@ -16,7 +16,9 @@ from henon_ref.casefile.case import Case
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.truth_job import stored_statement
 from henon_ref.harness.report.folder import RUNS
-from henon_ref.harness.report.text.restarts import (
+from henon_ref.harness.rows import NOT_RUN, Row, RunRow, earlier_rows, rows_text
+from henon_ref.harness.studies.page import write
+from henon_ref.harness.studies.restart_tables import (
     ENDINGS,
     FOLDER,
     MOST,
@@ -34,8 +36,6 @@ from henon_ref.harness.report.text.restarts import (
     suite_rows,
     wrong_defaults,
 )
-from henon_ref.harness.rows import NOT_RUN, Row, RunRow, earlier_rows, rows_text
-from henon_ref.harness.studies.page import write
 from henon_ref.harness.studies.runs import rows_of
 from henon_ref.harness.studies.study import Asked, Made
 from henon_ref.harness.table import Table, duration

@@ -23,7 +23,7 @@ def rows_of(cases: Sequence[Case], options: Options, observer: Observer) -> dict
     return found
 
 
-def apart(one: Trajectory, other: Trajectory) -> float:
+def largest_time_difference(one: Trajectory, other: Trajectory) -> float:
     """Greatest difference of a transition's time in two runs [s]; infinite where their sequences differ."""
     if [t.to_mode for t in one.transitions] != [t.to_mode for t in other.transitions]:
         return math.inf

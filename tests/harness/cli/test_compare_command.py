@@ -145,7 +145,9 @@ def test_a_required_solver_decides_the_exit_status(made_up, monkeypatch, capsys)
     )
     assert words_of(captured.err) == f"{words}\n"
     assert run(made_up, "--require", "henom") == 2
-    assert "error: unknown solver 'henom'; did you mean 'henon'?" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "error: unknown solver 'henom'; did you mean 'henon'?" in said
+    assert "one of your own is known once its package is installed" in said
     assert run(made_up, "--solvers", "heyoka", "--require", "henon") == 2
     words = "error: --require names 'henon', which is not among the solvers that run: heyoka\n"
     assert words_of(capsys.readouterr().err) == words

@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 from problems import LEAVING_SLIDE
 
+from henon_ref import terminal
 from henon_ref.commands import status_line
-from henon_ref.simulation import notice
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="a terminal is a pseudo-terminal here")
 QUICK = ["--solvers", "scipy-dop853", "--tolerances", "1e-6", "--repeats", "1", "--no-figures", "--out", "out"]
@@ -72,7 +72,7 @@ def test_a_bad_file_on_a_terminal_leaves_its_message_alone(case):
 
 
 def test_a_line_too_long_for_the_terminal_is_cut_and_holds_no_control_characters(monkeypatch, capsys):
-    monkeypatch.setattr(notice, "is_terminal", lambda stream: True)
+    monkeypatch.setattr(terminal, "is_terminal", lambda stream: True)
     monkeypatch.setenv("COLUMNS", "40")
     status_line.show("reading \x1b[31m" + "x" * 100)
     shown = capsys.readouterr().err

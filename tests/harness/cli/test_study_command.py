@@ -10,9 +10,9 @@ from henon_ref.casefile.case import load_case
 from henon_ref.harness.campaign.comparison import compare
 from henon_ref.harness.campaign.journal import FILE
 from henon_ref.harness.cli import study
-from henon_ref.harness.report.text.paired_times import PairRow
 from henon_ref.harness.rows import RunRow, read_rows, rows_text
 from henon_ref.harness.studies.atlas.family import TOLERANCES
+from henon_ref.harness.studies.paired_times.rows import PairRow
 
 CASES = Path(__file__).parents[3] / "cases"
 FAMILY = CASES / "hard/grazing_ballistic.yaml"

@@ -19,7 +19,10 @@ from henon_ref.harness.campaign.settings import Setting
 from henon_ref.harness.report.folder import RUNS
 from henon_ref.harness.report.folder_report import write_folder_report
 from henon_ref.harness.report.manifest import provenance
-from henon_ref.harness.report.text.paired_times import (
+from henon_ref.harness.rows import RunRow, read_rows, rows_text
+from henon_ref.harness.studies.paired_times import page as report_pairs
+from henon_ref.harness.studies.paired_times.page import run_paired_times, timings_of
+from henon_ref.harness.studies.paired_times.rows import (
     FROM_C,
     OTHERS,
     RATIOS,
@@ -27,9 +30,6 @@ from henon_ref.harness.report.text.paired_times import (
     slower_table,
     spread_table,
 )
-from henon_ref.harness.rows import RunRow, read_rows, rows_text
-from henon_ref.harness.studies.paired_times import page as report_pairs
-from henon_ref.harness.studies.paired_times.page import run_paired_times, timings_of
 from henon_ref.harness.studies.paired_times.timing import TURN, PairedTiming
 from henon_ref.harness.studies.study import Asked
 

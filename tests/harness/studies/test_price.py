@@ -17,8 +17,8 @@ from henon_ref.errors import CaseError
 from henon_ref.harness.campaign import timing
 from henon_ref.harness.campaign.interleaved import MOST, Turns, interleaved
 from henon_ref.harness.campaign.options import Observer, Options
-from henon_ref.harness.report.text.paired_times import PairRow
 from henon_ref.harness.rows import RunRow
+from henon_ref.harness.studies.paired_times.rows import PairRow
 from henon_ref.harness.studies.price import compiling, effects
 from henon_ref.harness.studies.price.compiling import Ready, paid_after, readiness, ready_table
 from henon_ref.harness.studies.price.growth import STICKS, Horizon, horizons

@@ -12,9 +12,9 @@ from henon_ref.harness import registry
 from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.cli import study
 from henon_ref.harness.report.manifest import provenance
-from henon_ref.harness.report.text.restarts import SUITE, SuiteRow
 from henon_ref.harness.rows import RunRow, read_rows
 from henon_ref.harness.studies import restarts
+from henon_ref.harness.studies.restart_tables import SUITE, SuiteRow
 from henon_ref.harness.studies.study import Asked
 
 CASES = Path(__file__).parents[3] / "cases"

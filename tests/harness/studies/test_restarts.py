@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from henon_ref.harness import registry
-from henon_ref.harness.report.text.restarts import suite_rows
 from henon_ref.harness.rows import RunRow
+from henon_ref.harness.studies.restart_tables import suite_rows
 from henon_ref.harness.studies.restarts import default_table, option_rows, option_table, options_of, summary_table
 
 

@@ -98,7 +98,7 @@ def report_text(comparison: Comparison, origin: Provenance) -> str:
     """The report of one case."""
     case, results = comparison.case, comparison.readings
     single = [result.reading.name for result in results] == [DEFAULT_READING]
-    many, told = len(results) >= MANY and bool(judged(comparison)), _Told()
+    many, written = len(results) >= MANY and bool(judged(comparison)), _Written()
     blocks = [f"# {markdown(case.title)}"]
     if many:
         blocks += _whole(comparison)
@@ -110,7 +110,7 @@ def report_text(comparison: Comparison, origin: Provenance) -> str:
     for result in results:
         blocks += [] if single else [f"## {result.reading.name}"]
         blocks += [_title(comparison, result), *_head(comparison, result)] if many else []
-        blocks += _reading(comparison, result, told, "##" if single else "###")
+        blocks += _reading_section(comparison, result, written, "##" if single else "###")
     blocks += _section("## Gate", [_text(gate_table(comparison.gate))])
     blocks += _section("## How to read this", _notes(comparison, origin))
     return "\n\n".join(filter(None, blocks)) + "\n"
@@ -150,16 +150,16 @@ def _head(comparison: Comparison, result: ReadingResult) -> Blocks:
     return [*_marked(solver_table(comparison.of_reading(result.reading.name)), LEGEND), no_truth(result)]
 
 
-class _Told:
-    """Models and stories that a report has had: none is told twice."""
+class _Written:
+    """Models and stories that the report has already: none is written twice."""
 
     def __init__(self) -> None:
         self.models: dict[str, str] = {}
         self.stories: set[str] = {""}
 
 
-def _reading(comparison: Comparison, result: ReadingResult, told: _Told, level: str) -> Blocks:
-    """What is said of one reading."""
+def _reading_section(comparison: Comparison, result: ReadingResult, written: _Written, level: str) -> Blocks:
+    """The section of one reading: its figures and tables."""
     records = comparison.of_reading(result.reading.name)
     rows = [record.run for record in records]
     figures, prices = _figures(result), _marked(price_table(rows, samples_of(records)), LEGEND)
@@ -173,17 +173,17 @@ def _reading(comparison: Comparison, result: ReadingResult, told: _Told, level: 
         *_section(f"{level} Periodic orbit", [_text(orbit_table(result))]),
         *_section(f"{level} Every run", [run_table(records).markdown, _text(reason_table(rows))]),
         *_section(f"{level} Truth", [truth_table(result, rows).markdown]),
-        *_section(f"{level} Model", _model(result, told, figures)),
+        *_section(f"{level} Model", _model_section(result, written, figures)),
         figures.get(MODES, ""),
     ]
 
 
-def _model(result: ReadingResult, told: _Told, figures: dict[str, str]) -> Blocks:
+def _model_section(result: ReadingResult, written: _Written, figures: dict[str, str]) -> Blocks:
     reading = result.reading
     story, model = paragraphs(reading.story or ""), "\n\n".join(model_blocks(result))
-    same = told.models.setdefault(model, reading.name)
-    blocks = ["" if story in told.stories else story]
-    told.stories.add(story)
+    same = written.models.setdefault(model, reading.name)
+    blocks = ["" if story in written.stories else story]
+    written.stories.add(story)
     if same == reading.name:
         blocks += [figures.get(SCENE, ""), model]
     else:

@@ -8,8 +8,8 @@ from typing import Literal
 import sympy as sp
 
 from henon_ref.casefile.case import Case
-from henon_ref.harness.report.text.restarts import ending
 from henon_ref.harness.rows import NOT_RUN, RunRow
+from henon_ref.harness.studies.restart_tables import ending
 from henon_ref.modes.system import FilippovSystem
 
 TOLERANCES = tuple(10.0**-k for k in range(3, 14))

@@ -7,7 +7,10 @@ from collections.abc import Iterator, Sequence
 from henon_ref.casefile.case import Case
 from henon_ref.errors import CaseError
 from henon_ref.harness.report.folder import RUNS
-from henon_ref.harness.report.text.paired_times import (
+from henon_ref.harness.report.text.ranking import LEVELS, readings_of
+from henon_ref.harness.rows import RunRow, read_rows, rows_text
+from henon_ref.harness.studies.page import write
+from henon_ref.harness.studies.paired_times.rows import (
     FIRST,
     FOLDER,
     FROM_C,
@@ -20,9 +23,6 @@ from henon_ref.harness.report.text.paired_times import (
     slower_table,
     spread_table,
 )
-from henon_ref.harness.report.text.ranking import LEVELS, readings_of
-from henon_ref.harness.rows import RunRow, read_rows, rows_text
-from henon_ref.harness.studies.page import write
 from henon_ref.harness.studies.paired_times.timing import PairedTiming, able_rows, pairs_of, time_pairs
 from henon_ref.harness.studies.study import Asked, Made
 from henon_ref.text import markdown

@@ -11,10 +11,10 @@ from henon_ref.harness.campaign.interleaved import Turns, interleaved
 from henon_ref.harness.campaign.options import Observer, Options
 from henon_ref.harness.campaign.settings import Setting
 from henon_ref.harness.campaign.timing import median_interval
-from henon_ref.harness.report.text.paired_times import FIRST, PairRow
 from henon_ref.harness.report.text.ranking import reaching
 from henon_ref.harness.rows import RunRow
 from henon_ref.harness.studies.paired_times.own_calls import ClockedHeyoka, clocked, own_part
+from henon_ref.harness.studies.paired_times.rows import FIRST, PairRow
 from henon_ref.modes.problem import Problem
 from henon_ref.solver import Run
 from henon_ref.workers.pool import Jobs, WorkerPool

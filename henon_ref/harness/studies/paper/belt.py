@@ -9,7 +9,7 @@ import numpy as np
 from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.casefile.case import parse_case
 from henon_ref.harness.registry import solver
-from henon_ref.harness.studies.runs import apart
+from henon_ref.harness.studies.runs import largest_time_difference
 from henon_ref.modes.problem import Problem
 from henon_ref.trajectory import Status
 
@@ -72,7 +72,7 @@ def moving_belt() -> MovingBelt:
     return MovingBelt(
         status=run.status,
         transitions=len(run.transitions),
-        apart=apart(run, other),
+        apart=largest_time_difference(run, other),
         drift=float(np.abs(run.samples[stuck, 1] - belt[stuck]).max()),
         sticks=(min(lengths[-2:]), max(lengths[-2:])),
     )

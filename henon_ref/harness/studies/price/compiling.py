@@ -12,8 +12,8 @@ from pathlib import Path
 from henon_ref.casefile.case import Case
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.settings import Setting
-from henon_ref.harness.report.text.paired_times import FIRST, PairRow
 from henon_ref.harness.rows import Row, number
+from henon_ref.harness.studies.paired_times.rows import FIRST, PairRow
 from henon_ref.harness.studies.price.ladder import TIMEOUT
 from henon_ref.harness.studies.price.measure import caches_in, in_fresh_process, title
 from henon_ref.harness.table import Table, duration, significant

@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 from henon_ref.casefile.case import Case
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.options import Observer, Options
-from henon_ref.harness.report.text.paired_times import FIRST, SECOND, PairRow, bound
 from henon_ref.harness.report.text.ranking import LEVELS, by_solver, reaching, readings_of
 from henon_ref.harness.rows import Row, RunRow, number
+from henon_ref.harness.studies.paired_times.rows import FIRST, SECOND, PairRow, bound
 from henon_ref.harness.studies.paired_times.timing import PairedTiming, TimedPair, pairs_of, time_pairs
 from henon_ref.harness.studies.price.measure import title
 from henon_ref.harness.studies.runs import rows_of

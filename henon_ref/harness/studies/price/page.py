@@ -8,10 +8,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from henon_ref.harness.report.manifest import Provenance
-from henon_ref.harness.report.text.paired_times import PairRow, own_words
 from henon_ref.harness.report.text.ranking import readings_of
 from henon_ref.harness.rows import Row, RunRow, rows_text
 from henon_ref.harness.studies.page import write
+from henon_ref.harness.studies.paired_times.rows import PairRow, own_words
 from henon_ref.harness.studies.paired_times.timing import TimedPair
 from henon_ref.harness.studies.price.compiling import Ready, readiness, ready_table
 from henon_ref.harness.studies.price.effects import Step, effect_costs, effect_table

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from henon_ref.casefile.case import parse_case
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.interleaved import Turns, interleaved
-from henon_ref.harness.report.text.paired_times import FIRST
 from henon_ref.harness.rows import Row
 from henon_ref.harness.studies.paired_times.own_calls import clocked, own_part
+from henon_ref.harness.studies.paired_times.rows import FIRST
 from henon_ref.harness.studies.price.measure import orbit_problem
-from henon_ref.harness.studies.runs import apart
+from henon_ref.harness.studies.runs import largest_time_difference
 from henon_ref.harness.table import Table, duration
 from henon_ref.modes.problem import Problem
 from henon_ref.solver import Run
@@ -161,7 +161,7 @@ def _own_part(problem: Problem, name: str, run: Run) -> float:
 
 def _agree(first: Trajectory, other: Trajectory) -> bool:
     ends = zip(first.end_state, other.end_state, strict=True)
-    return apart(first, other) <= AGREED and all(abs(a - b) <= AGREED for a, b in ends)
+    return largest_time_difference(first, other) <= AGREED and all(abs(a - b) <= AGREED for a, b in ends)
 
 
 def size_table(found: Sequence[Size]) -> Table:

@@ -8,7 +8,8 @@ from typing import get_args
 import pytest
 
 from henon_ref.harness import registry
-from henon_ref.harness.report.text.restarts import (
+from henon_ref.harness.rows import NOT_RUN, RunRow
+from henon_ref.harness.studies.restart_tables import (
     ENDINGS,
     FOLDER,
     SUITE,
@@ -23,7 +24,6 @@ from henon_ref.harness.report.text.restarts import (
     suite_rows,
     wrong_defaults,
 )
-from henon_ref.harness.rows import NOT_RUN, RunRow
 from henon_ref.trajectory import Status
 
 REPORTS = Path(__file__).parents[3] / "reports"

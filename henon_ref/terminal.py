@@ -1,4 +1,4 @@
-"""One line about work that takes long, where somebody waits for it: at a terminal, and in a notebook."""
+"""One line that says what is being done, at a terminal and in a notebook."""
 
 from __future__ import annotations
 

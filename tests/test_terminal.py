@@ -7,17 +7,17 @@ import time
 
 import pytest
 
-from henon_ref.simulation import notice
+from henon_ref import terminal
 
 
 @pytest.mark.parametrize(("watched", "seconds", "lines"), [(True, 0.3, 1), (True, 0.0, 0), (False, 0.3, 0)])
 def test_slow_work_is_told_of_once(
     watched: bool, seconds: float, lines: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(notice, "PATIENCE", 0.05)
-    monkeypatch.setattr(notice, "is_watched", lambda: watched)
+    monkeypatch.setattr(terminal, "PATIENCE", 0.05)
+    monkeypatch.setattr(terminal, "is_watched", lambda: watched)
     threads = threading.active_count()
-    with notice.notice_if_slow("compiling the system"):
+    with terminal.notice_if_slow("compiling the system"):
         time.sleep(seconds)
     assert capsys.readouterr().err == "henon_ref: compiling the system, once\n" * lines
     assert threading.active_count() == threads
