@@ -33,8 +33,11 @@ ABSENT = [f"{package} is not installed" for package, module in LIBRARIES.items()
 """What is said then by their solvers, and below by what needs the extra ``sweep``."""
 if find_spec("pyarrow") is None:
     ABSENT.append("needs pyarrow, which is not installed")
-hypothesis.settings.register_profile("busy", deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow])
-hypothesis.settings.load_profile("busy")  # no example has a time limit: the machine may do other things
+# No example has a time limit, since the machine may do other things. The same ones are drawn every day; .ci/slow draws
+# others, by --hypothesis-profile=drawn.
+hypothesis.settings.register_profile("drawn", deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow])
+hypothesis.settings.register_profile("daily", hypothesis.settings.get_profile("drawn"), derandomize=True, database=None)
+hypothesis.settings.load_profile("daily")
 sys.dont_write_bytecode = False  # whatever the environment says: hundreds of processes that tests begin would compile
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # all that they import, each anew
 os.environ[VARIABLE] = str(cache_root())  # for processes that tests begin with another cache of truths, too

@@ -57,7 +57,8 @@ def _name(value: _Value) -> str:
 
 def _one_of(*values: str | int) -> _Scalar:
     message = f"must be {' or '.join([', '.join(map(repr, values[:-1])), repr(values[-1])]).removeprefix(' or ')}"
-    return lambda value: "" if value in values and not isinstance(value, bool) else message
+    kind = type(values[0])  # 0.0 and False equal 0, and are none of these
+    return lambda value: "" if type(value) is kind and value in values else message
 
 
 _MODE = {...: _one_of(-1, 0, 1)}

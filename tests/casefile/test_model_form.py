@@ -34,7 +34,9 @@ OTHERS: list[tuple[str, Any]] = [
     ("sliding", {"s": {"field": [], "release": [{**RELEASE, "direction": "up"}]}}),
     ("resets", {"s": {"map": {}}}), ("resets", {"s": {"map": {"v": "-v"}, "priority": "x"}}),
     ("resets", {"s": {"map": {"v": "-v"}, "when": "rising"}}), ("initial", {"mode": {"s": 2}}),
-    ("initial", {"mode": 1}), ("until", []), ("scene", {"bodies": {}, "connections": []}), ("resets", []),
+    ("initial", {"mode": 1}), ("initial", {"mode": {"s": 0.0}}),
+    ("sliding", {"s": {"field": [], "release": [{**RELEASE, "to": 1.0}]}}),
+    ("until", []), ("scene", {"bodies": {}, "connections": []}), ("resets", []),
 ]  # fmt: skip
 
 
