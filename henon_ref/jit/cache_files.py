@@ -5,6 +5,7 @@ A link is neither followed nor written through, and what another user could have
 
 from __future__ import annotations
 
+import logging
 import os
 import stat
 import tempfile
@@ -16,24 +17,11 @@ from henon_ref.jit import cache_folder
 
 _CHECK = 32
 """Bytes of the checksum: SHA-256 of the file's name and of what follows."""
-
-
-class DamagedError(Exception):
-    """A file of the cache is not what was written there, or cannot be read."""
-
-    def __init__(self, file: Path, why: str) -> None:
-        super().__init__(f"{file.name}: {why}")
-        self.file = file
+_LOG = logging.getLogger(__name__)
 
 
 def read(file: Path) -> bytes | None:
-    """What was written into a file; None where there is none.
-
-    Raises
-    ------
-    DamagedError
-        Where it is not that, cannot be read, or another user could have written it.
-    """
+    """What was written into a file; None where there is none that can be trusted, which is logged."""
     try:
         with open(file, "rb", opener=_own_file) as stream:
             status = os.fstat(stream.fileno())
@@ -42,10 +30,11 @@ def read(file: Path) -> bytes | None:
     except (FileNotFoundError, NotADirectoryError):
         return None
     except OSError as error:
-        raise DamagedError(file, error.strerror or str(error)) from None
+        why, found = error.strerror or str(error), b""
     content = memoryview(found)[_CHECK:]
     if why or found[:_CHECK] != _checksum(file, content):
-        raise DamagedError(file, why or "its checksum is wrong")
+        _LOG.info("%s is not used and made anew: %s", file, why or "its checksum is wrong")
+        return None
     return bytes(content)
 
 
@@ -57,7 +46,7 @@ def write(file: Path, content: bytes) -> None:
     OSError
         Where it cannot be written; what was there before stays.
     """
-    make_folder(file.parent)
+    file.parent.mkdir(mode=cache_folder.PRIVATE, exist_ok=True)
     handle, name = tempfile.mkstemp(dir=file.parent)
     try:
         with os.fdopen(handle, "wb") as stream:
@@ -68,20 +57,6 @@ def write(file: Path, content: bytes) -> None:
         with suppress(OSError):
             os.unlink(name)
         raise
-
-
-def make_folder(folder: Path) -> None:
-    """Make a folder in the cache's folder, which must be there."""
-    folder.mkdir(mode=cache_folder.PRIVATE, exist_ok=True)
-
-
-def set_aside(folder: Path, error: Exception) -> None:
-    """Set a folder aside in which something is wrong, unless another process has done it meanwhile."""
-    if isinstance(error, DamagedError):
-        with suppress(DamagedError):
-            read(error.file)
-            return
-    cache_folder.set_aside(folder, error)
 
 
 def _own_file(name: str, flags: int) -> int:

@@ -6,22 +6,19 @@ the sticky bit, such as ``/tmp``, may). A symbolic link in its place must be the
 used, under the same rules. Each file is looked at again when it is read (:mod:`henon_ref.jit.cache_files`).
 
 A folder that is refused, or cannot be written, is replaced by a private temporary one: for this process and those that
-it begins, until it ends. A cache never decides whether a run succeeds. What was refused or set aside is logged as a
-warning, and told on standard error by a command (:func:`watched_cache`).
+it begins, until it ends. A cache never decides whether a run succeeds. What was refused is logged as a warning, which
+a command shows on standard error.
 """
 
 from __future__ import annotations
 
 import logging
 import os
-import secrets
 import shutil
 import stat
 import sys
 import tempfile
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from functools import cache
 from multiprocessing.util import Finalize
 from pathlib import Path
@@ -32,22 +29,14 @@ VARIABLE = "HENON_REF_CACHE_DIR"
 """Environment variable of the folder; without it, it is ``henon_ref`` in the user's cache (``XDG_CACHE_HOME``)."""
 OBJECTS = "objects"
 """Folder in it of modules' machine code."""
-ASIDE = "set-aside-"
-"""What was set aside, with its former name behind it."""
-UNWRITTEN = "unwritten-"
-"""Empty files that say that something could not be written, with the number of the system's error behind it."""
 PRIVATE = 0o700
 """Mode of folders that are made here."""
-KEPT_DAYS = 30
-"""Days after which what was set aside is removed, and notes."""
 LONGEST_NAME = 500
 """Characters of a path in a message."""
 _PROBE = 4096
 """Bytes that must find room in the folder."""
 _NOWHERE = Path(os.devnull, "henon_ref")
 """A folder that cannot be: nothing is found in it, nothing is kept."""
-_SAID: set[str] = set()
-"""Names of what this process has set aside, and told."""
 _LOG = logging.getLogger(__name__)
 
 
@@ -111,7 +100,7 @@ def _open_to_others(wanted: Path, folder: Path) -> str | None:
             return f"others can write to {_named(above)}"
     if found := foreign(folder.lstat()):
         return found
-    with suppress(FileNotFoundError):  # it is not there yet, or another process has set it aside
+    with suppress(FileNotFoundError):  # it is not there yet
         status = (folder / OBJECTS).lstat()
         found = foreign(status) if stat.S_ISDIR(status.st_mode) else "it is not a folder"
         if found:
@@ -144,80 +133,7 @@ def _temporary_folder() -> Path:
     return made
 
 
-def set_aside(folder: Path, why: object) -> None:
-    """Move a folder of the cache away, so that what it held is compiled anew; where that cannot be, it stays."""
-    aside = folder.with_name(f"{ASIDE}{folder.name}-{secrets.token_hex(4)}")
-    try:
-        folder.rename(aside)
-    except OSError as error:
-        note_unwritten(error)
-    else:
-        _SAID.add(aside.name)
-        _LOG.warning("%s (%s)", _set_aside_message([aside]), why)
-
-
-def note_unwritten(error: OSError) -> None:
-    """Leave a note for the command that something could not be kept: it does not hear from its workers."""
-    if isinstance(error, FileNotFoundError):  # another process has set the folder aside
-        return
-    with suppress(OSError):
-        (cache_root() / f"{UNWRITTEN}{error.errno or 0}-{os.getpid()}").touch(mode=0o600)
-
-
-@contextmanager
-def watched_cache() -> Iterator[None]:
-    """While a command is at work, it warns of what is refused, set aside or not kept.
-
-    By its workers, too: they leave signs in the folder. Processes that are begun inside use the folder that is found
-    usable here. At the end, old folders are removed.
-    """
-    root = cache_root()
-    before = _signs(root)
-    try:
-        yield
-    finally:
-        _tell(root, sorted(_signs(root) - before - _SAID))
-        _remove_old(root)
-
-
-def _signs(root: Path) -> set[str]:
-    """Names of what processes have set aside, or have noted."""
-    with suppress(OSError):
-        return {name for name in os.listdir(root) if name.startswith((ASIDE, UNWRITTEN))}
-    return set()
-
-
-def _tell(root: Path, names: list[str]) -> None:
-    aside = [root / name for name in names if name.startswith(ASIDE)]
-    if aside:
-        _LOG.warning("%s", _set_aside_message(aside))
-    notes = [name for name in names if name.startswith(UNWRITTEN)]
-    if notes:
-        reason = os.strerror(int(notes[0].removeprefix(UNWRITTEN).partition("-")[0]))
-        _LOG.warning("cache folder %s: not all that was compiled could be kept (%s)", _named(root), reason)
-    for name in notes:
-        with suppress(OSError):
-            (root / name).unlink()
-
-
-def _set_aside_message(folders: list[Path]) -> str:
-    more = f" and {len(folders) - 1} more" if folders[1:] else ""
-    return f"cache folder was damaged, its code is compiled anew; set aside: {_named(folders[0])}{more}"
-
-
 def _named(path: Path) -> str:
     """A path as printable text, its middle left out where it is long."""
     text = repr(str(path))
     return text if len(text) <= LONGEST_NAME else f"{text[: LONGEST_NAME // 2]}...{text[-LONGEST_NAME // 2 :]}"
-
-
-def _remove_old(root: Path) -> None:
-    """Remove what was set aside, and notes, after some time."""
-    oldest = time.time() - KEPT_DAYS * 86400
-    with suppress(OSError):
-        for entry in list(os.scandir(root)):
-            if entry.name.startswith((ASIDE, UNWRITTEN)) and entry.stat(follow_symlinks=False).st_mtime < oldest:
-                if entry.is_dir(follow_symlinks=False):
-                    shutil.rmtree(entry.path, ignore_errors=True)
-                else:
-                    os.unlink(entry.path)

@@ -12,8 +12,8 @@ from pathlib import Path
 import llvmlite
 import llvmlite.binding as llvm
 
-from henon_ref.jit.cache_files import DamagedError, read, set_aside, write
-from henon_ref.jit.cache_folder import OBJECTS, cache_root, note_unwritten
+from henon_ref.jit.cache_files import read, write
+from henon_ref.jit.cache_folder import OBJECTS, cache_root
 from henon_ref.jit.target import target
 
 KEPT = 2048
@@ -107,27 +107,18 @@ def _objects() -> Path:
 
 def _read(file: Path) -> bytes | None:
     """An object from the disk; None where there is none, or not the one that was written."""
-    try:
-        known = read(file)
-        if known is not None:
+    known = read(file)
+    if known is not None:
+        with suppress(OSError):  # its time cannot be set: it may be removed before its turn
             os.utime(file)
-    except DamagedError as error:
-        set_aside(file.parent, error)
-        return None
-    except OSError:  # its time cannot be set: it may be removed before its turn
-        pass
     return known
 
 
 def _write(file: Path, made: bytes) -> None:
     """Keep an object; a disk that takes nothing costs the next compilation, no more."""
-    try:
+    with suppress(OSError):
         write(file, made)
-    except OSError as error:
-        note_unwritten(error)
-    else:
-        with suppress(OSError):  # another process removes them, too
-            _prune(file.parent)
+        _prune(file.parent)
 
 
 def _prune(folder: Path) -> None:

@@ -1,4 +1,4 @@
-"""Compiled code is kept in a folder that nobody else can write to, else in a temporary one; and what is told of it."""
+"""Compiled code is kept in a folder that nobody else can write to, else in a temporary one."""
 
 from __future__ import annotations
 
@@ -9,14 +9,12 @@ import stat
 import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 
 import pytest
 
-from henon_ref.commands.exit_status import warnings_shown
 from henon_ref.jit import cache_folder as cachefolder
-from henon_ref.jit.cache_folder import VARIABLE, cache_root, note_unwritten, set_aside, watched_cache
+from henon_ref.jit.cache_folder import VARIABLE, cache_root
 
 unix = pytest.mark.skipif(not hasattr(os, "geteuid"), reason="modes and owners as on Unix")
 
@@ -215,35 +213,6 @@ def test_the_temporary_folder_is_shared_with_processes_begun_and_removed_at_the_
     assert done.stderr.count("\n") == 1
 
 
-def test_a_command_tells_what_its_workers_have_met(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    """One line for what was set aside, one for what could not be kept; and nothing the next time."""
-    inner = cache_root() / "objects"
-    inner.mkdir()
-    code = (
-        "from pathlib import Path; from henon_ref.jit import cache_folder as c; import errno, sys\n"
-        "c.set_aside(Path(sys.argv[1]), 'damaged'); c.note_unwritten(OSError(errno.ENOSPC, 'full'))"
-    )
-    with warnings_shown(), watched_cache():
-        subprocess.run([sys.executable, "-c", code, str(inner)], check=True, stderr=subprocess.DEVNULL)
-    aside, unwritten = capfd.readouterr().err.splitlines()
-    (kept,) = folder.iterdir()
-    assert kept.name.startswith("set-aside-objects-")
-    assert repr(str(kept)) in aside
-    assert repr(str(folder)) in unwritten
-    assert os.strerror(errno.ENOSPC) in unwritten
-    with warnings_shown(), watched_cache():
-        pass
-    assert capfd.readouterr().err == ""
-
-
-def test_what_the_command_itself_sets_aside_is_told_once(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    (cache_root() / "objects").mkdir()
-    with warnings_shown(), watched_cache():
-        set_aside(folder.resolve() / "objects", "its checksum is wrong")
-    (line,) = capfd.readouterr().err.splitlines()
-    assert "its checksum is wrong" in line
-
-
 def test_a_name_from_outside_is_one_short_printable_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -252,37 +221,3 @@ def test_a_name_from_outside_is_one_short_printable_line(
     cache_root()
     assert caplog.records[0].message.isprintable()
     assert len(caplog.records[0].message) < 1000
-
-
-def test_a_command_with_a_cache_that_is_well_says_nothing(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    with warnings_shown(), watched_cache():
-        assert folder.is_dir()
-    assert capfd.readouterr().err == ""
-
-
-def test_a_folder_that_cannot_be_set_aside_is_no_error(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(*_: object) -> None:
-        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
-
-    monkeypatch.setattr(Path, "rename", refuse)
-    (cache_root() / "objects").mkdir()
-    set_aside(folder / "objects", "damaged")
-    assert (folder / "objects").is_dir()
-
-
-def test_nothing_can_be_noted_where_there_is_no_folder(folder: Path) -> None:
-    cache_root().rmdir()
-    note_unwritten(OSError(errno.ENOSPC, "full"))
-    assert not folder.exists()
-
-
-def test_what_was_set_aside_a_month_ago_is_removed(folder: Path) -> None:
-    old = time.time() - 86400 * (cachefolder.KEPT_DAYS + 1)
-    for name in ("set-aside-objects-01234567", "objects", "truth"):
-        (cache_root() / name / "inner").mkdir(parents=True)
-        os.utime(folder / name, (old, old))
-    (folder / "set-aside-objects-76543210").mkdir()
-    with watched_cache():
-        pass
-    names = sorted(entry.name for entry in folder.iterdir())
-    assert names == ["objects", "set-aside-objects-76543210", "truth"]

@@ -1,4 +1,4 @@
-"""Whatever state the cache is in, the command gives the same row, and one line tells what is wrong with the cache."""
+"""Whatever state the cache is in, the command gives the same row, and a line tells of a folder that is refused."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ import sys
 from pathlib import Path
 
 import pytest
+
+from henon_ref.jit.cache_files import read
 
 pytestmark = pytest.mark.slow
 """Each compiles all that there is. Daily: test_native_module.py and test_cache_folder.py, with one module."""
@@ -78,17 +80,10 @@ def flip_every_file(cache: Path) -> None:
         file.write_bytes(found)
 
 
-def assert_named(told: list[str], place: Path) -> None:
-    (line,) = told
-    assert str(place / "cache" / "henon_ref") in line
-
-
 def test_what_is_damaged_is_compiled_anew_and_kept(place: Path, before: dict[str, str]) -> None:
     flip_every_file(place / "cache")
-    row, told = compared(place)
-    assert row == before
-    assert_named(told, place)
     assert compared(place) == (before, [])
+    assert all(read(file) is not None for file in (place / "cache/henon_ref/objects").iterdir())
 
 
 def test_a_file_in_the_place_of_the_folder_is_no_failure(place: Path, before: dict[str, str]) -> None:
@@ -96,4 +91,5 @@ def test_a_file_in_the_place_of_the_folder_is_no_failure(place: Path, before: di
     (place / "cache").write_text("")
     row, told = compared(place)
     assert row == before
-    assert_named(told, place)
+    (line,) = told
+    assert str(place / "cache" / "henon_ref") in line

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import gc
 import os
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from henon_ref.commands import status_line
@@ -38,16 +37,14 @@ def program(arguments: Sequence[str] | None = None) -> int:
     return status
 
 
-@contextmanager
-def _processes(*, figures: bool) -> Iterator[None]:
-    """A server of worker processes that is begun now: meanwhile this process imports what the command needs."""
+def _begin_server(*, figures: bool) -> None:
+    """Begin a server of worker processes: meanwhile this process imports what the command needs."""
     from henon_ref.harness.campaign import DRAWING_NEEDS, WORKERS_NEED
-    from henon_ref.jit.cache_folder import watched_cache
+    from henon_ref.jit.cache_folder import cache_root
     from henon_ref.workers.worker_process import begin_server
 
-    with watched_cache():  # workers use the folder that is found usable here
-        begin_server(*WORKERS_NEED, *(DRAWING_NEEDS if figures else ()))
-        yield
+    cache_root()  # workers use the folder that is found usable here
+    begin_server(*WORKERS_NEED, *(DRAWING_NEEDS if figures else ()))
 
 
 def _act(arguments: Sequence[str] | None, *, served: bool) -> int:
@@ -65,8 +62,9 @@ def _act(arguments: Sequence[str] | None, *, served: bool) -> int:
         collect_seldom()
         if request.check:
             return _explain(request)
-        processes = _processes(figures=request.figures) if served else nullcontext()
-        with processes, writing_into(request.out, kept=KEPT):
+        if served:
+            _begin_server(figures=request.figures)
+        with writing_into(request.out, kept=KEPT):
             return _run(request)
     finally:
         status_line.clear()
