@@ -13,7 +13,7 @@ from typing import NamedTuple
 import sympy as sp
 
 from henon_ref.baselines.common_functions import of_few
-from henon_ref.baselines.flow import Flow, Library
+from henon_ref.baselines.library import Flow, Library
 from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions, projected
 from henon_ref.baselines.restart import Fresh
 from henon_ref.baselines.work import Work

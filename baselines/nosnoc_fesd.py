@@ -34,10 +34,10 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from henon_ref.baselines.driver import Driver, tolerances
-from henon_ref.baselines.flow import LIMIT
+from henon_ref.baselines.library import LIMIT
 from henon_ref.baselines.record import Record
 from henon_ref.baselines.scipy_ivp import RK45
-from henon_ref.baselines.sundials_cvode import ADAMS
+from henon_ref.baselines.sundials import ADAMS
 from henon_ref.baselines.work import DeadlinePassed, Work, installed_version
 from henon_ref.errors import UnavailableError, UnsupportedError
 from henon_ref.modes.callables import rounded

@@ -11,12 +11,11 @@ other, and are not listed by :func:`names`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, PackageNotFoundError, entry_points, version
-from types import ModuleType
 from typing import Any, TypeVar, cast
 
 from henon_ref.casefile.expected import unknown_solver
@@ -44,7 +43,7 @@ COMPILED = "+numba"
 
 @dataclass(frozen=True)
 class AdapterFile:
-    """What can be said of the solvers in one file of ``baselines`` without importing it."""
+    """What can be said of solvers in one file of ``baselines`` without importing it."""
 
     module: str
     """Below ``baselines``."""
@@ -59,8 +58,8 @@ class AdapterFile:
     fixed_step: bool = False
     peer: bool = False
     """Its library comes with an extra of this project, or is a program: it runs where it is named, or with ``all``."""
-    version: str = ""
-    """Function of the module that tells the version of what is no package of Python; empty elsewhere."""
+    program: bool = False
+    """It is no package of Python: the solver itself tells its version."""
     callbacks: bool = False
     """Its callbacks can be compiled: each solver is there as ``NAME+numba``, too."""
 
@@ -68,56 +67,35 @@ class AdapterFile:
         """Whether a solver runs where nobody names any."""
         return not self.peer and name in (self.solvers if self.default is None else self.default)
 
+    def solver(self, name: str) -> Any:
+        """The object of that name."""
+        return getattr(import_module(f"henon_ref.baselines.{self.module}"), self.solvers[name])
 
-SUNDIALS = "sundials"
-"""The C library itself, as it is installed for a compiler."""
 
+HENON = {"henon": "HENON_SOLVER", "henon-newton": "HENON_NEWTON", "henon-brent": "HENON_BRENT"}
+HEYOKA = {"heyoka": "HEYOKA", "heyoka+fastmath": "HEYOKA_FAST_MATH"}
+SCIPY = {f"scipy-{method.lower()}": method for method in ("RK45", "DOP853", "RADAU", "BDF", "LSODA")}
+CVODE = {"cvode-adams": "ADAMS", "cvode-bdf": "BDF"}
+CVODE_C = {"cvode-c-adams": "ADAMS", "cvode-c-bdf": "BDF"}
+DIFFRAX = {"diffrax-dopri8": "DOPRI8", "diffrax-kvaerno5": "KVAERNO5"}
+DIFFSOL = {"diffsol-tsit45": "TSIT45", "diffsol-bdf": "BDF"}
 FILES = (
-    AdapterFile(
-        "henon",
-        "henon-ref",
-        {"henon": "HENON_SOLVER", "henon-newton": "HENON_NEWTON", "henon-brent": "HENON_BRENT"},
-        default=("henon",),
-    ),
+    AdapterFile("henon", "henon-ref", HENON, default=("henon",)),
     AdapterFile("paper.rk4", "henon-ref", {"henon-rk4": "RK4"}, fixed_step=True),
     AdapterFile("paper.listing", "henon-ref", {"henon-listing": "LISTING"}, default=(), fixed_step=True),
-    AdapterFile(
-        "heyoka_taylor",
-        "heyoka",
-        {"heyoka": "HEYOKA", "heyoka+fastmath": "HEYOKA_FAST_MATH"},
-        "offset",
-        default=("heyoka",),
-    ),
-    AdapterFile(
-        "sundials_cvode", "scikit-sundae", {"cvode-adams": "ADAMS", "cvode-bdf": "BDF"}, "direction", callbacks=True
-    ),
-    AdapterFile("sundials_ida", "scikit-sundae", {"ida": "IDA"}, "offset", callbacks=True),
-    AdapterFile(
-        "scipy_ivp",
-        "scipy",
-        {f"scipy-{method.lower()}": method for method in ("RK45", "DOP853", "RADAU", "BDF", "LSODA")},
-        "offset",
-        callbacks=True,
-    ),
-    AdapterFile(
-        "cvode_c.solver",
-        SUNDIALS,
-        {"cvode-c-adams": "ADAMS", "cvode-c-bdf": "BDF"},
-        peer=True,
-        version="library_version",
-    ),
-    AdapterFile("octave.solver", "octave", {"octave-ode45": "ODE45"}, peer=True, version="octave_version"),
-    AdapterFile(
-        "siconos.solver", "siconos", {"siconos": "RELAY"}, peer=True, version="siconos_version", fixed_step=True
-    ),
+    AdapterFile("heyoka_taylor", "heyoka", HEYOKA, "offset", default=("heyoka",)),
+    AdapterFile("sundials", "scikit-sundae", CVODE, "direction", callbacks=True),
+    AdapterFile("sundials", "scikit-sundae", {"ida": "IDA"}, "offset", callbacks=True),
+    AdapterFile("scipy_ivp", "scipy", SCIPY, "offset", callbacks=True),
+    AdapterFile("cvode_c.solver", "sundials", CVODE_C, peer=True, program=True),
+    AdapterFile("octave.solver", "octave", {"octave-ode45": "ODE45"}, peer=True, program=True),
+    AdapterFile("siconos.solver", "siconos", {"siconos": "RELAY"}, peer=True, program=True, fixed_step=True),
     AdapterFile("scipy_naive", "scipy", {"scipy-smoothed": "SMOOTHED", "scipy-sign": "SIGN"}),
-    AdapterFile(
-        "diffrax_ode", "diffrax", {"diffrax-dopri8": "DOPRI8", "diffrax-kvaerno5": "KVAERNO5"}, "offset", peer=True
-    ),
-    AdapterFile("diffsol_ode", "pydiffsol", {"diffsol-tsit45": "TSIT45", "diffsol-bdf": "BDF"}, "offset", peer=True),
+    AdapterFile("diffrax_ode", "diffrax", DIFFRAX, "offset", peer=True),
+    AdapterFile("diffsol_ode", "pydiffsol", DIFFSOL, "offset", peer=True),
     AdapterFile("nosnoc_fesd", "nosnoc", {"nosnoc": "NOSNOC"}, peer=True),
 )
-"""One a file."""
+"""One a library, and default restart."""
 _PLAIN = {name: file for file in FILES for name in file.solvers}
 _BUILT_IN = dict(sorted(_PLAIN.items(), key=lambda named: "+" in named[0])) | {
     name + COMPILED: file for name, file in _PLAIN.items() if file.callbacks
@@ -247,9 +225,9 @@ def distribution(name: str) -> str:
 
 def library_version(name: str) -> str:
     """Version of the package a solver comes from, without importing it; empty where it is not installed."""
-    package = distribution(name)
-    if package in (programs := _programs()):
-        return str(programs[package]())
+    base, package = base_name(name), distribution(name)
+    if base in _BUILT_IN and _BUILT_IN[base].program:
+        return str(_BUILT_IN[base].solver(base).version)
     try:
         return version(package) if package else ""
     except PackageNotFoundError:
@@ -259,28 +237,19 @@ def library_version(name: str) -> str:
 def missing_package(name: str) -> str:
     """What pip installs where a built-in solver's library is missing; empty where it is there, or is no package."""
     file = _BUILT_IN.get(base_name(name))
-    if file is None or file.version or library_version(name):
+    if file is None or file.program or library_version(name):
         return ""
     return "henon-ref[peers]" if file.peer else file.distribution
 
 
 def program_versions() -> dict[str, str]:
     """Versions of what solvers rest on that is no package of Python; empty where it is not installed."""
-    return {package: str(tell()) for package, tell in _programs().items()}
+    return {file.distribution: library_version(next(iter(file.solvers))) for file in FILES if file.program}
 
 
 def all_versions() -> dict[str, str]:
     """Versions of all that a comparison depends on: the reference's packages, the libraries compared, programs."""
     return library_versions((*LIBRARIES, *COMPARED)) | program_versions()
-
-
-def _programs() -> dict[str, Callable[[], str]]:
-    """Name of each of these -> what tells its version."""
-    return {file.distribution: partial(_version, file) for file in _BUILT_IN.values() if file.version}
-
-
-def _version(file: AdapterFile) -> str:
-    return str(getattr(_module(file), file.version)())
 
 
 def solver(name: str) -> Solver:
@@ -299,7 +268,7 @@ def solver(name: str) -> Solver:
         return loaded(_third_party()[base])
     file, plain = _BUILT_IN[base], base.removesuffix(COMPILED)
     try:
-        instance: Any = getattr(_module(file), file.solvers[plain])
+        instance = file.solver(plain)
     except ImportError as error:
         raise UnavailableError(f"{name} cannot be imported: {error}") from error
     options = ({"restart": restart} if restart else {}) | ({"callbacks": "numba"} if base != plain else {})
@@ -330,7 +299,3 @@ def loaded(point: EntryPoint) -> Solver:
     if words:
         raise UnavailableError(f"{where} {words}")
     return cast(Solver, found)
-
-
-def _module(file: AdapterFile) -> ModuleType:
-    return import_module(f"henon_ref.baselines.{file.module}")

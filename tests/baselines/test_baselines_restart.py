@@ -19,9 +19,8 @@ from henon_ref.baselines.heyoka_taylor import HEYOKA
 from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
 from henon_ref.baselines.restart import dips, lift, quiet_until
 from henon_ref.baselines.scipy_ivp import BDF, DOP853, LSODA, RADAU, RK45
-from henon_ref.baselines.sundials_cvode import ADAMS
-from henon_ref.baselines.sundials_cvode import BDF as CVODE_BDF
-from henon_ref.baselines.sundials_ida import IDA
+from henon_ref.baselines.sundials import ADAMS, IDA
+from henon_ref.baselines.sundials import BDF as CVODE_BDF
 from henon_ref.casefile.case import load_case
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from henon_ref.baselines.heyoka_expressions import to_heyoka
+from henon_ref.baselines.heyoka_taylor import to_heyoka
 from henon_ref.baselines.mode_functions import ModeFunctions, landing
 from henon_ref.errors import ModelError, UnsupportedError
 from henon_ref.modes.callables import Jacobian, rounded, scalar
