@@ -9,7 +9,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from henon_ref.baselines.causes.base import PROGRAMS, ClaimError, Printed, cause, holds, printed
-from henon_ref.baselines.cvode_c.build import LIBRARIES, tools
+from henon_ref.baselines.cvode_c.solver import LIBRARIES, tools
 from henon_ref.baselines.octave.solver import OPTIONS, PROGRAM
 from henon_ref.baselines.siconos.solver import ENVIRONMENT, interpreter
 from henon_ref.errors import UnavailableError

@@ -93,12 +93,7 @@ class ProgramSolver:
         return ProgramRun(self, self.built(text), problem, request)
 
     def check(self) -> None:
-        """Nothing, where the program is there.
-
-        Raises
-        ------
-        UnavailableError
-        """
+        """Nothing, where the program is there."""
         if shutil.which(self.command[0]) is None:
             raise UnavailableError(f"there is no program {self.command[0]}")
 
