@@ -9,9 +9,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from henon_ref.baselines.causes.base import PROGRAMS, ClaimError, Printed, cause, holds, printed
-from henon_ref.baselines.cvode_c.solver import LIBRARIES, tools
-from henon_ref.baselines.octave.solver import OPTIONS, PROGRAM
-from henon_ref.baselines.siconos.solver import ENVIRONMENT, interpreter
+from henon_ref.baselines.programs.cvode_c import LIBRARIES, tools
+from henon_ref.baselines.programs.interpreted import ENVIRONMENT, OCTAVE, siconos_python
 from henon_ref.errors import UnavailableError
 
 from_c, octave = partial(cause, "sundials"), partial(cause, "octave")
@@ -35,13 +34,13 @@ def printed_from_c() -> Printed:
 @cache
 def printed_by_octave() -> Printed:
     """What ``octave_events.m`` prints."""
-    return printed([PROGRAM, *OPTIONS, str(PROGRAMS / "octave_events.m")])
+    return printed([*OCTAVE, str(PROGRAMS / "octave_events.m")])
 
 
 @cache
 def printed_by_siconos() -> Printed:
     """What ``siconos_step.py`` prints."""
-    return printed([interpreter(), str(PROGRAMS / "siconos_step.py")], os.environ | ENVIRONMENT)
+    return printed([siconos_python(), str(PROGRAMS / "siconos_step.py")], os.environ | ENVIRONMENT)
 
 
 @from_c("cvode-c-pair", "CVODE from C: two roots in one step cancel", "https://github.com/llnl/sundials/issues/881")

@@ -120,7 +120,7 @@ def program_for(equations: str) -> Path:
         Where it cannot be compiled here.
     """
     found, folder = tools()
-    texts = {name: files("henon_ref.baselines.cvode_c").joinpath(name).read_text(encoding="utf-8") for name in SOURCES}
+    texts = {name: files("henon_ref.baselines.programs").joinpath(name).read_text(encoding="utf-8") for name in SOURCES}
     texts[EQUATIONS] = equations
     key = hashlib.sha256(repr((texts, found, _compiler_version(found), FLAGS, library_version())).encode())
     place = cache_root() / FOLDER
