@@ -49,15 +49,8 @@ LATE = 1e3
 class Driver:
     """One problem on one library, ready to run again and again.
 
-    Parameters
-    ----------
-    problem : Problem
-    library : Library
-    work : Work
-        Counters and deadline; the library's flows count into it.
-    sample_times : ndarray, shape (k,), optional
-    known : ModeTable, optional
-        Modes of the same system on another library.
+    The library's flows count into ``work``, which holds the deadline; ``known`` are modes of the same system on another
+    library.
 
     Raises
     ------
@@ -73,12 +66,8 @@ class Driver:
         sample_times: NDArray[np.float64] | None = None,
         known: ModeTable | None = None,
     ) -> None:
-        self.problem = problem
-        self.library = library
-        self.work = work
-        self.sample_times = sample_times
-        self.start = float(problem.start)
-        self.until = float(problem.until)
+        self.problem, self.library, self.work, self.sample_times = problem, library, work, sample_times
+        self.start, self.until = float(problem.start), float(problem.until)
         self.initial = tuple(float(v) for v in problem.initial)
         self.table = ModeTable(problem.system, library, work, self.until - self.start, known)
         self.decision = initial_mode(self.table.in_doubles, problem.start, problem.initial, problem.initial_mode)
@@ -114,14 +103,9 @@ class Driver:
         self.work.start()
         system, x = self.problem.system, self.initial
         record = Record(
-            self.work,
-            len(system.surfaces),
-            len(system.states),
-            self.until - self.start,
-            self.sample_times,
-            self.library.landing,
-            self.library.errors[1],
-        )
+            self.work, len(system.surfaces), len(system.states), self.until - self.start, self.sample_times,
+            self.library.landing, self.library.errors[1],
+        )  # fmt: skip
         if self.decision.mode is None or self._first is None:
             unknown = (0,) * len(system.surfaces)
             return record.finish(self.decision.ending, self.start, x, unknown, self.decision.reason)

@@ -233,7 +233,8 @@ class _Mode:
         levels = [model.size(guard, t, x, self._rtol, self._rtol) for guard, *_ in fresh]
         end = min(max(quiet_until(model, fresh, t, x, levels, 1e-3 * self._horizon)), until)
         if self._switches:
-            quiet.pars[self._guards :] = self._switches
+            pars = quiet.pars[self._guards :]  # of the switches, up to the last one that the field itself has
+            pars[:] = self._switches[: len(pars)]
         quiet.dtime = (t, low)
         quiet.state[:] = x
         steps = quiet.propagate_until(end)[3]

@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 import sympy as sp
 
-from henon_ref.baselines.common_functions import of_few
 from henon_ref.baselines.library import Flow, Library
-from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions, projected
+from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
 from henon_ref.baselines.restart import Fresh
+from henon_ref.baselines.surface_functions import of_few, projected
 from henon_ref.baselines.work import Work
 from henon_ref.jit.processor_time import compiling
 from henon_ref.modes.after_jump import after_jump, without_speed
@@ -75,9 +75,7 @@ class ModeEntry:
     """One mode: its functions, its flow, and its ordinary exits."""
 
     def __init__(self, model: ModeFunctions, flow: Flow) -> None:
-        self.model = model
-        self.flow = flow
-        self.several = len(model.guards) > 1
+        self.model, self.flow, self.several = model, flow, len(model.guards) > 1
         self._exits: dict[int, Exit | None] = {}
         if self.several:
             model.rates  # noqa: B018  (made on first access)
@@ -155,17 +153,9 @@ class ModeEntry:
 
 
 class ModeTable:
-    """Mode -> :class:`ModeEntry`, made on first access.
+    """Mode -> :class:`ModeEntry`, made on first access, for a run of a length ``horizon`` [s].
 
-    Parameters
-    ----------
-    system : FilippovSystem
-    library : Library
-    work : Work
-    horizon : float
-        Length of the whole run [s].
-    known : ModeTable, optional
-        One of the same system on another library, whose callables can be used again.
+    ``known`` is one of the same system on another library, whose callables can be used again.
     """
 
     rounding = ROUNDING
@@ -173,11 +163,8 @@ class ModeTable:
     def __init__(
         self, system: FilippovSystem, library: Library, work: Work, horizon: float, known: ModeTable | None = None
     ) -> None:
-        self.system = system
+        self.system, self._library, self._work, self._horizon = system, library, work, horizon
         self.in_doubles: ModeEvaluation = known.in_doubles if known else in_doubles(system)
-        self._library = library
-        self._work = work
-        self._horizon = horizon
         self._entries: dict[Key, ModeEntry] = {}
         self._models: dict[Key, ModeFunctions] = known._models if known else {}
         self._surfaces: dict[int, tuple[Scalar, Scalar]] = {}
@@ -207,12 +194,7 @@ class ModeTable:
     ) -> tuple[ModeEntry, tuple[Fresh, ...], tuple[int, ...]]:
         """A mode without guards that stay at zero, those that start there and leave it, and those that fall at once.
 
-        Parameters
-        ----------
-        fresh : sequence of Fresh
-            Guards of the whole mode that start at zero.
-        before : collection of int
-            Surfaces that were idle until now.
+        ``fresh`` are guards of the whole mode that start at zero, ``before`` surfaces that were idle until now.
         """
         whole = self[mode]
         guards = whole.model.guards

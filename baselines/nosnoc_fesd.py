@@ -103,18 +103,17 @@ class Nosnoc:
 
         Raises
         ------
-        UnavailableError
-        UnsupportedError
-            Where a surface has its own sliding, the model ends, or there are too many surfaces.
+        UnavailableError, UnsupportedError
         """
         rtol, _ = tolerances(self.name, rtol, atol, step)
         system = problem.system
-        if system.overrides:
-            raise UnsupportedError("nosnoc slides by Filippov's combination only, and the case replaces it")
-        if system.valid:
-            raise UnsupportedError("nosnoc has no word for the end of a model ('valid')")
-        if system.resets:
-            raise UnsupportedError("nosnoc's step has no jumps of the state")
+        for beyond, words in (
+            (system.overrides, "nosnoc slides by Filippov's combination only, and the case replaces it"),
+            (system.valid, "nosnoc has no word for the end of a model ('valid')"),
+            (system.resets, "nosnoc's step has no jumps of the state"),
+        ):
+            if beyond:
+                raise UnsupportedError(words)
         if not 1 <= len(system.surfaces) <= MOST_SURFACES:
             raise UnsupportedError(f"{len(system.surfaces)} surfaces: the adapter gives nosnoc 1 to {MOST_SURFACES}")
         if self.unavailable():

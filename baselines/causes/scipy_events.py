@@ -43,8 +43,6 @@ def unit_speed(t: float, x: Any) -> list[float]:
 def pair_in_one_step() -> str:
     """`solve_ivp` compares the signs of an event function at the two ends of a step. An even number of roots in between
     leaves no trace.
-
-    x' = 1 through x^2 = d^2/4: two roots, and no step ends between them.
     """
     steps = []
     for method in METHODS:
@@ -57,10 +55,7 @@ def pair_in_one_step() -> str:
 
 @shows("scipy-fires-at-start", "A root at the starting point counts")
 def fires_where_it_starts() -> str:
-    """A run that starts on its event surface is stopped there again unless a direction excludes it.
-
-    A ball at its surface: x = 0, v = 1 upwards.
-    """
+    """A run that starts on its event surface is stopped there again unless a direction excludes it."""
     ends = [
         run(lambda t, x: [x[1], -1.0], 3, [0.0, 1.0], events=terminal(lambda t, x: x[0], direction)).t[-1]
         for direction in (0, -1)
@@ -73,8 +68,6 @@ def fires_where_it_starts() -> str:
 def root_of_third_order() -> str:
     """`brentq` is called with a tolerance of four roundings and its default of 100 iterations, which a root of third
     order uses up; its exception ends `solve_ivp`, and all that was computed is lost.
-
-    x' = 1 through (x - 1)^3.
     """
     for method in METHODS:
         words = said(partial(run, unit_speed, 3, [0.0], method, events=lambda t, x: (x[0] - 1.0) ** 3))
@@ -86,8 +79,6 @@ def root_of_third_order() -> str:
 def bracket_without_a_sign_change() -> str:
     """The sign at a step's end is taken from the step, the root is sought on its dense output. Where the two differ by
     a rounding, `brentq` gets a bracket without a sign change and raises.
-
-    The event function has one sign at the step's end and another on the dense output there.
 
     From -c to 0, for some c: which of them it is depends on the last bits of the linear algebra library.
     """
@@ -105,8 +96,6 @@ def bracket_without_a_sign_change() -> str:
 def event_behind_a_pole() -> str:
     """An event is located in a step that has passed it. Where the field has a pole, or no value, just behind the
     surface, every such step is refused, until it is too small for the time.
-
-    v' = -1/(v + d), event v: a step that ends beyond the event has to come close to the pole at v = -d.
     """
     words = []
     for d in (1e-3, 1e-9):
@@ -120,8 +109,6 @@ def event_behind_a_pole() -> str:
 def late_start() -> str:
     """The least step is ten units in the last place of the time. At t = 1e9 that is 1e-6, and BDF's first steps at a
     tight tolerance are shorter.
-
-    The same oscillator at t = 0 and at t = 1e9.
     """
     from scipy.integrate import BDF
 
@@ -135,8 +122,6 @@ def late_start() -> str:
 def blow_up_is_a_failed_step() -> str:
     """`solve_ivp` has no word for divergence: the step shrinks until it is refused, with BDF long before the state is
     large.
-
-    x' = x^2 from 1 ends at t = 1.
     """
     found = run(lambda t, x: [x[0] ** 2], 2, [1.0], "BDF")
     holds(found.status < 0 and found.y[0, -1] < 1e12, f"the state reached {found.y[0, -1]:g}: {found.message}")
@@ -153,8 +138,6 @@ def steps_of_a_period(method: str) -> list[int]:
 def low_order_at_a_tight_tolerance() -> str:
     """From tolerance to tolerance the number of steps grows by the third root or more: at 1e-12 a run of ordinary
     length takes longer than any deadline here.
-
-    One period of x'' = -x.
     """
     (dop, fine), (radau, more) = steps_of_a_period("DOP853"), steps_of_a_period("Radau")
     holds(more / radau > 4 * fine / dop, f"steps {dop}, {fine}; {radau}, {more}")
@@ -166,10 +149,7 @@ def low_order_at_a_tight_tolerance() -> str:
 
 @shows("scipy-bdf-order", "BDF is of order 5 at most")
 def bdf_at_a_tight_tolerance() -> str:
-    """At tight tolerances its steps are short, and each one is plain Python with a linear solve.
-
-    One period of x'' = -x with BDF, order 5 at most.
-    """
+    """At tight tolerances its steps are short, and each one is plain Python with a linear solve."""
     coarse, fine = steps_of_a_period("BDF")
     holds(fine > 5 * coarse, f"steps {coarse}, {fine}")
     return f"from 1e-6 to 1e-12 the steps of one period of an oscillator grow from {coarse} to {fine}"
@@ -209,8 +189,6 @@ def stuck(tolerance: float) -> tuple[float, int]:
 def sign_in_a_stick() -> str:
     """With `sign` in the right-hand side the field jumps to and fro in a stick, and the error control lets through
     steps of about the tolerance over the jump only.
-
-    v' = 0.5 - sign(v) from v = 0.1: it stops at t = 0.2 and stays.
     """
     counts = [evaluations for _, evaluations in (stuck(1e-3), stuck(1e-5))]
     holds(counts[1] > 20 * counts[0], f"evaluations {counts}")
@@ -224,8 +202,6 @@ def sign_in_a_stick() -> str:
 def sign_hops() -> str:
     """With `sign` in the right-hand side a step over the jump is accepted with an error of tens of tolerances: the
     surface is known no better, and what is closer together than that is not told apart.
-
-    v' = 0.5 - sign(v) from v = 0.1: from t = 0.2 on it is at rest.
     """
     hops = {rtol: stuck(rtol)[0] / rtol for rtol in (1e-3, 1e-4)}
     holds(all(10 < hop < 200 for hop in hops.values()), f"it hops by {hops} tolerances")

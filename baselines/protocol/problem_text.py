@@ -13,8 +13,8 @@ from collections.abc import Mapping
 import sympy as sp
 from sympy.printing.str import StrPrinter
 
-from henon_ref.baselines.mode_functions import is_linear
 from henon_ref.baselines.protocol import messages
+from henon_ref.baselines.surface_functions import is_linear
 from henon_ref.errors import ModelError, UnsupportedError
 from henon_ref.modes import equations
 from henon_ref.modes.callables import rounded

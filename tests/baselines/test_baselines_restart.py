@@ -114,3 +114,12 @@ def test_the_event_free_step_is_as_long_as_the_guard_stays_in_the_noise() -> Non
     assert tangent == pytest.approx((16e-9 / 0.5) ** 0.5, rel=1e-6)  # x = -t^2 / 2
     (longest,) = quiet_until(mode, [(0, 1.0, 0.0)], 0.0, (0.0, 0.0), [1e9], 1.0)
     assert longest == 1.0
+
+
+def test_an_event_free_step_is_made_where_all_modes_have_one_set_of_equations() -> None:
+    """One of the numbers that tell the modes of a chain apart stands in guards alone: the twin has no such parameter."""
+    chain = load_case("classic/block_chain").readings[0].problem
+    problem = replace(chain, until=sp.Integer(1))
+    found, own = (replace(HEYOKA, restart=way).prepare(problem, rtol=1e-9)() for way in ("event-free-step", "offset"))
+    assert [t.to_mode for t in found.transitions] == [t.to_mode for t in own.transitions] != []
+    assert [t.time for t in found.transitions] == pytest.approx([t.time for t in own.transitions], abs=1e-9)

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from henon_ref.baselines.driver import Driver, tolerances
 from henon_ref.baselines.library import Stop
-from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions, landing
+from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
 from henon_ref.baselines.restart import Fresh
 from henon_ref.baselines.scipy_ivp import DOP853
+from henon_ref.baselines.surface_functions import landing
 from henon_ref.baselines.work import Work
 from henon_ref.casefile.case import load_case
 from henon_ref.errors import UnsupportedError
