@@ -260,16 +260,3 @@ class Driver:
             elif rate * (self.until - self.start) <= -value:
                 hits.add(k)
         return tuple(sorted(hits)), tuple(unsettled), ""
-
-
-def tolerances(name: str, rtol: float | None, atol: float | None, step: float | None) -> tuple[float, float]:
-    """Check the tolerances of an adaptive solver; an ``atol`` left out is ``rtol``.
-
-    Raises
-    ------
-    UnsupportedError
-        For a step, or no ``rtol``.
-    """
-    if step is not None or rtol is None:
-        raise UnsupportedError(f"{name} chooses its own steps: give rtol (and atol), not step")
-    return rtol, rtol if atol is None else atol

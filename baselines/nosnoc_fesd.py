@@ -21,8 +21,6 @@ from __future__ import annotations
 import copy
 import io
 from contextlib import redirect_stdout
-from dataclasses import dataclass
-from importlib.util import find_spec
 from itertools import product
 from math import ceil, sqrt
 from types import SimpleNamespace
@@ -33,13 +31,14 @@ import sympy as sp
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from henon_ref.baselines.driver import Driver, tolerances
+from henon_ref.baselines.adapter import Asked, LibrarySolver
+from henon_ref.baselines.driver import Driver
 from henon_ref.baselines.library import LIMIT
 from henon_ref.baselines.record import Record
 from henon_ref.baselines.scipy_ivp import RK45
 from henon_ref.baselines.sundials import ADAMS
-from henon_ref.baselines.work import DeadlinePassed, Work, installed_version
-from henon_ref.errors import UnavailableError, UnsupportedError
+from henon_ref.baselines.work import DeadlinePassed, Work
+from henon_ref.errors import UnsupportedError
 from henon_ref.modes.callables import rounded
 from henon_ref.modes.kinks import visible
 from henon_ref.modes.mode import Mode
@@ -69,43 +68,18 @@ EMPTY = 1e-9
 """A finite element shorter than this part of its control step holds no mode."""
 
 
-@dataclass(frozen=True)
-class Nosnoc:
-    """nosnoc's solver, one control step after another.
+class Nosnoc(LibrarySolver):
+    """nosnoc's solver, one control step after another. There are no samples.
 
     Counts: ``steps`` are finite elements; nosnoc counts no right-hand sides (0), and there are no event functions.
     """
 
-    name: str
-    fixed_step: bool = False
-    landing: str = "switch detection"
+    landing = "switch detection"
+    distribution = module = "nosnoc"
+    extra = "peers"
 
-    @property
-    def version(self) -> str:
-        """nosnoc's version, empty where it is not installed."""
-        return installed_version("nosnoc")
-
-    def unavailable(self) -> str:
-        """Why it cannot be had; empty where it can."""
-        return "" if find_spec("nosnoc") else "nosnoc is not installed: pip install 'henon-ref[peers]'"
-
-    def prepare(
-        self,
-        problem: Problem,
-        *,
-        rtol: float | None = None,
-        atol: float | None = None,
-        step: float | None = None,
-        sample_times: NDArray[np.float64] | None = None,
-        deadline: float | None = None,
-    ) -> Run:
-        """Build the nonlinear program; see :meth:`henon_ref.solver.Solver.prepare`. There are no samples.
-
-        Raises
-        ------
-        UnavailableError, UnsupportedError
-        """
-        rtol, _ = tolerances(self.name, rtol, atol, step)
+    def prepared(self, problem: Problem, asked: Asked) -> Run:
+        """Build the nonlinear program."""
         system = problem.system
         for beyond, words in (
             (system.overrides, "nosnoc slides by Filippov's combination only, and the case replaces it"),
@@ -116,9 +90,8 @@ class Nosnoc:
                 raise UnsupportedError(words)
         if not 1 <= len(system.surfaces) <= MOST_SURFACES:
             raise UnsupportedError(f"{len(system.surfaces)} surfaces: the adapter gives nosnoc 1 to {MOST_SURFACES}")
-        if self.unavailable():
-            raise UnavailableError(self.unavailable())
-        return _Simulation(problem, rtol, self.landing, deadline).run
+        self.loaded()
+        return _Simulation(problem, asked.rtol, self.landing, asked.deadline).run
 
 
 class _Simulation:

@@ -29,12 +29,12 @@ import sympy as sp
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from henon_ref.baselines.driver import tolerances
+from henon_ref.baselines.adapter import Asked, LibrarySolver
 from henon_ref.baselines.library import LIMIT
 from henon_ref.baselines.mode_functions import EPSILON
 from henon_ref.baselines.record import blown_up
-from henon_ref.baselines.work import DeadlinePassed, Work, installed_version
-from henon_ref.errors import UnavailableError, UnsupportedError
+from henon_ref.baselines.work import DeadlinePassed, Work
+from henon_ref.errors import UnsupportedError
 from henon_ref.modes.callables import ARITHMETIC, Jacobian, Scalar, scalar
 from henon_ref.modes.mode import Mode, replaced, transition_kind
 from henon_ref.modes.problem import Problem
@@ -65,57 +65,31 @@ class BudgetSpent(Exception):  # noqa: N818  (not an error: a way out of SciPy's
 
 
 @dataclass(frozen=True)
-class ScipyNaive:
+class ScipyNaive(LibrarySolver):
     """One field for the whole run, in SciPy, without events.
 
     Counts: ``steps`` are accepted steps, ``rhs_evaluations`` all calls of the right-hand side (Jacobians not
     counted); there are no event functions.
     """
 
-    name: str
     sign: Literal["tanh", "sign"]
     method: Literal["LSODA", "RK45"]
     budget: int | None = None
     """Right-hand sides a run may take."""
-    fixed_step: bool = False
-    landing: str = "band"
+    landing = "band"
+    distribution = "SciPy"
+    module = "scipy.integrate"
 
-    @property
-    def version(self) -> str:
-        """SciPy's version."""
-        return installed_version("scipy")
-
-    def prepare(
-        self,
-        problem: Problem,
-        *,
-        rtol: float | None = None,
-        atol: float | None = None,
-        step: float | None = None,
-        sample_times: NDArray[np.float64] | None = None,
-        deadline: float | None = None,
-    ) -> Run:
-        """Lambdify the field; see :meth:`henon_ref.solver.Solver.prepare`.
-
-        Raises
-        ------
-        UnsupportedError
-            Where a surface has its own sliding, the state jumps, or the run begins on a surface and the case gives the
-            side: the sign is 0 there.
-        """
-        rtol, atol = tolerances(self.name, rtol, atol, step)
+    def prepared(self, problem: Problem, asked: Asked) -> Run:
+        """Lambdify the field."""
         if problem.system.resets:
             raise UnsupportedError(f"{self.name} watches no surface, so the state cannot jump where one is reached")
         if any(problem.initial_mode.values()):
             raise UnsupportedError(f"{self.name} has the sign 0 on a surface, so it cannot begin there on a given side")
         if problem.system.overrides:
             raise UnsupportedError(f"{self.name} knows no sliding, so it cannot do one that the case replaces")
-        try:
-            import scipy.integrate as integrate
-        except ImportError as error:
-            raise UnavailableError("SciPy is not installed") from error
-        method = getattr(integrate, self.method)
-        return _Naive(self, problem, method, max(rtol, 100.0 * EPSILON), atol, Work(deadline)).run
+        method = getattr(self.loaded(), self.method)
+        return _Naive(self, problem, method, max(asked.rtol, 100.0 * EPSILON), asked.atol, Work(asked.deadline)).run
 
 
 def _sgn(value: float) -> float:

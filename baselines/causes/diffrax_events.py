@@ -77,8 +77,8 @@ def last_root() -> str:
 
 @shows("diffrax-pair", "diffrax: two roots in one step cancel")
 def pair_in_one_step() -> str:
-    """Signs of a condition are compared at the two ends of a step. An even number of roots in between leaves no trace.
-    """
+    """Signs of a condition are compared at the two ends of a step. An even number of roots in between leaves no
+    trace."""
     found = solve(_one, [0.0], 2.0, lambda t, y, args, **_: (y[0] - 1.0) ** 2 - 2.5e-5, step=0.3)
     holds(float(found.ts[0]) == 2.0, f"it stops at {found.ts[0]}")
     return "roots at t = 0.995 and 1.005, in one of steps of 0.3, are not reported; the run ends at 2"

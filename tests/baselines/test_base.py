@@ -78,8 +78,9 @@ def test_a_library_that_is_not_installed_and_a_step_are_refused() -> None:
     assert Lines("missing").version == ""
     with pytest.raises(UnavailableError, match="a package that is not installed is not installed"):
         Lines("missing").prepare(STICKS_AT_2, rtol=1e-9)
-    with pytest.raises(UnsupportedError, match="chooses its own steps"):
-        Lines("lines").prepare(STICKS_AT_2, step=1e-3)
+    for asked in ({"step": 1e-3}, {"rtol": 1e-6, "step": 1e-3}, {}):
+        with pytest.raises(UnsupportedError, match="lines chooses its own steps: give rtol"):
+            Lines("lines").prepare(STICKS_AT_2, **asked)
 
 
 class Euler(SmoothMode):

@@ -117,7 +117,7 @@ def test_the_event_free_step_is_as_long_as_the_guard_stays_in_the_noise() -> Non
 
 
 def test_an_event_free_step_is_made_where_all_modes_have_one_set_of_equations() -> None:
-    """One of the numbers that tell the modes of a chain apart stands in guards alone: the twin has no such parameter."""
+    """A number that tells the modes of a chain apart stands in guards alone: the twin has no such parameter."""
     chain = load_case("classic/block_chain").readings[0].problem
     problem = replace(chain, until=sp.Integer(1))
     found, own = (replace(HEYOKA, restart=way).prepare(problem, rtol=1e-9)() for way in ("event-free-step", "offset"))

@@ -13,7 +13,7 @@ import sympy as sp
 import systems
 from numpy.typing import NDArray
 
-from henon_ref.baselines.driver import Driver, tolerances
+from henon_ref.baselines.driver import Driver
 from henon_ref.baselines.library import Stop
 from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
 from henon_ref.baselines.restart import Fresh
@@ -21,7 +21,6 @@ from henon_ref.baselines.scipy_ivp import DOP853
 from henon_ref.baselines.surface_functions import landing
 from henon_ref.baselines.work import Work
 from henon_ref.casefile.case import load_case
-from henon_ref.errors import UnsupportedError
 from henon_ref.modes.callables import _lambdified
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem
@@ -253,14 +252,6 @@ def test_transitions_are_a_sequence() -> None:
     assert [t.kind for t in found[1:]] == ["stick"]
     assert found[-1].landing == "exact"
     assert isinstance(found[0].time, float)
-
-
-def test_tolerances_are_asked_for() -> None:
-    assert tolerances("x", 1e-6, None, None) == (1e-6, 1e-6)
-    with pytest.raises(UnsupportedError, match="rtol"):
-        tolerances("x", None, None, None)
-    with pytest.raises(UnsupportedError, match="step"):
-        tolerances("x", 1e-6, 1e-6, 1e-3)
 
 
 def test_a_mode_that_was_not_seen_before_costs_no_functions_of_its_own() -> None:

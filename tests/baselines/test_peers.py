@@ -14,11 +14,11 @@ import systems
 from child import child, trajectory
 
 import henon_ref
-from henon_ref.baselines.adapter import Adapter
-from henon_ref.baselines.diffrax_ode import DOPRI8, KVAERNO5, _said, mode_source
+from henon_ref.baselines.adapter import LibrarySolver
+from henon_ref.baselines.diffrax_ode import DOPRI8, _said, mode_source
 from henon_ref.baselines.diffsol_ode import BDF, TSIT45, mode_text, number, to_diffsl
 from henon_ref.baselines.mode_functions import ModeFunctions
-from henon_ref.baselines.nosnoc_fesd import FEWEST, GRID, NOSNOC, Nosnoc, _control_steps
+from henon_ref.baselines.nosnoc_fesd import FEWEST, GRID, NOSNOC, _control_steps
 from henon_ref.baselines.scipy_ivp import RK45
 from henon_ref.errors import UnavailableError, UnsupportedError
 from henon_ref.harness import registry
@@ -203,11 +203,11 @@ def test_one_source_serves_all_parameter_values_but_those_in_exponents() -> None
     assert source(1, 3)[0] != source(1, 2)[0]
 
 
-@pytest.mark.parametrize("solver", [DOPRI8, KVAERNO5, TSIT45, BDF], ids=lambda s: s.name)
+@pytest.mark.parametrize("solver", [DOPRI8, TSIT45, NOSNOC], ids=lambda s: s.name)
 def test_a_peer_that_is_not_installed_is_unavailable_with_the_line_that_installs_it(
-    monkeypatch: pytest.MonkeyPatch, solver: Adapter
+    monkeypatch: pytest.MonkeyPatch, solver: LibrarySolver
 ) -> None:
-    def absent(self: Adapter) -> None:
+    def absent(self: LibrarySolver) -> None:
         raise ImportError
 
     monkeypatch.setattr(type(solver), "load", absent)
@@ -216,15 +216,9 @@ def test_a_peer_that_is_not_installed_is_unavailable_with_the_line_that_installs
         solver.prepare(systems.free_coulomb(), rtol=1e-6)
 
 
-def test_nosnoc_that_is_not_installed_is_unavailable(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("henon_ref.baselines.nosnoc_fesd.find_spec", lambda name: None)
-    with pytest.raises(UnavailableError, match=r"^nosnoc is not installed: pip install 'henon-ref\[peers\]'$"):
-        NOSNOC.prepare(systems.free_coulomb(), rtol=1e-6)
-
-
 def test_each_names_its_library() -> None:
     for name in ("diffrax-dopri8", "diffrax-kvaerno5", "diffsol-tsit45", "diffsol-bdf", "nosnoc"):
         solver = registry.solver(name)
-        assert isinstance(solver, Adapter | Nosnoc)
+        assert isinstance(solver, LibrarySolver)
         assert solver.name == name
         assert solver.version == registry.library_version(name)
