@@ -131,8 +131,8 @@ def expanded(wanted: Sequence[T]) -> tuple[T | str, ...]:
 
 def is_peer(name: str) -> bool:
     """Whether a built-in solver's library comes with an extra, so that it may not be installed."""
-    base = base_name(name)
-    return base in _BUILT_IN and _BUILT_IN[base].peer
+    file = _file(name)
+    return file is not None and file.peer
 
 
 def check(name: str) -> str:
@@ -172,6 +172,11 @@ def base_name(name: str) -> str:
     return _base_and_restart(name)[0]
 
 
+def _file(name: str) -> AdapterFile | None:
+    """That of a built-in solver, whatever its restart; None for a third party's."""
+    return _BUILT_IN.get(base_name(name))
+
+
 def _base_and_restart(name: str) -> tuple[str, str]:
     """The solver's name and its restart; a third party's name may hold an ``@`` of its own."""
     if name in _third_party():
@@ -182,8 +187,8 @@ def _base_and_restart(name: str) -> tuple[str, str]:
 
 def restart_of(name: str) -> str:
     """How a built-in solver restarts its library; empty where there is nothing to restart."""
-    base, restart = _base_and_restart(name)
-    return restart or (_BUILT_IN[base].restart if base in _BUILT_IN else "")
+    file, restart = _file(name), _base_and_restart(name)[1]
+    return restart or (file.restart if file is not None else "")
 
 
 def with_restart(name: str, restart: str) -> str:
@@ -196,8 +201,8 @@ def fixed_step(name: str) -> bool | None:
 
     (See :func:`henon_ref.harness.campaign.plugin_probe.fixed_step`, which has a worker import it.)
     """
-    name = base_name(check(name))
-    return _BUILT_IN[name].fixed_step if name in _BUILT_IN else None
+    file = _file(check(name))
+    return None if file is None else file.fixed_step
 
 
 _REFUSED: dict[EntryPoint, str] = {}
@@ -216,18 +221,17 @@ def refuse(point: EntryPoint, reason: str) -> None:
 
 def distribution(name: str) -> str:
     """The package that a solver comes from; empty where that is not known."""
-    name = base_name(name)
-    if name in _BUILT_IN:
-        return _BUILT_IN[name].distribution
-    point = _third_party().get(name)
+    file, point = _file(name), _third_party().get(base_name(name))
+    if file is not None:
+        return file.distribution
     return point.dist.name if point is not None and point.dist else ""
 
 
 def library_version(name: str) -> str:
     """Version of the package a solver comes from, without importing it; empty where it is not installed."""
-    base, package = base_name(name), distribution(name)
-    if base in _BUILT_IN and _BUILT_IN[base].program:
-        return str(_BUILT_IN[base].solver(base).version)
+    file, package = _file(name), distribution(name)
+    if file is not None and file.program:
+        return str(file.solver(base_name(name)).version)
     try:
         return version(package) if package else ""
     except PackageNotFoundError:
@@ -236,7 +240,7 @@ def library_version(name: str) -> str:
 
 def missing_package(name: str) -> str:
     """What pip installs where a built-in solver's library is missing; empty where it is there, or is no package."""
-    file = _BUILT_IN.get(base_name(name))
+    file = _file(name)
     if file is None or file.program or library_version(name):
         return ""
     return "henon-ref[peers]" if file.peer else file.distribution
