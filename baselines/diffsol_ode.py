@@ -128,11 +128,6 @@ def mode_text(model: ModeFunctions) -> str:
 
     Its inputs are the initial unknowns, and for each guard a lift and a time up to which it reads 1. The last stop
     function is the guard against divergence, 1e100 minus the sum of abs(x).
-
-    Raises
-    ------
-    UnsupportedError
-        For a function that DiffSL does not have.
     """
     names = {x: f"x{k}" for k, x in enumerate(model.unknowns)}
     guards = range(len(model.guards))

@@ -56,6 +56,8 @@ STEPS_BETWEEN_OUTPUTS = 1_000_000
 class _SundialsMode(SmoothMode):
     """One mode on an integrator of scikit-sundae: subclasses set the attributes and add ``start``."""
 
+    integrator: str
+    """Its class."""
     function: Callable[..., None]
     """Right-hand side or residual."""
     options: dict[str, Any]
@@ -83,13 +85,8 @@ class _SundialsMode(SmoothMode):
 
     @abstractmethod
     def start(self, t: float, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
-        """The arrays that the library's ``solve`` starts from where the unknowns are x at t.
-
-        Raises
-        ------
-        ZeroDivisionError, ValueError, OverflowError
-            Where the field has no value there.
-        """
+        """The arrays that the library's ``solve`` starts from where the unknowns are x at t; raises an arithmetic error
+        where the field has no value there."""
 
     def integrate(self, t: float, x: NDArray[np.float64], until: float) -> Stop:
         """See :class:`henon_ref.baselines.smooth_mode.SmoothMode`."""
@@ -97,13 +94,13 @@ class _SundialsMode(SmoothMode):
             start = self.start(t, x)
         except ARITHMETIC as error:
             return self.failed(f"the field has no value at the start: {error}")
-        work, said = self.work, io.StringIO()
+        make, work, said = getattr(self.library.module, self.integrator), self.work, io.StringIO()
         before = work.rhs
         # scikit-sundae prints its errors.
         with redirect_stdout(said):
             try:
                 # A new object every time: it keeps the events of earlier calls.
-                result = self.library.module(self.function, **self.options).solve([t, until], *start)
+                result = make(self.function, **self.options).solve([t, until], *start)
             except (RuntimeError, Stalled) as error:
                 return self.failed(f"{error} {said.getvalue().strip()}")
         work.steps += result.t.size - 1
@@ -119,6 +116,8 @@ class _SundialsMode(SmoothMode):
 
 class _CvodeMode(_SundialsMode):
     """CVODE on one mode."""
+
+    integrator = "CVODE"
 
     def __init__(self, library: Library, model: ModeFunctions, work: Work, horizon: float) -> None:
         super().__init__(library, model, work, horizon)
@@ -217,6 +216,8 @@ def _between_signs(expression: sp.Expr, signs: set[sp.Symbol]) -> sp.Expr:
 class _IdaMode(_SundialsMode):
     """IDA on one mode."""
 
+    integrator = "IDA"
+
     def __init__(self, library: Library, model: ModeFunctions, work: Work, horizon: float) -> None:
         super().__init__(library, model, work, horizon)
         callbacks: Callbacks = library.solver.callbacks
@@ -284,6 +285,7 @@ def _compiled_residual(equations: _Equations) -> Callable[..., None]:
     return _ready(njit(resfn), len(equations.unknowns), points=2)
 
 
+@dataclass(frozen=True)
 class SundialsAdapter(Adapter):
     """What is the same of CVODE and IDA as solvers: dense Newton iteration with the Jacobian that SymPy derives.
 
@@ -292,6 +294,8 @@ class SundialsAdapter(Adapter):
     divergence among them.
     """
 
+    callbacks: Callbacks = field(default="python", kw_only=True)
+    """Right-hand side (or residual) and Jacobian in plain Python or compiled; the event function is plain Python."""
     landing = "illinois"
     distribution = "scikit-sundae"
     least_rtol = 1e-15  # its documentation asks for no smaller one
@@ -305,15 +309,8 @@ class SundialsCvode(SundialsAdapter):
 
     method: Literal["Adams", "BDF"]
     restart: Restart = field(default="direction", kw_only=True)
-    callbacks: Callbacks = "python"
-    """Right-hand side and Jacobian in plain Python or compiled; the event function is plain Python."""
     mode = _CvodeMode
-
-    def load(self) -> Callable[..., Any]:
-        """The class ``CVODE``."""
-        from sksundae.cvode import CVODE
-
-        return CVODE
+    module = "sksundae.cvode"
 
 
 @dataclass(frozen=True)
@@ -321,15 +318,8 @@ class SundialsIda(SundialsAdapter):
     """IDA on one mode after another."""
 
     restart: Restart = field(default="offset", kw_only=True)
-    callbacks: Callbacks = "python"
-    """Residual and Jacobian in plain Python or compiled; the event function is plain Python."""
     mode = _IdaMode
-
-    def load(self) -> Callable[..., Any]:
-        """The class ``IDA``."""
-        from sksundae.ida import IDA
-
-        return IDA
+    module = "sksundae.ida"
 
 
 ADAMS = SundialsCvode("cvode-adams", "Adams")

@@ -92,13 +92,7 @@ def compiler() -> str:
 
 
 def tools() -> tuple[str, Path]:
-    """Compiler and folder of headers.
-
-    Raises
-    ------
-    UnavailableError
-        Where one of them is missing.
-    """
+    """Compiler and folder of headers; :class:`UnavailableError` where one of them is missing."""
     found, folder, version = compiler(), include_folder(), library_version()
     if not found:
         raise UnavailableError(f"there is no C compiler ({PACKAGES})")
@@ -113,11 +107,6 @@ def program_for(equations: str) -> Path:
     """The compiled program with these equations, kept in the cache.
 
     The key is the text of all that goes into it: program, equations, compiler, options, and the version of the library.
-
-    Raises
-    ------
-    UnavailableError
-        Where it cannot be compiled here.
     """
     found, folder = tools()
     texts = {name: files("henon_ref.baselines.programs").joinpath(name).read_text(encoding="utf-8") for name in SOURCES}

@@ -94,17 +94,8 @@ def exchange(
 ) -> bytes:
     """Start a program, hand it the request, and read all that it writes.
 
-    Its streams are files, so that nobody has to read while it writes.
-
-    Parameters
-    ----------
-    command : sequence of str
-        Program and arguments; no shell reads them.
-    request : bytes
-        Its whole standard input.
-    limits : Limits
-    environment : mapping, optional
-        Variables that it gets besides ours.
+    Its streams are files, so that nobody has to read while it writes. No shell reads the command; ``environment`` are
+    variables that it gets besides ours.
 
     Raises
     ------
@@ -141,12 +132,9 @@ def exchange(
 
 
 def _limit(pid: int, limits: Limits) -> float:
-    """Set the system's own limits, none above ours; a program that has ended already needs none.
+    """Set the system's own limits, none above ours, and give the processor time that is allowed [s].
 
-    Returns
-    -------
-    float
-        Processor time that it is allowed [s]; infinite where the system cannot be asked for a limit.
+    It is infinite where the system cannot be asked for a limit; a program that has ended already needs none.
     """
     if resource is None or not hasattr(resource, "prlimit"):
         return math.inf
@@ -169,13 +157,7 @@ def _own_limits(kind: int) -> list[int]:
 
 
 def _wait(process: _Program, limits: Limits, output: IO[bytes], said: IO[bytes]) -> None:
-    """Wait until the program has ended.
-
-    Raises
-    ------
-    ProgramTimeoutError, ProgramError
-        Where it takes too long, or writes too much.
-    """
+    """Wait until the program has ended; raise where it takes too long, or writes too much."""
     began, pause, ended = monotonic(), 1e-3, False
     while not ended:
         ended = process.has_ended()
