@@ -101,14 +101,11 @@ class Driver:
     def run(self) -> Trajectory:
         """The whole run, afresh."""
         self.work.start()
-        system, x = self.problem.system, self.initial
-        record = Record(
-            self.work, len(system.surfaces), len(system.states), self.until - self.start, self.sample_times,
-            self.library.landing, self.library.errors[1],
-        )  # fmt: skip
+        library = self.library
+        record = Record(self.work, self.problem, library.landing, library.errors[1], self.sample_times)
         if self.decision.mode is None or self._first is None:
-            unknown = (0,) * len(system.surfaces)
-            return record.finish(self.decision.ending, self.start, x, unknown, self.decision.reason)
+            nowhere = (0,) * len(self.problem.system.surfaces)
+            return record.finish(self.decision.ending, self.start, self.initial, nowhere, self.decision.reason)
         return self._march(record, self.decision.mode, *self._first)
 
     def _march(self, record: Record, mode: Mode, entry: ModeEntry, fresh: tuple[Fresh, ...]) -> Trajectory:

@@ -15,7 +15,7 @@ import sympy as sp
 from henon_ref.baselines.library import Flow, Library
 from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
 from henon_ref.baselines.restart import Fresh
-from henon_ref.baselines.surface_functions import of_few, projected
+from henon_ref.baselines.surface_functions import projected, surface
 from henon_ref.baselines.work import Work
 from henon_ref.jit.processor_time import compiling
 from henon_ref.modes.after_jump import after_jump, without_speed
@@ -167,7 +167,6 @@ class ModeTable:
         self.in_doubles: ModeEvaluation = known.in_doubles if known else in_doubles(system)
         self._entries: dict[Key, ModeEntry] = {}
         self._models: dict[Key, ModeFunctions] = known._models if known else {}
-        self._surfaces: dict[int, tuple[Scalar, Scalar]] = {}
         self._functions: dict[tuple[sp.Expr, ...], Scalar] = {}
 
     def __getitem__(self, mode: Mode) -> ModeEntry:
@@ -221,7 +220,7 @@ class ModeTable:
         guards = [model.guards[k] for k in hits]
         sliding = {i for i, s in enumerate(model.mode) if s == 0}
         involved = self.system.closed({g.index for g in guards if g.ends is None}, sliding) | model.idle
-        x, drift = projected([self._surface(i) for i in sorted(involved)], t, x)
+        x, drift = projected([surface(self.system, i) for i in sorted(involved)], t, x)
         for i, entry_now in enumerate(model.mode):  # what errors have made of the speed of a body at rest
             impact = impact_of(self.system, i) if entry_now == 0 and self.system.rests(i) else None
             x = x if impact is None else tuple(without_speed(impact, self, t, x))
@@ -283,7 +282,7 @@ class ModeTable:
 
     def on_surface(self, index: int, t: float, x: Sequence[float]) -> tuple[tuple[float, ...], float]:
         """A state put on a surface, and how far from it it was."""
-        return projected([self._surface(index)], t, x)
+        return projected([surface(self.system, index)], t, x)
 
     def fresh_at(self, entry: ModeEntry, t: float, x: Sequence[float], involved: Sequence[int]) -> tuple[Fresh, ...]:
         """Guards of a mode that start at zero: of the surfaces just left, and any other within rounding of it."""
@@ -306,15 +305,7 @@ class ModeTable:
     def drift(self, entry: ModeEntry, t: float, x: Sequence[float]) -> float:
         """Largest abs(h) over the surfaces a mode slides on."""
         sliding = [i for i, s in enumerate(entry.model.mode) if s == 0]
-        return max((abs(self._surface(i)[0](t, *x)[0]) for i in sliding), default=0.0)
-
-    def _surface(self, index: int) -> tuple[Scalar, Scalar]:
-        if index not in self._surfaces:
-            h = self.system.numeric(self.system.surfaces[index])
-            gradient = [sp.diff(h, x) for x in self.system.states]
-            states = self.system.states
-            self._surfaces[index] = (of_few(states, (h,)), of_few(states, tuple(gradient)))
-        return self._surfaces[index]
+        return max((abs(surface(self.system, i)[0](t, *x)[0]) for i in sliding), default=0.0)
 
 
 def _speed(model: ModeFunctions, index: int, t: float, x: Sequence[float]) -> tuple[float, float]:

@@ -46,7 +46,7 @@ from henon_ref.modes.problem import Problem
 from henon_ref.solver import Run
 from henon_ref.taylor.rules import FUNCTIONS
 from henon_ref.taylor.tape import TIME
-from henon_ref.trajectory import Trajectory
+from henon_ref.trajectory import Status, Trajectory
 
 STAGES = ((1e-7, 3), (1e-10, 4), (0.0, 5))
 """Tolerances above the first number have so many stages: 3 at 1e-6, 4 at 1e-9, 5 at 1e-12."""
@@ -121,23 +121,25 @@ class _Simulation:
         """The whole run, afresh."""
         system, self.largest = self.problem.system, np.full(len(self.problem.system.surfaces), self.nearest)
         self.work.start()
-        states = len(system.states)
-        record = Record(self.work, len(system.surfaces), states, self.until - self.start, None, self.landing, 0.0)
         with threadpool_limits(1):
-            found = self._march(record, states)
+            found = self._march(Record(self.work, self.problem, self.landing))
         return found._replace(transitions=visible(system, found.transitions))
 
-    def _march(self, record: Record, states: int) -> Trajectory:
-        x, mode = self.initial, (0,) * len(self.problem.system.surfaces)
+    def _march(self, record: Record) -> Trajectory:
+        x, mode, states = self.initial, (0,) * len(self.largest), len(self.problem.system.states)
+
+        def ended(status: Status, t: float, reason: str = "") -> Trajectory:
+            return record.finish(status, t, tuple(x[:states].tolist()), mode, reason)
+
         for k in range(self.steps):
             t = self.start + k * self.length
             try:
                 self.work.check()
             except DeadlinePassed:
-                return record.finish("timeout", t, x[:states].tolist(), mode, f"stopped after {self.work.deadline:g} s")
+                return ended("timeout", t, f"stopped after {self.work.deadline:g} s")
             elements = self._step(x, 0)
             if elements is None:
-                return record.finish("failed", t, x[:states].tolist(), mode, f"IPOPT finds no step from t = {t:.17g}")
+                return ended("failed", t, f"IPOPT finds no step from t = {t:.17g}")
             for at, element in enumerate(elements):
                 if element.length > EMPTY * self.length:
                     after = self._mode(element)
@@ -148,9 +150,8 @@ class _Simulation:
                     record.drift = max([record.drift, *element.off[[s == 0 for s in mode], -1]])
                 t, x = t + element.length, element.x
             if not np.abs(x).max() <= LIMIT:
-                words = f"the state passed {LIMIT:g} at t = {t:.17g}"
-                return record.finish("diverged", t, x[:states].tolist(), mode, words)
-        return record.finish("ok", self.until, tuple(x[:states].tolist()), mode)
+                return ended("diverged", t, f"the state passed {LIMIT:g} at t = {t:.17g}")
+        return ended("ok", self.until)
 
     def _step(self, x: NDArray[np.float64], level: int) -> list[SimpleNamespace] | None:
         """The finite elements of a control step that was halved so often; None where IPOPT finds none."""

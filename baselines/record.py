@@ -16,6 +16,7 @@ from henon_ref.baselines.restart import MARGIN
 from henon_ref.baselines.work import Work
 from henon_ref.modes.callables import ARITHMETIC, Scalar
 from henon_ref.modes.mode import Mode, transition_kind
+from henon_ref.modes.problem import Problem
 from henon_ref.modes.resets import rows_at
 from henon_ref.trajectory import Kind, Status, Trajectory, Transition
 
@@ -72,7 +73,7 @@ class Transitions(Sequence[Transition]):
 
 
 class Record:
-    """What a run over ``horizon`` [s] of a system of so many surfaces and states has seen so far.
+    """What a run of a problem has seen so far.
 
     ``blur`` is the absolute error that the library leaves in a state just after a start; shorter and shorter excursions
     end as a chatter of about its square root, not in the last place of the time.
@@ -81,20 +82,19 @@ class Record:
     def __init__(
         self,
         work: Work,
-        surfaces: int,
-        states: int,
-        horizon: float,
-        sample_times: NDArray[np.float64] | None,
+        problem: Problem,
         landing: str,
-        blur: float,
+        blur: float = 0.0,
+        sample_times: NDArray[np.float64] | None = None,
     ) -> None:
         self.work, self.landing = work, landing
         self.events: list[_Fields] = []
         self.drift = 0.0
         self._times: list[float] = []
-        self._window, self._horizon = WINDOW + 4 * surfaces, horizon
+        self._window = WINDOW + 4 * len(problem.system.surfaces)
+        self._horizon = float(problem.until) - float(problem.start)
         self._floor = min(1e-2, CHATTER * math.sqrt(blur))
-        self._sample_times = sample_times
+        self._sample_times, states = sample_times, len(problem.system.states)
         self._samples = None if sample_times is None else np.full((len(sample_times), states), np.nan)
         self._sample_modes: list[Mode] = []
 

@@ -106,6 +106,13 @@ def _in_two(first: Scalar, second: Scalar, t: float, x: tuple[float, ...]) -> tu
     return (h, *second(t, *point), *point)
 
 
+@lru_cache(maxsize=4096)
+def surface(system: FilippovSystem, index: int) -> tuple[Scalar, Scalar]:
+    """A surface's function ``h(t, *x) -> (value,)`` and its gradient in the states."""
+    states, h = system.states, system.numeric(system.surfaces[index])
+    return of_few(states, (h,)), of_few(states, tuple(sp.diff(h, x) for x in states))
+
+
 def projected(
     surfaces: Sequence[tuple[Scalar, Scalar]], t: float, x: Sequence[float]
 ) -> tuple[tuple[float, ...], float]:
