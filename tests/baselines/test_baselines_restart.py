@@ -62,7 +62,7 @@ def test_heyoka_takes_an_event_free_step_where_it_has_lost_an_early_root(monkeyp
     """The guard is below zero without an event then; nobody would know otherwise than by the driver's word."""
     problem = next(r.problem for r in load_case("hard/quick_restick").readings if r.name == "slow")
     assert times(HEYOKA, problem) == pytest.approx([1.0, 1.002], abs=0.01)
-    monkeypatch.setattr(heyoka_taylor._Flow, "_is_lost", lambda *_: False)
+    monkeypatch.setattr(heyoka_taylor._Mode, "_is_lost", lambda *_: False)
     found = HEYOKA.prepare(problem, rtol=1e-9)()
     assert (found.status, "stepped over" in found.reason) == ("failed", True)
 
