@@ -19,22 +19,25 @@ seconds) once a process for all parameter values and tolerances; that time is ``
 from __future__ import annotations
 
 import re
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from types import SimpleNamespace
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
+import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.baselines.adapter import Adapter, ConfiguredLibrary
-from henon_ref.baselines.base import SmoothMode
-from henon_ref.baselines.flow import LIMIT, Stop
-from henon_ref.baselines.jax_functions import ModeSource, jax_function, mode_source
+from henon_ref.baselines.adapter import Adapter
+from henon_ref.baselines.library import LIMIT, Library, Stop
 from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
 from henon_ref.baselines.restart import LEAST, Restart
 from henon_ref.baselines.scipy_ivp import scouting
+from henon_ref.baselines.smooth_mode import SmoothMode
 from henon_ref.baselines.work import Work
 from henon_ref.modes.callables import ARITHMETIC
+from henon_ref.modes.equations import along
+from henon_ref.taylor.tape import TIME
 
 MAX_STEPS = 4096
 """Steps between two looks at the clock (diffrax's own default for ``max_steps``)."""
@@ -47,63 +50,20 @@ SCALE = 1e-100
 time here."""
 
 
-@dataclass(frozen=True)
-class DiffraxOde(Adapter):
-    """``diffrax.diffeqsolve`` on one smooth mode after another, in double precision on the processor.
-
-    Counts: ``steps`` are accepted steps; ``rhs_evaluations`` are counted for Dopri8, 13 a step, rejected ones too
-    (diffrax does not count, and of Kvaerno5's iterations nothing is known: 0); ``event_evaluations`` one a guard and
-    accepted step, those of the root finder not counted.
-    """
-
-    method: Literal["Dopri8", "Kvaerno5"]
-    restart: Restart = field(default="offset", kw_only=True)
-    landing = "bisection"
-    distribution = "diffrax"
-    extra = "peers"
-
-    def load(self) -> Any:
-        """jax, diffrax and optimistix."""
-        import diffrax
-        import jax
-        import optimistix
-
-        jax.config.update("jax_enable_x64", True)
-        jax.config.update("jax_platforms", "cpu")
-        # A run's processor time is that of its own thread.
-        jax.config.update("jax_cpu_enable_async_dispatch", False)
-        return SimpleNamespace(jax=jax, diffrax=diffrax, optimistix=optimistix)
-
-    def start_errors(self, rtol: float, atol: float) -> tuple[float, float]:
-        """An explicit method's first step is as exact as it is short."""
-        return super().start_errors(rtol, atol) if self.method == "Kvaerno5" else (EPSILON, 0.0)
-
-    loosened = scouting
-
-    def location_error(self, t: float) -> float:
-        """Rounding of the dense output whose root is sought: more than the tolerances of the root finder."""
-        return DENSE_OUTPUT * EPSILON * (1.0 + abs(t))
-
-    def flow(self, library: ConfiguredLibrary, model: ModeFunctions, work: Work, horizon: float) -> _Flow:
-        return _Flow(self, library, model, work, horizon)
-
-
-class _Flow(SmoothMode):
+class _Mode(SmoothMode):
     """diffrax on one mode."""
 
-    def __init__(
-        self, adapter: DiffraxOde, library: ConfiguredLibrary, model: ModeFunctions, work: Work, horizon: float
-    ) -> None:
+    def __init__(self, library: Library, model: ModeFunctions, work: Work, horizon: float) -> None:
         super().__init__(library, model, work, horizon)
-        self._stages = STAGES if adapter.method == "Dopri8" else 0
+        method = library.solver.method
+        self._stages = STAGES if method == "Dopri8" else 0
         source, values = mode_source(model)
-        self._solve = _compiled(library.module, adapter.method, adapter.restart == "none", source)
+        self._solve = _compiled(library.module, method, library.restart == "none", source)
         self._numbers = np.array(values, dtype=float)
         self._tolerances = np.array([library.rtol, library.atol])
 
     def integrate(self, t: float, x: NDArray[np.float64], until: float) -> Stop:
-        """See :class:`henon_ref.baselines.base.SmoothMode`."""
-        begin, start = t, x
+        """See :class:`henon_ref.baselines.smooth_mode.SmoothMode`."""
         self._lift(t, x)
         signs = self._unarmed(t, x)
         while True:
@@ -116,15 +76,13 @@ class _Flow(SmoothMode):
             if risen:
                 signs[risen] = 1.0
             elif solved.event or solved.arrived:
-                stop = self.stopped(solved.t, solved.x, solved.fallen if solved.event else None)
-                break
+                return self.stopped(solved.t, solved.x, solved.fallen if solved.event else None)
             elif not solved.more:
                 return self.failed(f"diffrax: {solved.words}")
             if not risen and solved.t - t <= 4.0 * EPSILON * abs(solved.t):
                 return self.failed(f"diffrax does not advance from t = {t:.17g}")
             t, x = solved.t, solved.x
             self.work.check()
-        return stop if self.wanted is None else stop._replace(samples=self._sampled(begin, start, stop.t))
 
     def _lift(self, t: float, x: NDArray[np.float64]) -> None:
         """Lift a guard that was left and still reads no more than zero, as one of the time alone may by its rounding.
@@ -181,19 +139,6 @@ class _Flow(SmoothMode):
         except ARITHMETIC:
             return int(np.argmin(values))
         return int(np.argmin(np.append(values[:-1] / np.maximum(rates, LEAST), np.sign(values[-1]) * np.inf)))
-
-    def _sampled(self, t: float, x: NDArray[np.float64], end: float) -> NDArray[np.float64]:
-        """States at the wanted times up to the end, from one to the next, by a second pass that counts for nothing."""
-        assert self.wanted is not None
-        work, rows, signs = self.work, [], self._unarmed(t, x)
-        kept = work.steps, work.rhs, work.events
-        for time in self.wanted[self.wanted <= end].tolist():
-            if time > t:
-                solved = self._run(t, x, time, signs)
-                t, x = time, solved.x
-            rows.append(x[: self.states])
-        work.steps, work.rhs, work.events = kept
-        return np.array(rows).reshape(-1, self.states)
 
 
 def _said(error: RuntimeError) -> str:
@@ -259,6 +204,89 @@ def _solve(module: Any, method: str, either: bool, source: ModeSource) -> Any:
         return jnp.concatenate([jnp.atleast_1d(part) for part in parts]), solution.result
 
     return solve
+
+
+class ModeSource(NamedTuple):
+    """One mode's equations, parameters as symbols: what is compiled, and what a compiled function is found by."""
+
+    unknowns: tuple[sp.Symbol, ...]
+    """The states, then a copy of each guard that is not linear in them."""
+    states: int
+    numbers: tuple[sp.Symbol, ...]
+    """Parameters that are arguments."""
+    right: tuple[sp.Expr, ...]
+    """Time derivatives of the unknowns."""
+    guards: tuple[sp.Expr, ...]
+
+
+def mode_source(model: ModeFunctions) -> tuple[ModeSource, tuple[float, ...]]:
+    """A mode's equations with parameters as symbols, and the parameters' values.
+
+    One that stands in an exponent is put in: ``x**2`` is a product and ``x**p`` a logarithm.
+    """
+    fields, guards = model.equations.field, tuple(g.expression for g in model.guards)
+    parameters = model.system.parameters
+    used = set().union(*(e.free_symbols for e in (*fields, *guards)))
+    powers = {e.exp for f in (*fields, *guards) for e in f.atoms(sp.Pow)}
+    fixed = {p: v for p, v in parameters.items() if any(p in e.free_symbols for e in powers)}
+    fields, guards = (tuple(e.xreplace(fixed) for e in group) for group in (fields, guards))
+    numbers = tuple(p for p in parameters if p in used and p not in fixed)
+    copies = tuple(sp.Symbol(f"guard_{k}_", real=True) for k in model.followed)
+    right = (*fields, *(along(guards[k], model.states, fields) for k in model.followed))
+    source = ModeSource((*model.states, *copies), len(model.states), numbers, right, guards)
+    return source, tuple(float(parameters[p]) for p in numbers)
+
+
+def jax_function(source: ModeSource, expressions: Sequence[sp.Expr]) -> Callable[[Any, Any, Any], Any]:
+    """``f(t, x, numbers)`` -> one jax array with an entry an expression (x an array of the unknowns)."""
+    import jax.numpy as jnp
+
+    arguments = [TIME, *source.unknowns, *source.numbers]
+    function = sp.lambdify(arguments, list(expressions), modules="jax", cse=True, dummify=True)
+    n, count = len(source.unknowns), len(source.numbers)
+
+    def values(t: Any, x: Any, numbers: Any) -> Any:
+        found = function(t, *(x[k] for k in range(n)), *(numbers[k] for k in range(count)))
+        return jnp.stack([jnp.asarray(value, dtype=float) for value in found])
+
+    return values
+
+
+@dataclass(frozen=True)
+class DiffraxOde(Adapter):
+    """``diffrax.diffeqsolve`` on one smooth mode after another, in double precision on the processor.
+
+    Counts: ``steps`` are accepted steps; ``rhs_evaluations`` are counted for Dopri8, 13 a step, rejected ones too
+    (diffrax does not count, and of Kvaerno5's iterations nothing is known: 0); ``event_evaluations`` one a guard and
+    accepted step, those of the root finder not counted.
+    """
+
+    method: Literal["Dopri8", "Kvaerno5"]
+    restart: Restart = field(default="offset", kw_only=True)
+    mode = _Mode
+    landing = "bisection"
+    distribution = "diffrax"
+    extra = "peers"
+    located = (DENSE_OUTPUT, 1.0)
+
+    def load(self) -> Any:
+        """jax, diffrax and optimistix."""
+        import diffrax
+        import jax
+        import optimistix
+
+        jax.config.update("jax_enable_x64", True)
+        jax.config.update("jax_platforms", "cpu")
+        # A run's processor time is that of its own thread.
+        jax.config.update("jax_cpu_enable_async_dispatch", False)
+        return SimpleNamespace(jax=jax, diffrax=diffrax, optimistix=optimistix)
+
+    @property
+    def implicit(self) -> bool:  # type: ignore[override]
+        """Whether the method is."""
+        return self.method == "Kvaerno5"
+
+    loosened = scouting
 
 
 DOPRI8 = DiffraxOde("diffrax-dopri8", "Dopri8")

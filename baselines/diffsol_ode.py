@@ -15,21 +15,25 @@ one stands for it).
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any, Literal
 
 import numpy as np
+import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.baselines.adapter import Adapter, ConfiguredLibrary
-from henon_ref.baselines.base import SmoothMode
-from henon_ref.baselines.diffsl_text import mode_text
-from henon_ref.baselines.flow import Stop
+from henon_ref.baselines.adapter import Adapter
+from henon_ref.baselines.library import LIMIT, Library, Stop
 from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
 from henon_ref.baselines.restart import LIFT, Restart
+from henon_ref.baselines.smooth_mode import SmoothMode
 from henon_ref.baselines.work import Work
-from henon_ref.modes.callables import ARITHMETIC
+from henon_ref.errors import UnsupportedError
+from henon_ref.modes.callables import ARITHMETIC, rounded
+from henon_ref.taylor.fold import Rules, Walk, fold, fraction
+from henon_ref.taylor.tape import TIME
 
 STAGES = 6
 """Right-hand sides of a step of Tsit45: seven stages, of which the first is the last of the step before."""
@@ -39,54 +43,25 @@ SHORTEST = 1e-13
 zero is shorter. What the horizon's rounding is longer than would not advance."""
 KEPT = 64
 """Compiled modes that a process keeps: more than a system visits."""
+FUNCTIONS = ("sin", "cos", "sinh", "cosh", "tanh", "exp", "log")
+"""Of DiffSL (https://martinjrobins.github.io/diffsl/functions.html). It has neither the inverse trigonometric functions
+nor acosh and atanh under names of its own that it can differentiate; its ``tan`` ends the process (Enzyme does not know
+LLVM's intrinsic), so that a tangent is written as a quotient here."""
+MOST_FACTORS = 4
+"""Up to this whole number a power is written as a product, whose derivative has a value at zero, too."""
 
 
-@dataclass(frozen=True)
-class DiffsolOde(Adapter):
-    """``pydiffsol.Ode.solve`` on one smooth mode after another, dense matrices, derivatives by Enzyme.
-
-    Counts: ``steps`` are accepted steps; ``rhs_evaluations`` are those of Tsit45's accepted steps (diffsol does not
-    count: of BDF nothing is known, 0); ``event_evaluations`` one a guard and accepted step.
-    """
-
-    method: Literal["tsit45", "bdf"]
-    restart: Restart = field(default="offset", kw_only=True)
-    landing = "secant"
-    distribution = "pydiffsol"
-    extra = "peers"
-
-    def load(self) -> Any:
-        """The module."""
-        import pydiffsol
-
-        return pydiffsol
-
-    def start_errors(self, rtol: float, atol: float) -> tuple[float, float]:
-        """An explicit method's first step is as exact as it is short."""
-        return super().start_errors(rtol, atol) if self.method == "bdf" else (EPSILON, 0.0)
-
-    def location_error(self, t: float) -> float:
-        """``100 eps (abs(t) + abs(h))``; the step h is not known here."""
-        return 100.0 * EPSILON * abs(t)
-
-    def flow(self, library: ConfiguredLibrary, model: ModeFunctions, work: Work, horizon: float) -> _Flow:
-        return _Flow(self, library, model, work, horizon)
-
-
-class _Flow(SmoothMode):
+class _Mode(SmoothMode):
     """diffsol on one mode."""
 
-    def __init__(
-        self, adapter: DiffsolOde, library: ConfiguredLibrary, model: ModeFunctions, work: Work, horizon: float
-    ) -> None:
+    def __init__(self, library: Library, model: ModeFunctions, work: Work, horizon: float) -> None:
         super().__init__(library, model, work, horizon)
-        self._ode = _compiled(library.module, adapter.method, mode_text(model))
+        self._ode = _compiled(library.module, library.solver.method, mode_text(model))
         self._tolerances = library.rtol, library.atol
-        self._stages = STAGES if adapter.method == "tsit45" else 0
+        self._stages = STAGES if library.solver.method == "tsit45" else 0
 
     def integrate(self, t: float, x: NDArray[np.float64], until: float) -> Stop:
-        """See :class:`henon_ref.baselines.base.SmoothMode`."""
-        begin, start = t, x
+        """See :class:`henon_ref.baselines.smooth_mode.SmoothMode`."""
         while True:
             try:
                 times, rows = self._solve(t, x, until)
@@ -104,14 +79,11 @@ class _Flow(SmoothMode):
                 return self.failed(f"the state is not finite after t = {self.last.t:.17g}")
             t, x = float(times[-1]), rows[-1]
             if t >= until:
-                fallen = None
-                break
+                return self.stopped(t, x)
             fallen, risen = self._by_which(t, x)
             if not risen:
-                break
+                return self.stopped(t, x, fallen)
             self.work.check()
-        stop = self.stopped(t, x, fallen)
-        return stop if self.wanted is None else stop._replace(samples=self._sampled(begin, start, stop.t))
 
     def _solve(self, t: float, x: NDArray[np.float64], until: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Times, shape (k,), and unknowns, shape (k, N), of the steps from (t, x) on."""
@@ -144,21 +116,111 @@ class _Flow(SmoothMode):
         gates.lifts[k] += 2.0 * abs(value) + LIFT * EPSILON * model.size(k, t, state, 1.0, 0.0)
         return [], True
 
-    def _sampled(self, t: float, x: NDArray[np.float64], end: float) -> NDArray[np.float64]:
-        """States at the wanted times up to the end, from one to the next, by a second pass that counts for nothing."""
-        assert self.wanted is not None
-        rows = []
-        for time in self.wanted[self.wanted <= end].tolist():
-            if time > t:
-                t, x = time, self._solve(t, x, time)[1][-1]
-            rows.append(x[: self.states])
-        return np.array(rows).reshape(-1, self.states)
-
 
 @lru_cache(maxsize=KEPT)
 def _compiled(module: Any, method: str, text: str) -> Any:
     """The ``Ode`` of one mode, compiled once for all tolerances and restarts; every solve sets what it depends on."""
     return module.Ode(text, ode_solver=getattr(module, method))
+
+
+def mode_text(model: ModeFunctions) -> str:
+    """One mode with its guards as stop functions.
+
+    Its inputs are the initial unknowns, and for each guard a lift and a time up to which it reads 1. The last stop
+    function is the guard against divergence, 1e100 minus the sum of abs(x).
+    """
+    names = {x: f"x{k}" for k, x in enumerate(model.unknowns)}
+    guards = range(len(model.guards))
+    inputs = [*(f"a{k} = 0.0" for k in range(len(names)))]
+    inputs += [f"{letter}{k} = 0.0" for letter in ("l", "q") for k in guards]
+    awake = [f"w{k} {{ heaviside(t - q{k}) }}" for k in guards]
+    stops = [f"(1.0 - w{k}) + w{k} * ({to_diffsl(model.guard_expressions[k], names)} + l{k})" for k in guards]
+    size = " - ".join([number(LIMIT), *(f"abs(x{k})" for k in range(len(model.states)))])
+    parts = [
+        _tensor("in_i", inputs),
+        _tensor("u_i", [f"{name} = a{k}" for k, name in enumerate(names.values())]),
+        *awake,
+        _tensor("F_i", [to_diffsl(f, names) for f in model.right]),
+        _tensor("stop_i", [*stops, size]),
+    ]
+    return "\n".join(parts)
+
+
+def _tensor(name: str, entries: Sequence[str]) -> str:
+    return f"{name} {{\n  " + ",\n  ".join(entries) + "\n}"
+
+
+def number(value: float) -> str:
+    """A double as DiffSL reads it: digits and a point, a small e, a sign in parentheses."""
+    text = repr(float(value))
+    return f"({text})" if text.startswith("-") else text
+
+
+def to_diffsl(expression: sp.Expr, names: Mapping[sp.Symbol, str]) -> str:
+    """An expression in time and the unknowns, of which these are the names in the text, as DiffSL.
+
+    Raises
+    ------
+    UnsupportedError
+        For a function that DiffSL does not have.
+    """
+
+    def product(e: sp.Expr, walk: Walk[str]) -> str:
+        above, below = fraction(e)
+        numerator = " * ".join(map(walk, above)) or "1.0"
+        return f"({numerator}" + "".join(f" / {walk(b)}" for b in below) + ")"
+
+    def power(e: sp.Expr, walk: Walk[str]) -> str:
+        if e.base == sp.E:
+            return f"exp({walk(e.exp)})"
+        if e.exp.is_Rational and e.exp.is_negative:
+            return f"(1.0 / {walk(sp.Pow(e.base, -e.exp))})"
+        base = walk(e.base)
+        if e.exp.is_Integer and int(e.exp) <= MOST_FACTORS:
+            return "(" + " * ".join([base] * int(e.exp)) + ")"
+        if e.exp == sp.Rational(1, 2):
+            return f"sqrt({base})"
+        return f"pow({base}, {walk(e.exp)})"
+
+    def function(e: sp.Expr, walk: Walk[str]) -> str:
+        name, inner = e.func.__name__, walk(e.args[0])
+        if name == "tan":
+            return f"(sin({inner}) / cos({inner}))"
+        if name not in FUNCTIONS:
+            raise UnsupportedError(f"DiffSL has no {name}")
+        return f"{name}({inner})"
+
+    rules = Rules(
+        number=lambda e: number(float(e)),
+        add=lambda e, walk: "(" + " + ".join(map(walk, e.args)) + ")",
+        multiply=product,
+        power=power,
+        function=function,
+    )
+    return fold(rounded(expression), rules, {TIME: "t", **names})
+
+
+@dataclass(frozen=True)
+class DiffsolOde(Adapter):
+    """``pydiffsol.Ode.solve`` on one smooth mode after another, dense matrices, derivatives by Enzyme.
+
+    Counts: ``steps`` are accepted steps; ``rhs_evaluations`` are those of Tsit45's accepted steps (diffsol does not
+    count: of BDF nothing is known, 0); ``event_evaluations`` one a guard and accepted step.
+    """
+
+    method: Literal["tsit45", "bdf"]
+    restart: Restart = field(default="offset", kw_only=True)
+    mode = _Mode
+    landing = "secant"
+    distribution = "pydiffsol"
+    module = "pydiffsol"
+    extra = "peers"
+    located = (100.0, 0.0)  # 100 eps (abs(t) + abs(h)); the step h is not known here
+
+    @property
+    def implicit(self) -> bool:  # type: ignore[override]
+        """Whether the method is."""
+        return self.method == "bdf"
 
 
 TSIT45 = DiffsolOde("diffsol-tsit45", "tsit45")

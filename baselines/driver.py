@@ -1,6 +1,6 @@
 """The sliding extension that all libraries share: modes, what follows an event, restarts, how a run ends.
 
-A library integrates one smooth mode until a guard stops it (:class:`~henon_ref.baselines.flow.Flow`); everything else
+A library integrates one smooth mode until a guard stops it (:class:`.library.Flow`); everything else
 is here and the same for all. At an event the driver
 
 1. adds the guards that fell through zero at the same instant (within the library's own location error);
@@ -24,12 +24,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.baselines.endings import ended
-from henon_ref.baselines.flow import Library, Stop
+from henon_ref.baselines.library import Library, Stop
 from henon_ref.baselines.low_flights import behind_noise, low_flight
 from henon_ref.baselines.mode_functions import EPSILON
 from henon_ref.baselines.mode_table import ModeEntry, ModeTable
-from henon_ref.baselines.record import Record
+from henon_ref.baselines.record import Record, ended
 from henon_ref.baselines.restart import MARGIN, Fresh
 from henon_ref.baselines.work import DeadlinePassed, Work
 from henon_ref.errors import ModelError, UnsupportedError
@@ -37,8 +36,7 @@ from henon_ref.modes.callables import ARITHMETIC
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.selection import initial_mode
-from henon_ref.solver import Run
-from henon_ref.trajectory import Trajectory, without_hidden_kinks
+from henon_ref.trajectory import Trajectory
 
 _LOG = logging.getLogger(__name__)
 
@@ -51,15 +49,8 @@ LATE = 1e3
 class Driver:
     """One problem on one library, ready to run again and again.
 
-    Parameters
-    ----------
-    problem : Problem
-    library : Library
-    work : Work
-        Counters and deadline; the library's flows count into it.
-    sample_times : ndarray, shape (k,), optional
-    known : ModeTable, optional
-        Modes of the same system on another library.
+    The library's flows count into ``work``, which holds the deadline; ``known`` are modes of the same system on another
+    library.
 
     Raises
     ------
@@ -75,12 +66,8 @@ class Driver:
         sample_times: NDArray[np.float64] | None = None,
         known: ModeTable | None = None,
     ) -> None:
-        self.problem = problem
-        self.library = library
-        self.work = work
-        self.sample_times = sample_times
-        self.start = float(problem.start)
-        self.until = float(problem.until)
+        self.problem, self.library, self.work, self.sample_times = problem, library, work, sample_times
+        self.start, self.until = float(problem.start), float(problem.until)
         self.initial = tuple(float(v) for v in problem.initial)
         self.table = ModeTable(problem.system, library, work, self.until - self.start, known)
         self.decision = initial_mode(self.table.in_doubles, problem.start, problem.initial, problem.initial_mode)
@@ -114,19 +101,11 @@ class Driver:
     def run(self) -> Trajectory:
         """The whole run, afresh."""
         self.work.start()
-        system, x = self.problem.system, self.initial
-        record = Record(
-            self.work,
-            len(system.surfaces),
-            len(system.states),
-            self.until - self.start,
-            self.sample_times,
-            self.library.landing,
-            self.library.errors[1],
-        )
+        library = self.library
+        record = Record(self.work, self.problem, library.landing, library.errors[1], self.sample_times)
         if self.decision.mode is None or self._first is None:
-            unknown = (0,) * len(system.surfaces)
-            return record.finish(self.decision.ending, self.start, x, unknown, self.decision.reason)
+            nowhere = (0,) * len(self.problem.system.surfaces)
+            return record.finish(self.decision.ending, self.start, self.initial, nowhere, self.decision.reason)
         return self._march(record, self.decision.mode, *self._first)
 
     def _march(self, record: Record, mode: Mode, entry: ModeEntry, fresh: tuple[Fresh, ...]) -> Trajectory:
@@ -151,7 +130,7 @@ class Driver:
             if sampling:
                 record.sampled(stop.samples, mode)
             if stop.status == "failed" or stop.status == "diverged":
-                return ended(record, entry, x, stop, self.library.accuracy)
+                return ended(record, entry.model, x, stop, self.library.accuracy)
             hits = stop.hits
             unsettled: tuple[Fresh, ...] = ()
             if entry.several or not hits:
@@ -278,46 +257,3 @@ class Driver:
             elif rate * (self.until - self.start) <= -value:
                 hits.add(k)
         return tuple(sorted(hits)), tuple(unsettled), ""
-
-
-def prepared(
-    problem: Problem,
-    library: Library,
-    *,
-    sample_times: NDArray[np.float64] | None,
-    deadline: float | None,
-    warm_up: bool = False,
-) -> Run:
-    """A problem on a library, every mode compiled: what a baseline's ``prepare`` returns.
-
-    Parameters
-    ----------
-    problem, library, sample_times, deadline
-        See :class:`Driver` and :meth:`henon_ref.solver.Solver.prepare`.
-    warm_up : bool
-        Run once, for a library whose compilation costs more than a run: no mode is compiled in a run then.
-    """
-    driver = Driver(problem, library, Work(deadline), sample_times)
-    driver.compile()
-    if warm_up:
-        driver.run()
-    if not problem.system.kinks:
-        return driver.run
-
-    def run() -> Trajectory:
-        return without_hidden_kinks(driver.run(), problem.system)
-
-    return run
-
-
-def tolerances(name: str, rtol: float | None, atol: float | None, step: float | None) -> tuple[float, float]:
-    """Check the tolerances of an adaptive solver; an ``atol`` left out is ``rtol``.
-
-    Raises
-    ------
-    UnsupportedError
-        For a step, or no ``rtol``.
-    """
-    if step is not None or rtol is None:
-        raise UnsupportedError(f"{name} chooses its own steps: give rtol (and atol), not step")
-    return rtol, rtol if atol is None else atol

@@ -19,9 +19,9 @@ documentation's advice is followed: ``docs/solvers.md``.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from math import isfinite
 from typing import Any, Literal
 
@@ -29,15 +29,18 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.baselines.adapter import Adapter, ConfiguredLibrary
-from henon_ref.baselines.flow import LIMIT, Stop
-from henon_ref.baselines.heyoka_expressions import to_heyoka
+from henon_ref.baselines.adapter import Adapter
+from henon_ref.baselines.library import LIMIT, Library, Stop
 from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
 from henon_ref.baselines.restart import LEAST, LIFT, SPAN, Fresh, Restart, dips, lift, quiet_until
 from henon_ref.baselines.scipy_ivp import scouting
 from henon_ref.baselines.work import Work
+from henon_ref.errors import UnsupportedError
 from henon_ref.jit.processor_time import compiling
-from henon_ref.modes.callables import ARITHMETIC
+from henon_ref.modes.callables import ARITHMETIC, rounded
+from henon_ref.taylor.fold import Rules, Walk, fold, fraction
+from henon_ref.taylor.rules import FUNCTIONS
+from henon_ref.taylor.tape import TIME
 
 CHUNK = 4096
 """Steps between two looks at the clock and at the size of the state."""
@@ -51,99 +54,43 @@ TIME_LIMIT = OUTCOMES - 3
 """``taylor_outcome.time_limit``: the end of the interval was reached."""
 
 
-@dataclass(frozen=True)
-class HeyokaTaylor(Adapter):
-    """heyoka's adaptive Taylor integrator on one smooth mode after another.
-
-    Preparing compiles every mode that a first run visits. Counts: ``steps`` are Taylor steps (those cut off
-    by an event too); heyoka evaluates a Taylor expansion and all events once a step, so
-    ``rhs_evaluations`` (expansions) and ``event_evaluations`` (event polynomials, one guard each) follow.
-    """
-
-    restart: Restart = field(default="offset", kw_only=True)
-    fast_math: bool = False
-    """Let the compiler reorder sums (heyoka's own switch, off by default there too)."""
-    cooldown: Literal["none", "automatic"] = "none"
-    """How long an event is ignored after it: not at all, or as long as heyoka deduces from the tolerance and the
-    event's slope, into the next visit of the mode."""
-    landing = "taylor"
-    distribution = "heyoka"
-    warm_up = True
-
-    def load(self) -> Any:
-        """The module."""
-        import heyoka
-
-        # heyoka's warnings go to the standard output of the process, past Python.
-        heyoka.set_logger_level_error()
-        return heyoka
-
-    def accuracy(self, rtol: float, atol: float) -> tuple[float, float]:
-        """heyoka has one tolerance, and no step is more accurate than rounding."""
-        return max(rtol, EPSILON), max(rtol, EPSILON)
-
-    def start_errors(self, rtol: float, atol: float) -> tuple[float, float]:
-        """A Taylor expansion starts exactly at its state."""
-        return EPSILON, 0.0
-
-    loosened = scouting
-
-    def location_error(self, t: float) -> float:
-        """Rounding of the time."""
-        return 4.0 * EPSILON * abs(t)
-
-    def flow(self, library: ConfiguredLibrary, model: ModeFunctions, work: Work, horizon: float) -> _Flow:
-        return _Flow(self, library, model, work, horizon)
-
-
 class _Integrators:
     """heyoka's integrator, with and without events, of one mode or of all that have their equations in common.
 
-    Parameters
-    ----------
-    solver, library
-        heyoka and its options.
-    states : sequence of Symbol
-    field, guards : sequences of Expr
-    switches : sequence of Symbol
-        Symbols of these that tell modes apart: run-time parameters, behind the guards' lifts.
+    ``switches`` are symbols that tell modes apart: run-time parameters, behind the guards' lifts.
     """
 
     def __init__(
         self,
-        solver: HeyokaTaylor,
-        library: ConfiguredLibrary,
+        library: Library,
         states: Sequence[sp.Symbol],
         field: Sequence[sp.Expr],
         guards: Sequence[sp.Expr],
         switches: Sequence[sp.Symbol] = (),
     ) -> None:
-        hy = library.module
+        hy, solver = library.module, library.solver
         # heyoka has no events on constants; a guard that never changes never falls either.
         self.moving = [k for k, g in enumerate(guards) if not g.is_number]
         """Guards that are events, by their places."""
         variables = {x: hy.expression(f"x{k}") for k, x in enumerate(states)}
         symbols = variables | {s: hy.par[len(self.moving) + k] for k, s in enumerate(switches)}
         equations = [(variables[x], to_heyoka(f, symbols)) for x, f in zip(states, field, strict=True)]
-        options: dict[str, Any] = {
-            "tol": library.rtol,
-            "fast_math": solver.fast_math,
-            "compact_mode": len(equations) >= COMPACT,
-        }
-        start = [0.0] * len(equations)
-        plain = dict(options)
-        self._make_quiet = lambda: hy.taylor_adaptive(equations, start, **plain)
+        start, compact = [0.0] * len(equations), len(equations) >= COMPACT
+        make = partial(
+            hy.taylor_adaptive, equations, start, tol=library.rtol, fast_math=solver.fast_math, compact_mode=compact
+        )
+        self._make_quiet, events = make, {}
         if solver.restart == "event-free-step":
             self.quiet  # noqa: B018 - made on first access
         if self.moving:
             direction = hy.event_direction.any if solver.restart == "none" else hy.event_direction.negative
             # A cooldown of zero: after an event the state goes to another mode, or starts this one afresh.
             cooldown = {"cooldown": 0.0} if solver.cooldown == "none" else {}
-            options["t_events"] = [
+            events["t_events"] = [
                 hy.t_event(to_heyoka(guards[k], symbols) + hy.par[slot], direction=direction, **cooldown)
                 for slot, k in enumerate(self.moving)
             ]
-        self.taylor: Any = hy.taylor_adaptive(equations, start, **options)
+        self.taylor: Any = make(**events)
 
     @cached_property
     def quiet(self) -> Any:
@@ -152,21 +99,20 @@ class _Integrators:
             return self._make_quiet()
 
 
-class _Flow:
+class _Mode:
     """heyoka on one mode."""
 
-    def __init__(
-        self, solver: HeyokaTaylor, library: ConfiguredLibrary, model: ModeFunctions, work: Work, horizon: float
-    ) -> None:
+    def __init__(self, library: Library, model: ModeFunctions, work: Work, horizon: float) -> None:
+        solver: HeyokaTaylor = library.solver
         self._model, self._work, self._horizon = model, work, horizon
         self._policy, self._rtol = solver.restart, library.rtol
         if model.common is None:
-            made = _Integrators(solver, library, model.states, model.field_expressions, model.guard_expressions)
+            made = _Integrators(library, model.states, model.field_expressions, model.guard_expressions)
         else:
             name, common = (solver.name, solver.restart, solver.cooldown, library.rtol), model.common
             if name not in common.kept:
                 common.kept[name] = _Integrators(
-                    solver, library, model.states, common.field_expressions, common.guard_expressions, common.symbols
+                    library, model.states, common.field_expressions, common.guard_expressions, common.symbols
                 )
             made = common.kept[name]
         self._switches = model.switches
@@ -188,25 +134,16 @@ class _Flow:
         fresh: Sequence[Fresh],
         wanted: NDArray[np.float64] | None,
     ) -> Stop:
-        """See :class:`henon_ref.baselines.flow.Flow`."""
-        lifted: Sequence[Fresh] = ()
-        steps_free = bool(fresh) and self._policy == "event-free-step"
-        if fresh and self._policy == "offset":
-            lifted = [item for item in fresh if item[0] in self._slots]
-            for item in lifted:
-                self._lifts[self._slots[item[0]]] = self._lift(item, t, x)
-        if not steps_free:
-            stop = self._propagate(t, low, x, until)
-            for guard, *_ in lifted:
-                self._lifts[self._slots[guard]] = 0.0
-            steps_free = bool(lifted) and self._is_lost(lifted, stop)
-        if steps_free:
-            late = self._event_free_step(t, low, x, until, fresh)
-            if late.status != "horizon" or late.t >= until:
-                return late
-            t, low, x = late.t, late.low, late.x
-            stop = self._propagate(t, low, x, until)
-        return stop if wanted is None else stop._replace(samples=self._sampled(t, low, x, wanted[wanted <= stop.t]))
+        """See :class:`henon_ref.baselines.library.Flow`."""
+        if fresh and self._policy == "event-free-step":
+            return self._event_free_step(t, low, x, until, fresh)
+        lifted = [item for item in fresh if item[0] in self._slots] if self._policy == "offset" else []
+        for item in lifted:
+            self._lifts[self._slots[item[0]]] = self._lift(item, t, x)
+        stop = self._propagate(t, low, x, until)
+        for guard, *_ in lifted:
+            self._lifts[self._slots[guard]] = 0.0
+        return self._event_free_step(t, low, x, until, fresh) if self._is_lost(lifted, stop) else stop
 
     def _is_lost(self, lifted: Sequence[Fresh], stop: Stop) -> bool:
         """Whether heyoka has stepped over a root of a guard that it began at: it is below zero without an event."""
@@ -256,15 +193,6 @@ class _Flow:
             t, low, x = now, rest, point
             work.check()
 
-    def _sampled(self, t: float, low: float, x: Sequence[float], times: NDArray[np.float64]) -> NDArray[np.float64]:
-        """States at some times by a second pass, with heyoka's continuous output."""
-        if not times.size:
-            return np.empty((0, len(x)))
-        self._begin(t, low, x)
-        output = self._taylor.propagate_until(float(times[-1]), c_output=True)[4]
-        # heyoka hands out the same array every time.
-        return np.array([output(time).copy() for time in times.tolist()])
-
     def _overflow(self, t: float, low: float, x: Sequence[float], until: float) -> Stop:
         """Repeat a chunk step by step up to the first state beyond the limit."""
         taylor, point = self._taylor, tuple(x)
@@ -300,12 +228,13 @@ class _Flow:
         return max(LIFT * EPSILON * size, LEAST)
 
     def _event_free_step(self, t: float, low: float, x: Sequence[float], until: float, fresh: Sequence[Fresh]) -> Stop:
-        """A first step with the twin that has no events; an event, late, where a guard ends it below zero."""
+        """A first step with the twin that has no events: an event, late, where a guard ends it below zero; else on."""
         model, quiet = self._model, self._made.quiet
         levels = [model.size(guard, t, x, self._rtol, self._rtol) for guard, *_ in fresh]
         end = min(max(quiet_until(model, fresh, t, x, levels, 1e-3 * self._horizon)), until)
         if self._switches:
-            quiet.pars[self._guards :] = self._switches
+            pars = quiet.pars[self._guards :]  # of the switches, up to the last one that the field itself has
+            pars[:] = self._switches[: len(pars)]
         quiet.dtime = (t, low)
         quiet.state[:] = x
         steps = quiet.propagate_until(end)[3]
@@ -314,7 +243,95 @@ class _Flow:
         t, low = quiet.dtime
         point = tuple(quiet.state.tolist())
         below = tuple(k for k, g in enumerate(model.guard) if not model.guards[k].rising_only and g(t, *point)[0] < 0.0)
-        return Stop("event" if below else "horizon", t, low, point, below)
+        if below or t >= until:
+            return Stop("event" if below else "horizon", t, low, point, below)
+        return self._propagate(t, low, point, until)
+
+
+@dataclass(frozen=True)
+class HeyokaTaylor(Adapter):
+    """heyoka's adaptive Taylor integrator on one smooth mode after another.
+
+    Preparing compiles every mode that a first run visits. Counts: ``steps`` are Taylor steps (those cut off
+    by an event too); heyoka evaluates a Taylor expansion and all events once a step, so
+    ``rhs_evaluations`` (expansions) and ``event_evaluations`` (event polynomials, one guard each) follow.
+    """
+
+    restart: Restart = field(default="offset", kw_only=True)
+    fast_math: bool = False
+    """Let the compiler reorder sums (heyoka's own switch, off by default there too)."""
+    cooldown: Literal["none", "automatic"] = "none"
+    """How long an event is ignored after it: not at all, or as long as heyoka deduces from the tolerance and the
+    event's slope, into the next visit of the mode."""
+    mode = _Mode
+    landing = "taylor"
+    distribution = "heyoka"
+    located = (4.0, 0.0)
+    warm_up = True
+
+    def load(self) -> Any:
+        """The module."""
+        import heyoka
+
+        # heyoka's warnings go to the standard output of the process, past Python.
+        heyoka.set_logger_level_error()
+        return heyoka
+
+    def accuracy(self, rtol: float, atol: float) -> tuple[float, float]:
+        """heyoka has one tolerance, and no step is more accurate than rounding."""
+        return max(rtol, EPSILON), max(rtol, EPSILON)
+
+    loosened = scouting
+
+
+def to_heyoka(expression: sp.Expr, variables: Mapping[sp.Symbol, Any]) -> Any:
+    """An expression in time and symbols that are heyoka's ``variables``, in heyoka's form.
+
+    heyoka's own ``from_sympy`` refuses rationals whose denominator is no power of two. Here every constant part is one
+    double, as for all other libraries.
+
+    Raises
+    ------
+    UnsupportedError
+        For a function that heyoka does not have.
+    """
+    import heyoka as hy
+
+    def number(value: sp.Expr) -> Any:
+        return hy.expression(float(value))
+
+    def product(e: sp.Expr, walk: Walk[Any]) -> Any:
+        above, below = fraction(e)
+        numerator = hy.prod(list(map(walk, above))) if above else number(sp.Integer(1))
+        return numerator / hy.prod(list(map(walk, below))) if below else numerator
+
+    def power(e: sp.Expr, walk: Walk[Any]) -> Any:
+        if e.base == sp.E:
+            return hy.exp(walk(e.exp))
+        if e.exp.is_Rational and e.exp.is_negative:
+            return number(sp.Integer(1)) / walk(sp.Pow(e.base, -e.exp))
+        base = walk(e.base)
+        if e.exp.is_Integer:
+            return whole_power(base, int(e.exp))
+        if e.exp == sp.Rational(1, 2):
+            return hy.sqrt(base)
+        return base ** (float(e.exp) if e.exp.is_number else walk(e.exp))
+
+    def whole_power(base: Any, n: int) -> Any:
+        # heyoka expands x**3 by a recurrence that divides by x: at x = 0 it is NaN, events on it are lost, and
+        # near 0 its steps are short. Products and squares have neither trouble.
+        if n == 1:
+            return base
+        return whole_power(base, n - 1) * base if n % 2 else whole_power(base, n // 2) ** 2.0
+
+    def function(e: sp.Expr, walk: Walk[Any]) -> Any:
+        name = e.func.__name__
+        if name not in FUNCTIONS:
+            raise UnsupportedError(f"heyoka has no {name}")
+        return getattr(hy, name)(walk(e.args[0]))
+
+    rules = Rules(number, lambda e, walk: hy.sum(list(map(walk, e.args))), product, power, function)
+    return fold(rounded(expression), rules, {TIME: hy.time, **variables})
 
 
 HEYOKA = HeyokaTaylor("heyoka")

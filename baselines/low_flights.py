@@ -27,16 +27,8 @@ def low_flight(
 ) -> tuple[float, tuple[float, ...]] | None:
     """Time [s] and state at the end of a flight; None where it is high enough for a library, or something else is near.
 
-    Parameters
-    ----------
-    model : ModeFunctions
-        The mode in flight.
-    guard : int
-        The guard that rises from zero and falls back to it.
-    t, x
-        Start of the flight, on the surface.
-    accuracy : (float, float)
-        Relative and absolute error that the tolerances allow a step.
+    The guard rises from zero at (t, x), on its surface, and falls back to it. ``accuracy`` is the relative and absolute
+    error that the tolerances allow a step.
     """
     try:
         rate, bend = model.bend(guard)(t, *x)
@@ -62,17 +54,7 @@ def low_flight(
 def behind_noise(
     model: ModeFunctions, guard: int, t: float, x: Sequence[float], accuracy: tuple[float, float], until: float
 ) -> tuple[float, tuple[float, ...]] | None:
-    """Time [s] and state where a surface that is being left can be told from zero; None where it is not left so soon.
-
-    Parameters
-    ----------
-    model, guard, t, x
-        As above; the state is on the surface.
-    accuracy : (float, float)
-        Relative and absolute error that the tolerances allow a step.
-    until : float
-        Horizon [s].
-    """
+    """Time [s] and state where a surface that is left can be told from zero; None where it is not left so soon."""
     level = model.size(guard, t, x, *(max(part, EPSILON) for part in accuracy))
     (end,) = quiet_until(model, [(guard, 0.0, 0.0)], t, x, [level], LONGEST * (until - t))
     try:

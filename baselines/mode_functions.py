@@ -6,36 +6,85 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property, lru_cache
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.baselines.common_functions import MANY, CommonFunctions, common_functions, of_few
 from henon_ref.baselines.numba_callbacks import Callbacks, Fill, compiled, jacobian
+from henon_ref.baselines.surface_functions import Slopes, is_linear, landing, normal_velocity, of_few, slopes_of
 from henon_ref.modes.callables import ARITHMETIC, Jacobian, Scalar, scalar
-from henon_ref.modes.equations import Guard
-from henon_ref.modes.mode import Mode, replaced
+from henon_ref.modes.equations import Guard, along
+from henon_ref.modes.mode import Mode
 from henon_ref.modes.mode_evaluation import ModeEvaluation
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.series import expand
-from henon_ref.taylor.tape import TIME, Tape, build_tape
+from henon_ref.taylor.tape import Tape, build_tape
 
 EPSILON = float(np.finfo(float).eps)
+
+
+class CommonFunctions:
+    """Field and guards of all modes of a system as functions of ``(t, *x, *switches)``, parameters put in.
+
+    Numbers that switch tell the modes apart (:mod:`henon_ref.modes.decoupled_contacts`): a chain of many contacts with
+    static friction visits a new mode at nearly every transition, and nothing is derived or compiled there.
+    """
+
+    def __init__(self, system: FilippovSystem) -> None:
+        assert system.shared is not None
+        self._shared, self._states = system.shared, system.states
+        self.symbols: tuple[sp.Symbol, ...] = tuple(self._shared.owner)
+        """The switches."""
+        self.field_expressions = tuple(system.numeric(f) for f in self._shared.field)
+        self.guard_expressions = tuple(system.numeric(g) for g in self._shared.outputs)
+        self.kept: dict[Any, Any] = {}
+        """What a library has made of them, under a name of its own."""
+        self._rates: dict[int, Scalar] = {}
+        self._jacobians: dict[Callbacks, Jacobian] = {}
+
+    def values(self, mode: Mode) -> tuple[float, ...]:
+        """What a mode puts for the switches."""
+        found = self._shared.values(mode)
+        return tuple(float(found[symbol]) for symbol in self.symbols)
+
+    @cached_property
+    def field(self) -> Scalar:
+        """x'."""
+        return scalar((*self._states, *self.symbols), self.field_expressions)
+
+    @cached_property
+    def compiled_field(self) -> Fill:
+        """``fill(t, y, out)`` of the states and the switches in one array."""
+        return compiled((*self._states, *self.symbols), self.field_expressions)
+
+    def rate(self, row: int) -> Scalar:
+        """A guard and its time derivative."""
+        if row not in self._rates:
+            guard = self.guard_expressions[row]
+            slope = along(guard, self._states, self.field_expressions)
+            self._rates[row] = of_few((*self._states, *self.symbols), (guard, slope))
+        return self._rates[row]
+
+    def jacobian(self, callbacks: Callbacks) -> Jacobian:
+        """Of the field in the states."""
+        if callbacks not in self._jacobians:
+            self._jacobians[callbacks] = jacobian(self._states, self.field_expressions, callbacks, self.symbols)
+        return self._jacobians[callbacks]
+
+
+@lru_cache(maxsize=16)
+def common_functions(system: FilippovSystem) -> CommonFunctions:
+    """Those of a system whose modes have equations in common, made once."""
+    return CommonFunctions(system)
 
 
 class ModeFunctions:
     """One mode of one system, parameters put in, as functions of ``(t, *x)``.
 
-    Parameters
-    ----------
-    system : FilippovSystem
-    mode : Mode
-    evaluation : ModeEvaluation, optional
-        What makes the tapes of the system's modes.
-    idle : frozenset of int
-        Surfaces that the mode stays on without sliding: nothing moves them, and their guards are nobody's.
+    ``evaluation`` makes the tapes of the system's modes. ``idle`` are surfaces that the mode stays on without sliding:
+    nothing moves them, and their guards are nobody's.
 
     Raises
     ------
@@ -50,12 +99,8 @@ class ModeFunctions:
         evaluation: ModeEvaluation | None = None,
         idle: frozenset[int] = frozenset(),
     ) -> None:
-        self.system = system
-        self.mode = mode
-        self._evaluation = evaluation
-        self.states = system.states
-        self.equations = system.equations(mode)
-        self.idle = idle
+        self.system, self.mode, self.states, self.idle = system, mode, system.states, idle
+        self.equations, self._evaluation = system.equations(mode), evaluation
         guards = self.equations.guards
         self._watched = [k for k, g in enumerate(guards) if not (g.kind == "surface" and g.index in idle)]
         self.guards: tuple[Guard, ...] = tuple(guards[k] for k in self._watched)
@@ -166,10 +211,7 @@ class ModeFunctions:
 
     def along(self, expression: sp.Expr) -> sp.Expr:
         """Time derivative of an expression in time and states along this mode's field."""
-        moving = expression.free_symbols
-        fields = zip(self.states, self.field_expressions, strict=True)
-        terms = (sp.diff(expression, x) * f for x, f in fields if x in moving)
-        return sp.diff(expression, TIME) + sp.Add(*terms)
+        return along(expression, self.states, self.field_expressions)
 
     def size(self, index: int, t: float, x: Sequence[float], rtol: float, atol: float) -> float:
         """What relative and absolute errors in x make of a guard: sum of abs(dg/dx_k) (rtol abs(x_k) + atol)."""
@@ -182,7 +224,7 @@ class ModeFunctions:
 
     def slopes(self, index: int) -> Slopes:
         """A guard's derivatives in the states."""
-        return _slopes(self.guard_expressions[index], self.states)
+        return slopes_of(self.guard_expressions[index], self.states)
 
     def jacobian(self, callbacks: Callbacks) -> Jacobian:
         """Of :attr:`right` in :attr:`unknowns`."""
@@ -192,7 +234,7 @@ class ModeFunctions:
 
     def landing(self, index: int) -> Scalar:
         """What is needed of one surface when this mode begins or ends on it (:func:`landing`)."""
-        acting = _normal_velocity(self.system, index).free_symbols
+        acting = normal_velocity(self.system, index).free_symbols
         pairs = enumerate(zip(self.system.signs, self.mode, strict=True))
         told = tuple(entry if sign in acting and k != index else 1 for k, (sign, entry) in pairs)
         return landing(self.system, told, index)
@@ -222,101 +264,3 @@ class ModeFunctions:
         """
         tape, numbers = self._tape
         return expand(tape, numbers, t, list(x), order)
-
-
-@lru_cache(maxsize=4096)
-def is_linear(expression: sp.Expr, states: tuple[sp.Symbol, ...]) -> bool:
-    """Whether an expression is linear in time and states together; modes share most of theirs."""
-    moving = expression.free_symbols & {TIME, *states}
-    return not any(sp.diff(expression, v).free_symbols & moving for v in moving)
-
-
-class Slopes(NamedTuple):
-    """Derivatives of a guard in the states that stand in it."""
-
-    places: tuple[int, ...]
-    """Of these states."""
-    values: Scalar
-    constants: tuple[float, ...] | None
-    """The derivatives, where the guard is linear."""
-
-
-@lru_cache(maxsize=4096)
-def _slopes(guard: sp.Expr, states: tuple[sp.Symbol, ...]) -> Slopes:
-    places = tuple(k for k, x in enumerate(states) if guard.has(x))
-    slopes = [sp.diff(guard, states[k]) for k in places]
-    constants = tuple(map(float, slopes)) if all(d.is_number for d in slopes) else None
-    return Slopes(places, of_few(states, tuple(slopes)), constants)
-
-
-@lru_cache(maxsize=4096)
-def _normal_velocity(system: FilippovSystem, index: int) -> sp.Expr:
-    return system.numeric(system.normal_velocity(index))
-
-
-@lru_cache(maxsize=4096)
-def landing(system: FilippovSystem, mode: Mode, index: int) -> Scalar:
-    """What is needed of one surface when a mode begins or ends on it; made once for all modes that it is the same in.
-
-    ``f(t, *x)`` -> ``(h, dh/dt below, dh/dt above, *point)``: the surface's value before anything is
-    corrected; the nearest point on the surface (one Newton step along the gradient, which moves x by the
-    rounding or tolerance error that h shows, and no more); and, there, the normal velocities on both sides.
-    """
-    states = system.states
-    h, normal = system.numeric(system.surfaces[index]), _normal_velocity(system, index)
-    sides = [
-        normal.xreplace({s: sp.Integer(v) for s, v in zip(system.signs, replaced(mode, index, side), strict=True)})
-        for side in (-1, 1)
-    ]
-    gradient = [sp.diff(h, x) for x in states]
-    square = sp.Add(*(d**2 for d in gradient))
-    if not square.is_number:
-        first = scalar(states, [h, *(x - h * d / square for x, d in zip(states, gradient, strict=True))])
-        second = scalar(states, sides)
-        return lambda t, *x: _in_two(first, second, t, x)
-    # Expanding lets a flat surface cancel to its own solution: x2 - (x2 - vp) is vp, with no rounding left.
-    # A surface in time alone has nothing to move.
-    point = [x - sp.expand(h * d / square) if d != 0 else x for x, d in zip(states, gradient, strict=True)]
-    moved = {k: p for k, (p, x) in enumerate(zip(point, states, strict=True)) if p != x}
-    there = {states[k]: p for k, p in moved.items()}
-    velocities = [side.subs(there, simultaneous=True) for side in sides]
-    if len(states) < MANY:
-        return scalar(states, [h, *velocities, *point])
-    values, places = of_few(states, (h, *velocities, *moved.values())), tuple(moved)
-
-    def at(t: float, *x: float) -> tuple[float, ...]:
-        h, below, above, *found = values(t, *x)
-        state = list(x)
-        for k, value in zip(places, found, strict=True):
-            state[k] = value
-        return (h, below, above, *state)
-
-    return at
-
-
-def _in_two(first: Scalar, second: Scalar, t: float, x: tuple[float, ...]) -> tuple[float, ...]:
-    h, *point = first(t, *x)
-    return (h, *second(t, *point), *point)
-
-
-def projected(
-    system_surfaces: Sequence[tuple[Scalar, Scalar]], t: float, x: Sequence[float]
-) -> tuple[tuple[float, ...], float]:
-    """The point nearest to x on the intersection of some surfaces, and the largest abs(h) at x.
-
-    Parameters
-    ----------
-    system_surfaces : sequence of (h, gradient)
-        Each ``h(t, *x) -> (value,)`` and ``gradient(t, *x) -> n floats``.
-    """
-    point: NDArray[np.float64] = np.array(x, dtype=float)
-    drift = 0.0
-    for step in range(2):
-        values = np.array([h(t, *point.tolist())[0] for h, _ in system_surfaces])
-        if step == 0:
-            drift = float(np.max(np.abs(values), initial=0.0))
-        slopes = np.array([g(t, *point.tolist()) for _, g in system_surfaces])
-        if not values.any() or not np.isfinite(slopes).all():
-            break
-        point = point - np.linalg.lstsq(slopes, values, rcond=None)[0]
-    return tuple(point.tolist()), drift

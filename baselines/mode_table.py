@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 import sympy as sp
 
-from henon_ref.baselines.common_functions import of_few
-from henon_ref.baselines.flow import Flow, Library
-from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions, projected
+from henon_ref.baselines.library import Flow, Library
+from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
 from henon_ref.baselines.restart import Fresh
+from henon_ref.baselines.surface_functions import projected, surface
 from henon_ref.baselines.work import Work
 from henon_ref.jit.processor_time import compiling
 from henon_ref.modes.after_jump import after_jump, without_speed
@@ -75,9 +75,7 @@ class ModeEntry:
     """One mode: its functions, its flow, and its ordinary exits."""
 
     def __init__(self, model: ModeFunctions, flow: Flow) -> None:
-        self.model = model
-        self.flow = flow
-        self.several = len(model.guards) > 1
+        self.model, self.flow, self.several = model, flow, len(model.guards) > 1
         self._exits: dict[int, Exit | None] = {}
         if self.several:
             model.rates  # noqa: B018  (made on first access)
@@ -155,17 +153,9 @@ class ModeEntry:
 
 
 class ModeTable:
-    """Mode -> :class:`ModeEntry`, made on first access.
+    """Mode -> :class:`ModeEntry`, made on first access, for a run of a length ``horizon`` [s].
 
-    Parameters
-    ----------
-    system : FilippovSystem
-    library : Library
-    work : Work
-    horizon : float
-        Length of the whole run [s].
-    known : ModeTable, optional
-        One of the same system on another library, whose callables can be used again.
+    ``known`` is one of the same system on another library, whose callables can be used again.
     """
 
     rounding = ROUNDING
@@ -173,14 +163,10 @@ class ModeTable:
     def __init__(
         self, system: FilippovSystem, library: Library, work: Work, horizon: float, known: ModeTable | None = None
     ) -> None:
-        self.system = system
+        self.system, self._library, self._work, self._horizon = system, library, work, horizon
         self.in_doubles: ModeEvaluation = known.in_doubles if known else in_doubles(system)
-        self._library = library
-        self._work = work
-        self._horizon = horizon
         self._entries: dict[Key, ModeEntry] = {}
         self._models: dict[Key, ModeFunctions] = known._models if known else {}
-        self._surfaces: dict[int, tuple[Scalar, Scalar]] = {}
         self._functions: dict[tuple[sp.Expr, ...], Scalar] = {}
 
     def __getitem__(self, mode: Mode) -> ModeEntry:
@@ -207,12 +193,7 @@ class ModeTable:
     ) -> tuple[ModeEntry, tuple[Fresh, ...], tuple[int, ...]]:
         """A mode without guards that stay at zero, those that start there and leave it, and those that fall at once.
 
-        Parameters
-        ----------
-        fresh : sequence of Fresh
-            Guards of the whole mode that start at zero.
-        before : collection of int
-            Surfaces that were idle until now.
+        ``fresh`` are guards of the whole mode that start at zero, ``before`` surfaces that were idle until now.
         """
         whole = self[mode]
         guards = whole.model.guards
@@ -239,7 +220,7 @@ class ModeTable:
         guards = [model.guards[k] for k in hits]
         sliding = {i for i, s in enumerate(model.mode) if s == 0}
         involved = self.system.closed({g.index for g in guards if g.ends is None}, sliding) | model.idle
-        x, drift = projected([self._surface(i) for i in sorted(involved)], t, x)
+        x, drift = projected([surface(self.system, i) for i in sorted(involved)], t, x)
         for i, entry_now in enumerate(model.mode):  # what errors have made of the speed of a body at rest
             impact = impact_of(self.system, i) if entry_now == 0 and self.system.rests(i) else None
             x = x if impact is None else tuple(without_speed(impact, self, t, x))
@@ -301,7 +282,7 @@ class ModeTable:
 
     def on_surface(self, index: int, t: float, x: Sequence[float]) -> tuple[tuple[float, ...], float]:
         """A state put on a surface, and how far from it it was."""
-        return projected([self._surface(index)], t, x)
+        return projected([surface(self.system, index)], t, x)
 
     def fresh_at(self, entry: ModeEntry, t: float, x: Sequence[float], involved: Sequence[int]) -> tuple[Fresh, ...]:
         """Guards of a mode that start at zero: of the surfaces just left, and any other within rounding of it."""
@@ -324,15 +305,7 @@ class ModeTable:
     def drift(self, entry: ModeEntry, t: float, x: Sequence[float]) -> float:
         """Largest abs(h) over the surfaces a mode slides on."""
         sliding = [i for i, s in enumerate(entry.model.mode) if s == 0]
-        return max((abs(self._surface(i)[0](t, *x)[0]) for i in sliding), default=0.0)
-
-    def _surface(self, index: int) -> tuple[Scalar, Scalar]:
-        if index not in self._surfaces:
-            h = self.system.numeric(self.system.surfaces[index])
-            gradient = [sp.diff(h, x) for x in self.system.states]
-            states = self.system.states
-            self._surfaces[index] = (of_few(states, (h,)), of_few(states, tuple(gradient)))
-        return self._surfaces[index]
+        return max((abs(surface(self.system, i)[0](t, *x)[0]) for i in sliding), default=0.0)
 
 
 def _speed(model: ModeFunctions, index: int, t: float, x: Sequence[float]) -> tuple[float, float]:

@@ -21,8 +21,6 @@ from __future__ import annotations
 import copy
 import io
 from contextlib import redirect_stdout
-from dataclasses import dataclass
-from importlib.util import find_spec
 from itertools import product
 from math import ceil, sqrt
 from types import SimpleNamespace
@@ -33,13 +31,14 @@ import sympy as sp
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from henon_ref.baselines.driver import Driver, tolerances
-from henon_ref.baselines.flow import LIMIT
+from henon_ref.baselines.adapter import Asked, LibrarySolver
+from henon_ref.baselines.driver import Driver
+from henon_ref.baselines.library import LIMIT
 from henon_ref.baselines.record import Record
 from henon_ref.baselines.scipy_ivp import RK45
-from henon_ref.baselines.sundials_cvode import ADAMS
-from henon_ref.baselines.work import DeadlinePassed, Work, installed_version
-from henon_ref.errors import UnavailableError, UnsupportedError
+from henon_ref.baselines.sundials import ADAMS
+from henon_ref.baselines.work import DeadlinePassed, Work
+from henon_ref.errors import UnsupportedError
 from henon_ref.modes.callables import rounded
 from henon_ref.modes.kinks import visible
 from henon_ref.modes.mode import Mode
@@ -47,7 +46,7 @@ from henon_ref.modes.problem import Problem
 from henon_ref.solver import Run
 from henon_ref.taylor.rules import FUNCTIONS
 from henon_ref.taylor.tape import TIME
-from henon_ref.trajectory import Trajectory
+from henon_ref.trajectory import Status, Trajectory
 
 STAGES = ((1e-7, 3), (1e-10, 4), (0.0, 5))
 """Tolerances above the first number have so many stages: 3 at 1e-6, 4 at 1e-9, 5 at 1e-12."""
@@ -69,57 +68,30 @@ EMPTY = 1e-9
 """A finite element shorter than this part of its control step holds no mode."""
 
 
-@dataclass(frozen=True)
-class Nosnoc:
-    """nosnoc's solver, one control step after another.
+class Nosnoc(LibrarySolver):
+    """nosnoc's solver, one control step after another. There are no samples.
 
     Counts: ``steps`` are finite elements; nosnoc counts no right-hand sides (0), and there are no event functions.
     """
 
-    name: str
-    fixed_step: bool = False
-    landing: str = "switch detection"
+    landing = "switch detection"
+    distribution = module = "nosnoc"
+    extra = "peers"
 
-    @property
-    def version(self) -> str:
-        """nosnoc's version, empty where it is not installed."""
-        return installed_version("nosnoc")
-
-    def unavailable(self) -> str:
-        """Why it cannot be had; empty where it can."""
-        return "" if find_spec("nosnoc") else "nosnoc is not installed: pip install 'henon-ref[peers]'"
-
-    def prepare(
-        self,
-        problem: Problem,
-        *,
-        rtol: float | None = None,
-        atol: float | None = None,
-        step: float | None = None,
-        sample_times: NDArray[np.float64] | None = None,
-        deadline: float | None = None,
-    ) -> Run:
-        """Build the nonlinear program; see :meth:`henon_ref.solver.Solver.prepare`. There are no samples.
-
-        Raises
-        ------
-        UnavailableError
-        UnsupportedError
-            Where a surface has its own sliding, the model ends, or there are too many surfaces.
-        """
-        rtol, _ = tolerances(self.name, rtol, atol, step)
+    def prepared(self, problem: Problem, asked: Asked) -> Run:
+        """Build the nonlinear program."""
         system = problem.system
-        if system.overrides:
-            raise UnsupportedError("nosnoc slides by Filippov's combination only, and the case replaces it")
-        if system.valid:
-            raise UnsupportedError("nosnoc has no word for the end of a model ('valid')")
-        if system.resets:
-            raise UnsupportedError("nosnoc's step has no jumps of the state")
+        for beyond, words in (
+            (system.overrides, "nosnoc slides by Filippov's combination only, and the case replaces it"),
+            (system.valid, "nosnoc has no word for the end of a model ('valid')"),
+            (system.resets, "nosnoc's step has no jumps of the state"),
+        ):
+            if beyond:
+                raise UnsupportedError(words)
         if not 1 <= len(system.surfaces) <= MOST_SURFACES:
             raise UnsupportedError(f"{len(system.surfaces)} surfaces: the adapter gives nosnoc 1 to {MOST_SURFACES}")
-        if self.unavailable():
-            raise UnavailableError(self.unavailable())
-        return _Simulation(problem, rtol, self.landing, deadline).run
+        self.loaded()
+        return _Simulation(problem, asked.rtol, self.landing, asked.deadline).run
 
 
 class _Simulation:
@@ -149,23 +121,25 @@ class _Simulation:
         """The whole run, afresh."""
         system, self.largest = self.problem.system, np.full(len(self.problem.system.surfaces), self.nearest)
         self.work.start()
-        states = len(system.states)
-        record = Record(self.work, len(system.surfaces), states, self.until - self.start, None, self.landing, 0.0)
         with threadpool_limits(1):
-            found = self._march(record, states)
+            found = self._march(Record(self.work, self.problem, self.landing))
         return found._replace(transitions=visible(system, found.transitions))
 
-    def _march(self, record: Record, states: int) -> Trajectory:
-        x, mode = self.initial, (0,) * len(self.problem.system.surfaces)
+    def _march(self, record: Record) -> Trajectory:
+        x, mode, states = self.initial, (0,) * len(self.largest), len(self.problem.system.states)
+
+        def ended(status: Status, t: float, reason: str = "") -> Trajectory:
+            return record.finish(status, t, tuple(x[:states].tolist()), mode, reason)
+
         for k in range(self.steps):
             t = self.start + k * self.length
             try:
                 self.work.check()
             except DeadlinePassed:
-                return record.finish("timeout", t, x[:states].tolist(), mode, f"stopped after {self.work.deadline:g} s")
+                return ended("timeout", t, f"stopped after {self.work.deadline:g} s")
             elements = self._step(x, 0)
             if elements is None:
-                return record.finish("failed", t, x[:states].tolist(), mode, f"IPOPT finds no step from t = {t:.17g}")
+                return ended("failed", t, f"IPOPT finds no step from t = {t:.17g}")
             for at, element in enumerate(elements):
                 if element.length > EMPTY * self.length:
                     after = self._mode(element)
@@ -176,9 +150,8 @@ class _Simulation:
                     record.drift = max([record.drift, *element.off[[s == 0 for s in mode], -1]])
                 t, x = t + element.length, element.x
             if not np.abs(x).max() <= LIMIT:
-                words = f"the state passed {LIMIT:g} at t = {t:.17g}"
-                return record.finish("diverged", t, x[:states].tolist(), mode, words)
-        return record.finish("ok", self.until, tuple(x[:states].tolist()), mode)
+                return ended("diverged", t, f"the state passed {LIMIT:g} at t = {t:.17g}")
+        return ended("ok", self.until)
 
     def _step(self, x: NDArray[np.float64], level: int) -> list[SimpleNamespace] | None:
         """The finite elements of a control step that was halved so often; None where IPOPT finds none."""

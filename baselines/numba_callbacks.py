@@ -43,13 +43,7 @@ def njit(function: Callable[..., Any]) -> Any:
 
 
 def compiled(states: Sequence[sp.Symbol], expressions: Iterable[sp.Expr]) -> Fill:
-    """Expressions in time and states, compiled: NaN or infinity where one has no value.
-
-    Raises
-    ------
-    UnavailableError
-        Where numba is not installed.
-    """
+    """Expressions in time and states, compiled: NaN or infinity where one has no value."""
     clock, array = sp.Symbol("clock_"), sp.IndexedBase("x_")
     names = {TIME: clock, **{x: array[k] for k, x in enumerate(states)}}
     exprs = tuple(e.xreplace(names) for e in with_rounded_constants(expressions))

@@ -1,4 +1,4 @@
-"""The log of one run: transitions, samples, drift, and whether events accumulate."""
+"""The log of one run: transitions, samples, drift, whether events accumulate, and how it ends."""
 
 from __future__ import annotations
 
@@ -10,9 +10,13 @@ from typing import overload
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.baselines.mode_functions import EPSILON
+from henon_ref.baselines.library import LIMIT, Stop
+from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
+from henon_ref.baselines.restart import MARGIN
 from henon_ref.baselines.work import Work
+from henon_ref.modes.callables import ARITHMETIC, Scalar
 from henon_ref.modes.mode import Mode, transition_kind
+from henon_ref.modes.problem import Problem
 from henon_ref.modes.resets import rows_at
 from henon_ref.trajectory import Kind, Status, Trajectory, Transition
 
@@ -36,7 +40,10 @@ CHAIN = 5
 """... of so many groups, accumulates too once it has shrunk to where an absolute tolerance makes it chatter:"""
 CHATTER = 16.0
 """to this times the root of that tolerance, as a part of the chain's first group."""
-
+GROWTH = 8.0
+"""A step that underflows means blow-up only where the state has grown this much since the mode began ..."""
+RUSH = 1e-3
+"""... and would change by this part within 1024 units in the last place of the time."""
 
 _Fields = tuple[Kind, int, Mode, Mode, float, tuple[float, ...], float]
 """Those of a transition in their order, but for the landing."""
@@ -66,43 +73,28 @@ class Transitions(Sequence[Transition]):
 
 
 class Record:
-    """What a run has seen so far.
+    """What a run of a problem has seen so far.
 
-    Parameters
-    ----------
-    work : Work
-    surfaces, states : int
-        Their numbers.
-    horizon : float
-        Length of the whole run [s].
-    sample_times : ndarray or None
-    landing : str
-        Written into every transition.
-    blur : float
-        Absolute error that the library leaves in a state just after a start; shorter and shorter excursions
-        end as a chatter of about its square root, not in the last place of the time.
+    ``blur`` is the absolute error that the library leaves in a state just after a start; shorter and shorter excursions
+    end as a chatter of about its square root, not in the last place of the time.
     """
 
     def __init__(
         self,
         work: Work,
-        surfaces: int,
-        states: int,
-        horizon: float,
-        sample_times: NDArray[np.float64] | None,
+        problem: Problem,
         landing: str,
-        blur: float,
+        blur: float = 0.0,
+        sample_times: NDArray[np.float64] | None = None,
     ) -> None:
-        self.work = work
-        self.landing = landing
+        self.work, self.landing = work, landing
         self.events: list[_Fields] = []
         self.drift = 0.0
         self._times: list[float] = []
-        self._window = WINDOW + 4 * surfaces
-        self._span = SPAN * horizon
-        self._horizon = horizon
+        self._window = WINDOW + 4 * len(problem.system.surfaces)
+        self._horizon = float(problem.until) - float(problem.start)
         self._floor = min(1e-2, CHATTER * math.sqrt(blur))
-        self._sample_times = sample_times
+        self._sample_times, states = sample_times, len(problem.system.states)
         self._samples = None if sample_times is None else np.full((len(sample_times), states), np.nan)
         self._sample_modes: list[Mode] = []
 
@@ -150,7 +142,7 @@ class Record:
                 )
         if count > self._window:
             t, latest = times[-1], times[-1] - times[-1 - self._window]
-            if latest <= max(ULPS * EPSILON * abs(t), self._span):
+            if latest <= max(ULPS * EPSILON * abs(t), SPAN * self._horizon):
                 return f"events accumulate at t = {t:.17g}: the last {self._window} took {latest:.3g} s"
             if count >= MOST:
                 return f"more than {MOST} events by t = {t:.17g}"
@@ -216,3 +208,47 @@ class Record:
             samples=self._samples,
             sample_modes=modes,
         )
+
+
+def blown_up(field: Scalar, began: Sequence[float], t: float, x: Sequence[float]) -> bool:
+    """Whether a state at which the steps underflow is on its way out of every bound.
+
+    It is where some component has grown since ``began`` and would change by a good part of itself within the
+    resolution of time; at a pole or an end of the field it would not.
+    """
+    try:
+        rates = field(t, *x)
+    except ARITHMETIC:
+        return False
+    instant = 1024.0 * EPSILON * abs(t)
+    grown = GROWTH * max(abs(v) for v in began)
+    return any(abs(v) > grown and abs(f) * instant > RUSH * abs(v) for v, f in zip(x, rates, strict=True))
+
+
+def ended(
+    record: Record, model: ModeFunctions, began: Sequence[float], stop: Stop, accuracy: tuple[float, float]
+) -> Trajectory:
+    """Tell a blow-up, and the end of the model, from a library's other failures."""
+    mode, t, x = model.mode, stop.t, stop.x
+    if stop.status == "diverged" or any(abs(v) > LIMIT for v in x):
+        return record.finish("diverged", t, x, mode, stop.reason or f"the state passed {LIMIT:g} at t = {t:.17g}")
+    if expression := _model_ends(model, t, x, accuracy):
+        return record.finish("invalid", t, x, mode, f"the model ends: {expression} fell to 0 at t = {t:.17g}")
+    if blown_up(model.field, began, t, x):
+        return record.finish("diverged", t, x, mode, f"the state blows up at t = {t:.17g}: {stop.reason}")
+    return record.finish("failed", t, x, mode, record.explained("failed", stop.reason))
+
+
+def _model_ends(model: ModeFunctions, t: float, x: Sequence[float], accuracy: tuple[float, float]) -> str:
+    """A ``valid`` expression that is zero within the tolerances where a library gets no further; empty if none is.
+
+    Nothing need have a value behind it, so that no step leads past the root.
+    """
+    for k, guard in enumerate(model.guards):
+        try:
+            value = model.guard[k](t, *x)[0]
+        except ARITHMETIC:
+            continue
+        if guard.kind == "valid" and abs(value) <= MARGIN * model.size(k, t, x, *accuracy):
+            return str(model.system.valid[guard.index])
+    return ""

@@ -84,18 +84,9 @@ def dip(model: ModeFunctions, fresh: Fresh, t: float, x: Sequence[float]) -> flo
 def quiet_until(
     model: ModeFunctions, fresh: Sequence[Fresh], t: float, x: Sequence[float], levels: Sequence[float], longest: float
 ) -> list[float]:
-    """Time up to which each fresh guard cannot be told from zero.
+    """Time up to which each fresh guard cannot be told from zero in a mode that starts at (t, x).
 
-    Parameters
-    ----------
-    model : ModeFunctions
-    fresh : sequence of Fresh
-    t, x
-        Start of the mode.
-    levels : sequence of float
-        Noise of each fresh guard's value.
-    longest : float
-        Longest event-free step [s].
+    ``levels`` is the noise of each one's value, ``longest`` the longest event-free step [s].
     """
     try:
         series = model.series(t, x, ORDER)[1]
@@ -113,24 +104,14 @@ def quiet_until(
 
 
 class GatedGuards:
-    """The guards of one mode as a library sees them, under one restart policy.
+    """The guards of one mode as a library sees them, under one restart policy, set at the start of every run of it.
 
-    Libraries that take an event function from Python read ``value(k, t, x)``; :meth:`open` is called at
-    the start of every run of the mode.
-
-    Parameters
-    ----------
-    model : ModeFunctions
-    policy : Restart
-    errors : (float, float)
-        Relative and absolute error that the library's first steps leave in the state: rounding for an
-        explicit method, the tolerances where a nonlinear solver stops at a part of them.
+    ``errors`` are the relative and absolute error that the library's first steps leave in the state: rounding for an
+    explicit method, the tolerances where a nonlinear solver stops at a part of them.
     """
 
     def __init__(self, model: ModeFunctions, policy: Restart, errors: tuple[float, float]) -> None:
-        self.model = model
-        self.policy = policy
-        self.errors = errors
+        self.model, self.policy, self.errors = model, policy, errors
         count = len(model.guards)
         self.quiet = [-np.inf] * count
         """Up to here the guard reads :attr:`resting`."""
@@ -162,15 +143,9 @@ class GatedGuards:
         return self.model.size(guard, t, x, *self.errors) + EPSILON * speed * SPAN * horizon
 
     def watcher(self, k: int, count: Callable[[], None], value: Watcher | None = None) -> Watcher:
-        """Guard k as the library sees it.
+        """Guard k as the library sees it; ``count`` is called at every evaluation.
 
-        Parameters
-        ----------
-        k : int
-        count : callable
-            Called at every evaluation.
-        value : callable, optional
-            ``g(t, x)`` in place of the mode's own guard, where a library has another function of the same zero.
+        ``value`` is ``g(t, x)`` in place of the mode's own, where a library has another function of the same zero.
         """
         quiet, lifts, resting = self.quiet, self.lifts, self.resting[k]
         guard, n = self.model.guard[k], len(self.model.states)

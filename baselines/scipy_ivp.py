@@ -22,84 +22,37 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.baselines.adapter import SCOUTING, Adapter, ConfiguredLibrary
-from henon_ref.baselines.base import SmoothMode
-from henon_ref.baselines.callbacks import counted_field
-from henon_ref.baselines.flow import Library, Stop
+from henon_ref.baselines.adapter import SCOUTING, Adapter
+from henon_ref.baselines.library import Library, Stop
 from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
 from henon_ref.baselines.numba_callbacks import Callbacks
 from henon_ref.baselines.restart import Restart
+from henon_ref.baselines.smooth_mode import SmoothMode, counted_field
 from henon_ref.baselines.work import Work
-
-Method = Literal["RK45", "DOP853", "Radau", "BDF", "LSODA"]
 
 IMPLICIT = ("Radau", "BDF", "LSODA")
 
 
-@dataclass(frozen=True)
-class ScipyIvp(Adapter):
-    """``solve_ivp`` on one smooth mode after another.
-
-    Tolerances go to SciPy as they are (``rtol`` no smaller than 100 eps, SciPy's own limit). The implicit
-    methods get the Jacobian that SymPy derives.
-
-    Counts: ``steps`` are accepted steps (those cut off by an event too); ``rhs_evaluations`` all calls of
-    the right-hand side; ``event_evaluations`` all calls of event functions, one guard each, the guard
-    against divergence among them. Jacobians are not counted.
-    """
-
-    method: Method
-    restart: Restart = field(default="offset", kw_only=True)
-    callbacks: Callbacks = "python"
-    """Right-hand side and Jacobian in plain Python or compiled; the event functions are plain Python."""
-    root_tolerance: float | None = None
-    """Absolute tolerance of an event's time [s]: the root is located again with it on the last step's dense output,
-    with the same relative one, 4 eps, since ``solve_ivp`` fixes both at 4 eps; None: it is left as it is."""
-    landing = "brentq"
-    distribution = "SciPy"
-    least_rtol = 100.0 * EPSILON  # SciPy raises a smaller one to this, with a warning
-
-    def load(self) -> Callable[..., Any]:
-        """``solve_ivp``."""
-        from scipy.integrate import solve_ivp
-
-        return solve_ivp
-
-    def start_errors(self, rtol: float, atol: float) -> tuple[float, float]:
-        """An explicit method's first step is as exact as it is short."""
-        return super().start_errors(rtol, atol) if self.method in IMPLICIT else (EPSILON, 0.0)
-
-    def location_error(self, t: float) -> float:
-        """``brentq``'s tolerances in ``solve_ivp``."""
-        return 4.0 * EPSILON * (1.0 + abs(t))
-
-    def flow(self, library: ConfiguredLibrary, model: ModeFunctions, work: Work, horizon: float) -> _Flow:
-        return _Flow(self, library, model, work, horizon)
-
-
-class _Flow(SmoothMode):
+class _Mode(SmoothMode):
     """``solve_ivp`` on one mode."""
 
-    def __init__(
-        self, adapter: ScipyIvp, library: ConfiguredLibrary, model: ModeFunctions, work: Work, horizon: float
-    ) -> None:
+    def __init__(self, library: Library, model: ModeFunctions, work: Work, horizon: float) -> None:
         super().__init__(library, model, work, horizon)
-        self._solve_ivp, self._root_tolerance = library.module, adapter.root_tolerance
-        self._rhs = counted_field(model, adapter.callbacks, work)
-        self._options: dict[str, Any] = {"method": adapter.method, "rtol": library.rtol, "atol": library.atol}
-        if adapter.method in IMPLICIT:
-            self._options["jac"] = model.jacobian(adapter.callbacks)
-        direction = self.gates.direction
+        own: ScipyIvp = library.solver
+        self._rhs, self._root_tolerance = counted_field(model, own.callbacks, work), own.root_tolerance
+        self._options: dict[str, Any] = {"method": own.method, "rtol": library.rtol, "atol": library.atol}
+        if own.method in IMPLICIT:
+            self._options["jac"] = model.jacobian(own.callbacks)
         guards = self.gates.watchers(work.count_event)
-        self._events = [*(_event(g, direction) for g in guards), _event(self.last.value, -1)]
+        self._events = [*(_event(g, self.gates.direction) for g in guards), _event(self.last.value, -1)]
 
     def integrate(self, t: float, x: NDArray[np.float64], until: float) -> Stop:
-        """See :class:`henon_ref.baselines.base.SmoothMode`."""
+        """See :class:`henon_ref.baselines.smooth_mode.SmoothMode`."""
         wanted = self.wanted
         with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always")
             try:
-                result = self._solve_ivp(
+                result = self.library.module.solve_ivp(
                     self._rhs,
                     (t, until),
                     x,
@@ -152,9 +105,36 @@ def _event(
     return event
 
 
-def scouting(_adapter: Adapter, library: ConfiguredLibrary) -> Library:
-    """``loosened`` of a library that compiles its modes: which are visited is found out by ``DOP853``, without that."""
-    return DOP853.library(SCOUTING, SCOUTING)
+@dataclass(frozen=True)
+class ScipyIvp(Adapter):
+    """``solve_ivp`` on one smooth mode after another.
+
+    Tolerances go to SciPy as they are (``rtol`` no smaller than 100 eps, SciPy's own limit). The implicit
+    methods get the Jacobian that SymPy derives.
+
+    Counts: ``steps`` are accepted steps (those cut off by an event too); ``rhs_evaluations`` all calls of
+    the right-hand side; ``event_evaluations`` all calls of event functions, one guard each, the guard
+    against divergence among them. Jacobians are not counted.
+    """
+
+    method: Literal["RK45", "DOP853", "Radau", "BDF", "LSODA"]
+    restart: Restart = field(default="offset", kw_only=True)
+    callbacks: Callbacks = "python"
+    """Right-hand side and Jacobian in plain Python or compiled; the event functions are plain Python."""
+    root_tolerance: float | None = None
+    """Absolute tolerance of an event's time [s]: the root is located again with it on the last step's dense output,
+    with the same relative one, 4 eps, since ``solve_ivp`` fixes both at 4 eps; None: it is left as it is."""
+    mode = _Mode
+    landing = "brentq"
+    distribution = "SciPy"
+    module = "scipy.integrate"
+    samples = True
+    least_rtol = 100.0 * EPSILON  # SciPy raises a smaller one to this, with a warning
+
+    @property
+    def implicit(self) -> bool:  # type: ignore[override]
+        """Whether the method is."""
+        return self.method in IMPLICIT
 
 
 RK45 = ScipyIvp("scipy-rk45", "RK45")
@@ -162,3 +142,8 @@ DOP853 = ScipyIvp("scipy-dop853", "DOP853")
 RADAU = ScipyIvp("scipy-radau", "Radau")
 BDF = ScipyIvp("scipy-bdf", "BDF")
 LSODA = ScipyIvp("scipy-lsoda", "LSODA")
+
+
+def scouting(_adapter: Adapter, rtol: float, atol: float) -> Library:
+    """``loosened`` of a library that compiles its modes: which are visited is found out by ``DOP853``, without that."""
+    return DOP853.library(SCOUTING, SCOUTING)

@@ -1,7 +1,9 @@
 """What people write first: friction smoothed by tanh, or ``sign`` in the right-hand side; no modes, no events.
 
-Both integrate one field over the whole run, and their transitions are read off afterwards
-(:mod:`henon_ref.baselines.bands`), with a band of 20 widths of the smoothing, or of 200 tolerances.
+Both integrate one field over the whole run, and their transitions are read off its steps, as a person would: where is
+the surface near zero, and for how long. A surface is *in its band* while abs(h) is below 20 widths of the smoothing, or
+200 tolerances. Passing through the band in about the time its own speed takes is a crossing, at the root of h; staying
+much longer is a stick, from entering the band to leaving it; touching it is nothing.
 
 ``scipy-smoothed`` puts tanh(h / eps) for the sign of h, with LSODA and SymPy's Jacobian. The width is
 ``eps = 100 atol``: wide enough that the error control can tell where on the tanh the state is, no wider. A
@@ -19,6 +21,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -26,15 +29,14 @@ import sympy as sp
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from henon_ref.baselines.bands import Band, Dense, joined
-from henon_ref.baselines.driver import tolerances
-from henon_ref.baselines.endings import blown_up
-from henon_ref.baselines.flow import LIMIT
+from henon_ref.baselines.adapter import Asked, LibrarySolver
+from henon_ref.baselines.library import LIMIT
 from henon_ref.baselines.mode_functions import EPSILON
-from henon_ref.baselines.work import BudgetSpent, DeadlinePassed, Work, installed_version
-from henon_ref.errors import UnavailableError, UnsupportedError
+from henon_ref.baselines.record import blown_up
+from henon_ref.baselines.work import DeadlinePassed, Work
+from henon_ref.errors import UnsupportedError
 from henon_ref.modes.callables import ARITHMETIC, Jacobian, Scalar, scalar
-from henon_ref.modes.mode import Mode
+from henon_ref.modes.mode import Mode, replaced, transition_kind
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.solver import Run
@@ -47,60 +49,47 @@ BAND = {"tanh": 20.0, "sign": 200.0}
 state hops over the surface by tens of them)."""
 BUDGET = 100_000
 """Right-hand sides a run of ``scipy-sign`` may take."""
+SUBSTEPS = 4
+"""Points of each step at which a surface is looked at."""
+LINGERS = 3.5
+"""A stay in the band this many times longer than passing through it takes, by the slopes at its edges, is a stick.
+
+A root of order p takes p times as long, and a motion passes roots of third order at most but by accident."""
+
+Dense = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+"""A step's continuous output: k times -> (n, k) states."""
+
+
+class BudgetSpent(Exception):  # noqa: N818  (not an error: a way out of SciPy's own loop)
+    """Raised in the right-hand side when the allowed number of them is used up."""
 
 
 @dataclass(frozen=True)
-class ScipyNaive:
+class ScipyNaive(LibrarySolver):
     """One field for the whole run, in SciPy, without events.
 
     Counts: ``steps`` are accepted steps, ``rhs_evaluations`` all calls of the right-hand side (Jacobians not
     counted); there are no event functions.
     """
 
-    name: str
     sign: Literal["tanh", "sign"]
     method: Literal["LSODA", "RK45"]
     budget: int | None = None
     """Right-hand sides a run may take."""
-    fixed_step: bool = False
-    landing: str = "band"
+    landing = "band"
+    distribution = "SciPy"
+    module = "scipy.integrate"
 
-    @property
-    def version(self) -> str:
-        """SciPy's version."""
-        return installed_version("scipy")
-
-    def prepare(
-        self,
-        problem: Problem,
-        *,
-        rtol: float | None = None,
-        atol: float | None = None,
-        step: float | None = None,
-        sample_times: NDArray[np.float64] | None = None,
-        deadline: float | None = None,
-    ) -> Run:
-        """Lambdify the field; see :meth:`henon_ref.solver.Solver.prepare`.
-
-        Raises
-        ------
-        UnsupportedError
-            Where a surface has its own sliding, the state jumps, or the run begins on a surface and the case gives the
-            side: the sign is 0 there.
-        """
-        rtol, atol = tolerances(self.name, rtol, atol, step)
+    def prepared(self, problem: Problem, asked: Asked) -> Run:
+        """Lambdify the field."""
         if problem.system.resets:
             raise UnsupportedError(f"{self.name} watches no surface, so the state cannot jump where one is reached")
         if any(problem.initial_mode.values()):
             raise UnsupportedError(f"{self.name} has the sign 0 on a surface, so it cannot begin there on a given side")
         if problem.system.overrides:
             raise UnsupportedError(f"{self.name} knows no sliding, so it cannot do one that the case replaces")
-        try:
-            import scipy.integrate as integrate
-        except ImportError as error:
-            raise UnavailableError("SciPy is not installed") from error
-        method = getattr(integrate, self.method)
-        return _Naive(self, problem, method, max(rtol, 100.0 * EPSILON), atol, sample_times, deadline).run
+        method = getattr(self.loaded(), self.method)
+        return _Naive(self, problem, method, max(asked.rtol, 100.0 * EPSILON), asked.atol, Work(asked.deadline)).run
 
 
 def _sgn(value: float) -> float:
@@ -111,18 +100,10 @@ class _Naive:
     """One problem, ready to run again and again."""
 
     def __init__(
-        self,
-        solver: ScipyNaive,
-        problem: Problem,
-        method: Callable[..., Any],
-        rtol: float,
-        atol: float,
-        sample_times: NDArray[np.float64] | None,
-        deadline: float | None,
+        self, solver: ScipyNaive, problem: Problem, method: Callable[..., Any], rtol: float, atol: float, work: Work
     ) -> None:
         system = problem.system
-        self.system, self.method, self.sample_times = system, method, sample_times
-        self.work = Work(deadline, solver.budget)
+        self.system, self.method, self.work, self.budget = system, method, work, solver.budget
         self.start, self.until = float(problem.start), float(problem.until)
         self.initial = tuple(float(v) for v in problem.initial)
         self.options: dict[str, Any] = {"rtol": rtol, "atol": atol}
@@ -138,6 +119,8 @@ class _Naive:
 
     def _rhs(self, t: float, x: NDArray[np.float64]) -> tuple[float, ...]:
         self.work.count_rhs()
+        if self.budget is not None and self.work.rhs > self.budget:
+            raise BudgetSpent
         try:
             return self.field(t, *x.tolist())
         except ARITHMETIC:
@@ -147,45 +130,17 @@ class _Naive:
         """The whole run, afresh."""
         self.work.start()
         bands = [Band(h, self.width, self.start, self.initial) for h in self.surfaces]
-        times = self.sample_times
-        samples = None if times is None else np.full((len(times), len(self.initial)), np.nan)
-        if samples is not None and times is not None:
-            samples[times <= self.start] = self.initial
         seen: list[tuple[float, tuple[float, ...]]] = [(self.start, self.initial)]
-
-        def accepted(t_old: float, t: float, dense: Dense) -> None:
-            for band in bands:
-                band.step(t_old, t, dense)
-            if samples is not None and times is not None:
-                inside = (times > t_old) & (times <= t)
-                if inside.any():
-                    samples[inside] = dense(times[inside]).T
-
-        status, reason = self._march(seen, accepted)
+        status, reason = self._march(seen, bands)
         t, x = seen[0]
         if status == "failed" and blown_up(self.field, self.initial, t, x):
             status, reason = "diverged", f"the state blows up at t = {t:.17g}: {reason}"
         for band in bands:
             band.end(t)
         transitions, mode = joined(bands)
-        modes = None
-        if times is not None:
-            modes = tuple(_mode_at(transitions, mode, float(time)) for time in times)
-        return Trajectory(
-            status=status,
-            transitions=transitions,
-            end_time=t,
-            end_state=x,
-            end_mode=mode,
-            reason=reason,
-            counts=self.work.counts,
-            samples=samples,
-            sample_modes=modes,
-        )
+        return Trajectory(status, transitions, t, x, mode, reason, self.work.counts)
 
-    def _march(
-        self, seen: list[tuple[float, tuple[float, ...]]], accepted: Callable[[float, float, Dense], None]
-    ) -> tuple[Status, str]:
+    def _march(self, seen: list[tuple[float, tuple[float, ...]]], bands: Sequence[Band]) -> tuple[Status, str]:
         """Step to the horizon; ``seen[0]`` is the last accepted point, whatever ends the run."""
         if self.until - self.start <= 2.0 * EPSILON * abs(self.until):
             return "ok", ""
@@ -207,13 +162,14 @@ class _Naive:
                     ended = self._left_model(t_old, t, dense)
                     t = t if ended is None else ended
                     seen[0] = (t, tuple(dense(np.array([t]))[:, 0].tolist()))
-                    accepted(t_old, t, dense)
+                    for band in bands:
+                        band.step(t_old, t, dense)
                     if ended is not None:
                         return "invalid", f"the model ends: an expression of 'valid' fell to 0 at t = {t:.17g}"
             except DeadlinePassed:
                 return "timeout", f"stopped after {self.work.deadline:g} s"
             except BudgetSpent:
-                return "failed", f"the budget of {self.work.budget} right-hand sides was spent by t = {seen[0][0]:.17g}"
+                return "failed", f"the budget of {self.budget} right-hand sides was spent by t = {seen[0][0]:.17g}"
             except (ValueError, np.linalg.LinAlgError) as error:
                 return "failed", str(error)
         return "ok", ""
@@ -241,8 +197,129 @@ def _without_signs(system: FilippovSystem, sign: Literal["tanh", "sign"], eps: f
     return [system.numeric(f).xreplace(written) for f in system.field]
 
 
-def _mode_at(transitions: Sequence[Transition], last: Mode, time: float) -> Mode:
-    return next((t.from_mode for t in transitions if time <= t.time), last)
+@dataclass(frozen=True)
+class _Point:
+    """A moment of one surface."""
+
+    t: float
+    x: tuple[float, ...]
+    slope: float
+    """dh/dt there."""
+
+
+class Band:
+    """One surface ``h(t, *x) -> (value,)`` of a run that starts at (t, x), fed step by step.
+
+    ``width`` is the half-width of the band.
+    """
+
+    def __init__(self, h: Scalar, width: float, t: float, x: Sequence[float]) -> None:
+        self._h = h
+        self._width = width
+        value = h(t, *x)[0]
+        self._region = self._side(value)
+        self._last = (t, value)
+        self._entered: _Point | None = None
+        self._root: Callable[[], _Point] | None = None
+        self.initial = self._region
+        """Entry of the mode at the start: a side, or 0 (until the surface first leaves its band for a side)."""
+        self._mode = self._region
+        self._open = self._region == 0
+        if self._open:
+            self._entered = _Point(t, tuple(x), 0.0)
+        self.changes: list[tuple[float, int, tuple[float, ...]]] = []
+        """(time, new entry of the mode, state)."""
+
+    def _side(self, value: float) -> int:
+        return 0 if abs(value) <= self._width else 1 if value > 0 else -1
+
+    def step(self, t_old: float, t: float, dense: Dense) -> None:
+        """Look at one accepted step.
+
+        One that begins and ends inside the band is taken by its end: with a jumping right-hand side a stick
+        is hundreds of thousands of them.
+        """
+        end = self._h(t, *dense(np.array([t]))[:, 0].tolist())[0]
+        if self._region == 0 and abs(end) <= self._width:
+            self._check_crossings(t, end, dense)
+            return
+        times = np.linspace(t_old, t, SUBSTEPS + 1)[1:]
+        states = dense(times)
+        for time, state in zip(times.tolist(), states.T, strict=True):
+            self._check_crossings(time, self._h(time, *state.tolist())[0], dense)
+
+    def _check_crossings(self, t: float, value: float, dense: Dense) -> None:
+        t_old, old = self._last
+        slope = (value - old) / (t - t_old) if t > t_old else 0.0
+        if (old < 0.0) != (value < 0.0) and old != 0.0:
+            self._root = partial(self._locate, t_old, t, 0.0, slope, dense)
+        for level in self._levels(old, value):
+            self._pass(self._locate(t_old, t, level, slope, dense), level, 1 if slope > 0 else -1)
+        self._last = (t, value)
+
+    def _levels(self, old: float, value: float) -> list[float]:
+        """Edges of the band between two values, in the order they are met."""
+        met = [edge for edge in (-self._width, self._width) if min(old, value) < edge <= max(old, value)]
+        return met if value > old else met[::-1]
+
+    def _locate(self, t_old: float, t: float, level: float, slope: float, dense: Dense) -> _Point:
+        def above(time: float) -> float:
+            return self._h(time, *dense(np.array([time]))[:, 0].tolist())[0] - level
+
+        low, high = above(t_old), above(t)
+        time = t if low * high > 0.0 else float(brentq(above, t_old, t, xtol=1e-300, rtol=1e-15))
+        return _Point(time, tuple(dense(np.array([time]))[:, 0].tolist()), slope)
+
+    def _pass(self, point: _Point, level: float, direction: int) -> None:
+        """The surface passes an edge of its band, upwards or downwards."""
+        side = 1 if level > 0 else -1
+        if direction == side:
+            self._leave(point, side)
+        else:
+            self._entered, self._region = point, 0
+
+    def _leave(self, point: _Point, side: int) -> None:
+        entered, self._region = self._entered, side
+        if entered is None:
+            return
+        passing = sum(self._width / abs(p.slope) for p in (entered, point) if p.slope)
+        if self._open:
+            self._open = False
+            if point.t - entered.t <= LINGERS * passing:
+                self.initial = self._mode = side
+            else:
+                self._change(point, side)
+        elif point.t - entered.t > LINGERS * passing:
+            self._change(entered, 0)
+            self._change(point, side)
+        elif side != self._mode:
+            self._change(self._root() if self._root else point, side)
+        self._entered = None
+
+    def _change(self, point: _Point, entry: int) -> None:
+        self._mode = entry
+        self.changes.append((point.t, entry, point.x))
+
+    def end(self, t: float) -> None:
+        """The run ends at t: a surface that has long been in its band sticks."""
+        entered = self._entered
+        if entered is None or self._open or self._region:
+            return
+        passing = 2.0 * self._width / abs(entered.slope) if entered.slope else 0.0
+        if t - entered.t > LINGERS * passing:
+            self._change(entered, 0)
+
+
+def joined(bands: Sequence[Band]) -> tuple[list[Transition], Mode]:
+    """The transitions of all surfaces in order of time, with joint modes, and the last mode."""
+    mode: Mode = tuple(band.initial for band in bands)
+    changes = sorted((t, i, entry, x) for i, band in enumerate(bands) for t, entry, x in band.changes)
+    found: list[Transition] = []
+    for t, i, entry, x in changes:
+        after = replaced(mode, i, entry)
+        found.append(Transition(transition_kind(mode[i], entry), i, mode, after, t, x, landing="band"))
+        mode = after
+    return found, mode
 
 
 SMOOTHED = ScipyNaive("scipy-smoothed", "tanh", "LSODA")

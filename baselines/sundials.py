@@ -1,4 +1,26 @@
-"""What CVODE and IDA share: event functions, a run of scikit-sundae, and reading its results."""
+"""SUNDIALS' CVODE (Adams and BDF) and IDA by scikit-sundae, with their own rootfinding.
+
+At its starting point CVODE takes an event function that is exactly zero out of play until it has left zero,
+so it does not fire again there; one that is a rounding off zero it takes at its sign. Hence ``direction`` as default
+(:mod:`henon_ref.baselines.restart`): the guard as it is, falling roots alone. No restart is right more often over the
+suite; an event-free step is so less often, since a guard that stays at zero is not out of play behind it. The first
+steps (order 1, with Newton's iteration stopped at a part of the tolerance) move a guard by about the tolerance. Which
+of the documentation's advice is followed: ``docs/solvers.md``.
+
+Roots are located by the Illinois method on the Nordsieck polynomial to ``100 eps (abs(t) + abs(h))``; a
+pair of roots inside one step is not seen. scikit-sundae keeps the events of earlier calls of one object, so
+every run of a mode gets a new object; its ``max_num_steps`` counts between outputs and does not bound a run:
+the deadline does, inside the callbacks.
+
+IDA has sliding as an index-1 DAE with the friction force as algebraic unknown. In slip the residual is ``x' - f(t,
+x)``. Where surfaces slide, the equivalent sign of each is a further unknown s_i with the equation ``dh_i/dt (t, x, s) =
+0``, and the stick ends where s_i reaches -1 or +1: nobody solves for the friction force by hand. Several sliding
+surfaces are so many unknowns (one that is a multiple of another has that one's sign, or the opposite, as its equation).
+The condition keeps ``dh/dt``, not h, at zero, so h drifts by about the tolerance along a stick; the driver puts the
+state back on the surface at the stick's end and reports the drift. A ``sliding`` override is its own ODE. The state is
+consistent by construction (x' = f, s from the expression of the equivalent sign), so no initial-condition solve is
+needed. With ``offset``, its default, IDA is right most often over the suite.
+"""
 
 from __future__ import annotations
 
@@ -7,18 +29,22 @@ import os
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from contextlib import redirect_stdout
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, Literal
 
 import numpy as np
+import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.baselines.adapter import Adapter
-from henon_ref.baselines.base import SmoothMode
-from henon_ref.baselines.flow import Stop
-from henon_ref.baselines.mode_functions import EPSILON
-from henon_ref.baselines.restart import Watcher
-from henon_ref.baselines.work import Stalled
-from henon_ref.modes.callables import ARITHMETIC
+from henon_ref.baselines.library import Library, Stop
+from henon_ref.baselines.mode_functions import ModeFunctions
+from henon_ref.baselines.numba_callbacks import Callbacks, compiled, jacobian, njit
+from henon_ref.baselines.restart import Restart, Watcher
+from henon_ref.baselines.smooth_mode import SmoothMode, counted_field
+from henon_ref.baselines.work import Stalled, Work
+from henon_ref.modes.callables import ARITHMETIC, scalar
+from henon_ref.modes.equations import Guard
 
 # SUNDIALS' own logger writes its warnings ("t + h = t") to the standard output of the process, past Python.
 os.environ.setdefault("SUNLOGGER_WARNING_FILENAME", os.devnull)
@@ -27,27 +53,15 @@ STEPS_BETWEEN_OUTPUTS = 1_000_000
 """``max_num_steps``: counts between outputs only, so it bounds nothing here; the deadline does."""
 
 
-class SundialsAdapter(Adapter):
-    """What is the same of CVODE and IDA as solvers."""
-
-    landing = "illinois"
-    distribution = "scikit-sundae"
-    least_rtol = 1e-15  # its documentation asks for no smaller one
-
-    def location_error(self, t: float) -> float:
-        """SUNDIALS locates a root to ``100 eps (abs(t) + abs(h))``; the step h is not known here."""
-        return 100.0 * EPSILON * abs(t)
-
-
-class SundialsFlow(SmoothMode):
+class _SundialsMode(SmoothMode):
     """One mode on an integrator of scikit-sundae: subclasses set the attributes and add ``start``."""
 
+    integrator: str
+    """Its class."""
     function: Callable[..., None]
     """Right-hand side or residual."""
     options: dict[str, Any]
-    """Of the integrator, without events."""
-    events: dict[str, Any]
-    """Its options for events."""
+    """Of the integrator."""
 
     def connect(self, jacfn: Callable[..., None], watchers: Sequence[Watcher], dae: bool = False, **more: Any) -> None:
         """Set the options, ``more`` among them; all events are terminal, the guard against divergence is the last."""
@@ -64,66 +78,250 @@ class SundialsFlow(SmoothMode):
         eventsfn: Any = of_dae if dae else of_ode
         # scikit-sundae reads both off the function.
         eventsfn.terminal, eventsfn.direction = [True] * (count + 1), [direction] * count + [-1]
-        self.events = {"eventsfn": eventsfn, "num_events": count + 1}
-        self.options = {"rtol": self.rtol, "atol": self.atol, "jacfn": jacfn, **more}
-        self.options["max_num_steps"] = STEPS_BETWEEN_OUTPUTS
+        self.options = {
+            "rtol": self.rtol, "atol": self.atol, "jacfn": jacfn, "max_num_steps": STEPS_BETWEEN_OUTPUTS,
+            "eventsfn": eventsfn, "num_events": count + 1, **more,
+        }  # fmt: skip
 
     @abstractmethod
     def start(self, t: float, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
-        """The arrays that the library's ``solve`` starts from where the unknowns are x at t.
-
-        Raises
-        ------
-        ZeroDivisionError, ValueError, OverflowError
-            Where the field has no value there.
-        """
+        """The arrays that the library's ``solve`` starts from where the unknowns are x at t; raises an arithmetic error
+        where the field has no value there."""
 
     def integrate(self, t: float, x: NDArray[np.float64], until: float) -> Stop:
-        """See :class:`henon_ref.baselines.base.SmoothMode`."""
+        """See :class:`henon_ref.baselines.smooth_mode.SmoothMode`."""
         try:
             start = self.start(t, x)
         except ARITHMETIC as error:
             return self.failed(f"the field has no value at the start: {error}")
-        make, work, said = self.library.module, self.work, io.StringIO()
+        make, work, said = getattr(self.library.module, self.integrator), self.work, io.StringIO()
         before = work.rhs
         # scikit-sundae prints its errors.
         with redirect_stdout(said):
             try:
                 # A new object every time: it keeps the events of earlier calls.
-                result = make(self.function, **self.options, **self.events).solve([t, until], *start)
+                result = make(self.function, **self.options).solve([t, until], *start)
             except (RuntimeError, Stalled) as error:
                 return self.failed(f"{error} {said.getvalue().strip()}")
-            work.steps += result.t.size - 1
-            work.rhs = before + int(result.nfev)
-            stop = self._stop(result, until, said.getvalue())
-            if (wanted := self.wanted) is None:
-                return stop
-            kept = work.rhs
-            times = wanted[(wanted <= stop.t) & (wanted > t)]
-            samples = self._sampled(start, t, times)
-            work.rhs = kept
-        return stop._replace(samples=samples)
-
-    def _stop(self, result: Any, until: float, said: str) -> Stop:
-        """Where a result of ``solve`` ends; ``said`` is what the library wrote while it ran."""
-        t, x = float(result.t[-1]), tuple(result.y[-1, : self.states].tolist())
+        work.steps += result.t.size - 1
+        work.rhs = before + int(result.nfev)
+        end, state = float(result.t[-1]), tuple(result.y[-1, : self.states].tolist())
         if not result.success:
-            return Stop("failed", t, 0.0, x, reason=" ".join([result.message, *said.split()]))
+            return Stop("failed", end, 0.0, state, reason=" ".join([result.message, *said.getvalue().split()]))
         if result.t_events is None:
-            return self.stopped(until, x, None)
+            return self.stopped(until, state)
         # The last row: the object is new for every run of a mode, but a reader of this line should not have to know.
-        return self.stopped(t, x, np.flatnonzero(result.i_events[-1]).tolist())
+        return self.stopped(end, state, np.flatnonzero(result.i_events[-1]).tolist())
 
-    def _sampled(
-        self, start: tuple[NDArray[np.float64], ...], t: float, times: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        """States at some times, shape (k, n), by a second pass from the start without events."""
-        if not times.size:
-            return np.empty((0, self.states))
-        solver = self.library.module(self.function, **self.options)
-        rows = solver.solve(np.concatenate([[t], times]), *start).y[:, : self.states]
-        # Two times make scikit-sundae return every internal step, the last of which is the one asked for.
-        found = rows[-1:] if times.size == 1 else rows[1:]
-        full = np.full((times.size, self.states), np.nan)
-        full[: len(found)] = found
-        return full
+
+class _CvodeMode(_SundialsMode):
+    """CVODE on one mode."""
+
+    integrator = "CVODE"
+
+    def __init__(self, library: Library, model: ModeFunctions, work: Work, horizon: float) -> None:
+        super().__init__(library, model, work, horizon)
+        own: SundialsCvode = library.solver
+        self.function, jacobian = _filling_field(model, own.callbacks, work), model.jacobian(own.callbacks)
+
+        def jacfn(t: float, x: NDArray[np.float64], xp: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+            jacobian.fill(t, x, out)
+
+        self.connect(jacfn, self.gates.watchers(work.count_event), method=own.method)
+
+    def start(self, t: float, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+        """The unknowns."""
+        return (x,)
+
+
+def _filling_field(model: ModeFunctions, callbacks: Callbacks, work: Work) -> Callable[..., None]:
+    """``rhs(t, x, out)`` that writes the time derivatives of a mode's unknowns into the library's array.
+
+    The compiled one is handed over as it is: the library counts its calls, and the deadline is looked at in
+    the event function.
+    """
+    if callbacks == "numba":
+        fill, whole = model.compiled_derivatives()
+        if whole:
+            return _ready(fill, len(model.unknowns))
+    field = counted_field(model, callbacks, work)
+
+    def rhs(t: float, x: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+        out[:] = field(t, x)
+
+    return rhs
+
+
+def _ready(function: Callable[..., None], unknowns: int, points: int = 1) -> Callable[..., None]:
+    """A compiled function of a time, so many points, and a result, compiled now."""
+    point = np.ones(unknowns)
+    point.flags.writeable = False  # as the library hands it in: a type of its own to numba
+    function(0.0, *[point] * points, np.empty(unknowns))
+    return function
+
+
+class _Equations:
+    """A mode as ``y = (x, g, s)``: ``y' = f(t, y)`` for the first two, ``0 = c(t, y)`` for the last.
+
+    g are copies of the followed guards (:meth:`ModeFunctions.start`), s the equivalent signs.
+    """
+
+    def __init__(self, model: ModeFunctions) -> None:
+        system, mode = model.system, model.mode
+        self.sliding = tuple(model.equations.equivalent_signs)
+        """Surfaces whose equivalent sign is an unknown, in order (none in slip or under an override)."""
+        seen = [k for k in model.followed if not self.by_sign(model.guards[k])]
+        slip = {s: sp.Integer(v) for s, v in zip(system.signs, mode, strict=True) if v}
+        ties = {system.signs[j]: way * system.signs[i] for j, (i, way) in system.multiples.items() if j in self.sliding}
+        free = {system.signs[i] for i in self.sliding} - set(ties)
+
+        def convex(expression: sp.Expr) -> sp.Expr:
+            return system.numeric(_between_signs(expression.xreplace(slip | ties), free))
+
+        def condition(index: int) -> sp.Expr:
+            sign = system.signs[index]
+            return sign - ties[sign] if sign in ties else convex(system.normal_velocity(index))
+
+        field = tuple(convex(f) for f in system.field) if self.sliding else model.field_expressions
+        copies = tuple(sp.Dummy(f"g{k}", real=True) for k in seen)
+        guards = [model.guard_expressions[k] for k in seen]
+        swings = tuple(model.along(g) for g in guards)
+        signs = [system.numeric(e) for e in model.equations.equivalent_signs.values()]
+        self.differential = len(system.states) + len(seen)
+        """Number of unknowns that have a time derivative."""
+        self.unknowns = (*system.states, *copies, *(system.signs[i] for i in self.sliding))
+        self.right = (*field, *swings, *(condition(i) for i in self.sliding))
+        self.alike = model.common is not None and not self.sliding
+        """Whether its equations are those that all modes have in common: no equivalent signs, no copies."""
+        self.values = model.field if self.alike else scalar(self.unknowns, self.right)
+        """(t, *y) -> f, c."""
+        started = [*guards, *signs, *model.field_expressions, *swings, *(model.along(e) for e in signs)]
+        self.start = model.field if self.alike else scalar(system.states, started)
+        """(t, *x) -> (g, s, x', g', s')."""
+
+    def by_sign(self, guard: Guard) -> bool:
+        """Whether a guard is a stick's end, which is read off its unknown."""
+        return guard.kind == "release" and guard.index in self.sliding
+
+
+def _between_signs(expression: sp.Expr, signs: set[sp.Symbol]) -> sp.Expr:
+    """Filippov's convex combination: affine in each sign between -1 and +1."""
+    for s in signs:
+        if sp.diff(expression, s, 2) != 0:
+            up, down = expression.xreplace({s: sp.Integer(1)}), expression.xreplace({s: sp.Integer(-1)})
+            expression = (1 + s) / 2 * up + (1 - s) / 2 * down
+    return expression
+
+
+class _IdaMode(_SundialsMode):
+    """IDA on one mode."""
+
+    integrator = "IDA"
+
+    def __init__(self, library: Library, model: ModeFunctions, work: Work, horizon: float) -> None:
+        super().__init__(library, model, work, horizon)
+        callbacks: Callbacks = library.solver.callbacks
+        self._equations = equations = _Equations(model)
+        slopes = (
+            model.jacobian(callbacks) if equations.alike else jacobian(equations.unknowns, equations.right, callbacks)
+        )
+        self.function = _residual(equations, callbacks, work)
+        moving = np.arange(equations.differential)
+
+        def jacfn(t: float, y: Any, yp: Any, res: Any, cj: float, out: NDArray[np.float64]) -> None:
+            slopes.fill(t, y, out)
+            np.negative(out, out=out)
+            out[moving, moving] += cj
+
+        watchers = [self._watcher(k) for k in range(len(model.guards))]
+        algebraic = list(range(equations.differential, len(equations.unknowns)))
+        self.connect(jacfn, watchers, dae=True, algebraic_idx=algebraic or None)
+
+    def _watcher(self, k: int) -> Watcher:
+        """Guard k as a function of (t, y): a stick ends where its unknown reaches -1 or +1."""
+        guard, equations, count = self.model.guards[k], self._equations, self.work.count_event
+        if not equations.by_sign(guard):
+            return self.gates.watcher(k, count)
+        at, side = equations.differential + equations.sliding.index(guard.index), guard.to_sign
+        return self.gates.watcher(k, count, lambda t, y: 1.0 - side * float(y[at]))
+
+    def start(self, t: float, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+        """Unknowns of the residual and their time derivatives."""
+        states = x[: self.states].tolist()
+        found = self._equations.start(t, *states)
+        further = len(self._equations.unknowns) - self.states
+        return np.array([*states, *found[:further]]), np.array(found[further:])
+
+
+def _residual(equations: _Equations, callbacks: Callbacks, work: Work) -> Callable[..., None]:
+    """``resfn(t, y, yp, res)``: y' - f(t, y) of the differential unknowns, then -c(t, y)."""
+    if callbacks == "numba" and not equations.alike:
+        return _compiled_residual(equations)
+    right = equations.values
+    nowhere = (np.nan,) * len(equations.unknowns)
+    count, n = work.count_rhs, equations.differential
+
+    def resfn(t: float, y: NDArray[np.float64], yp: NDArray[np.float64], res: NDArray[np.float64]) -> None:
+        count()
+        try:
+            res[:] = right(t, *y.tolist())
+        except ARITHMETIC:
+            res[:] = nowhere
+        np.negative(res, out=res)
+        res[:n] += yp[:n]
+
+    return resfn
+
+
+def _compiled_residual(equations: _Equations) -> Callable[..., None]:
+    """The same, compiled: the library counts its calls, the deadline is looked at in the event function."""
+    fill, n = compiled(equations.unknowns, equations.right), equations.differential
+
+    def resfn(t: float, y: Any, yp: Any, res: Any) -> None:
+        fill(t, y, res)
+        for k in range(res.size):
+            res[k] = yp[k] - res[k] if k < n else -res[k]
+
+    return _ready(njit(resfn), len(equations.unknowns), points=2)
+
+
+@dataclass(frozen=True)
+class SundialsAdapter(Adapter):
+    """What is the same of CVODE and IDA as solvers: dense Newton iteration with the Jacobian that SymPy derives.
+
+    Counts: ``steps`` are internal steps; ``rhs_evaluations`` are the library's own count of right-hand sides, IDA's of
+    residuals (Jacobians not counted); ``event_evaluations`` all evaluations of one guard each, the guard against
+    divergence among them.
+    """
+
+    callbacks: Callbacks = field(default="python", kw_only=True)
+    """Right-hand side (or residual) and Jacobian in plain Python or compiled; the event function is plain Python."""
+    landing = "illinois"
+    distribution = "scikit-sundae"
+    least_rtol = 1e-15  # its documentation asks for no smaller one
+    implicit = True
+    located = (100.0, 0.0)  # 100 eps (abs(t) + abs(h)); the step h is not known here
+
+
+@dataclass(frozen=True)
+class SundialsCvode(SundialsAdapter):
+    """CVODE on one smooth mode after another."""
+
+    method: Literal["Adams", "BDF"]
+    restart: Restart = field(default="direction", kw_only=True)
+    mode = _CvodeMode
+    module = "sksundae.cvode"
+
+
+@dataclass(frozen=True)
+class SundialsIda(SundialsAdapter):
+    """IDA on one mode after another."""
+
+    restart: Restart = field(default="offset", kw_only=True)
+    mode = _IdaMode
+    module = "sksundae.ida"
+
+
+ADAMS = SundialsCvode("cvode-adams", "Adams")
+BDF = SundialsCvode("cvode-bdf", "BDF")
+IDA = SundialsIda("ida")

@@ -17,72 +17,42 @@ class Stalled(Exception):  # noqa: N818
     """Raised inside a callback to leave a library whose steps no longer move the time."""
 
 
-class BudgetSpent(Exception):  # noqa: N818
-    """Raised inside a callback when the allowed number of right-hand sides is used up."""
-
-
 class Work:
-    """Counters of one run, reset at its start.
+    """Counters of one run, reset at its start, which may take so much processor time [s], what it compiles apart.
 
-    Parameters
-    ----------
-    deadline : float, optional
-        Processor time that a run may take [s], what is compiled in it apart.
-    budget : int, optional
-        Right-hand sides a run may take.
+    The two that count, and ``check``, raise :class:`DeadlinePassed` once that is used up.
     """
 
-    __slots__ = ("budget", "clock", "deadline", "events", "rhs", "steps", "stop_at")
+    __slots__ = ("clock", "deadline", "events", "rhs", "steps", "stop_at")
 
-    def __init__(self, deadline: float | None, budget: int | None = None) -> None:
+    def __init__(self, deadline: float | None) -> None:
         self.deadline = deadline
-        self.budget = budget
         self.start()
 
     def start(self) -> None:
         """Begin a run: all counts zero, the clock set."""
-        self.steps = 0
-        self.rhs = 0
-        self.events = 0
+        self.steps = self.rhs = self.events = 0
         self.clock = Deadline(self.deadline)
         self.stop_at = self.clock.look_at
 
     def count_rhs(self) -> None:
-        """One right-hand side.
-
-        Raises
-        ------
-        DeadlinePassed, BudgetSpent
-        """
+        """One right-hand side."""
         self.rhs += 1
         if perf_counter() > self.stop_at:
             self._check_clock()
-        if self.budget is not None and self.rhs > self.budget:
-            raise BudgetSpent
 
     def count_event(self) -> None:
-        """One evaluation of one guard.
-
-        Raises
-        ------
-        DeadlinePassed
-        """
+        """One evaluation of one guard."""
         self.events += 1
         if perf_counter() > self.stop_at:
             self._check_clock()
 
     def check(self) -> None:
-        """Look at the clock only.
-
-        Raises
-        ------
-        DeadlinePassed
-        """
+        """Look at the clock only."""
         if perf_counter() > self.stop_at:
             self._check_clock()
 
     def _check_clock(self) -> None:
-        """The deadline may have passed."""
         if self.clock.passed():
             raise DeadlinePassed
         self.stop_at = self.clock.look_at

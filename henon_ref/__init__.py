@@ -21,8 +21,9 @@ if TYPE_CHECKING:  # modules, too, under the names by which they go here
     from henon_ref.analysis.lyapunov import lyapunov_exponents
     from henon_ref.analysis.periodic_orbit import periodic_orbit
     from henon_ref.analysis.tangent import tangent_points
-    from henon_ref.baselines.base import ModeSolver, SmoothMode
+    from henon_ref.baselines.adapter import ModeSolver
     from henon_ref.baselines.protocol.program import ProgramSolver
+    from henon_ref.baselines.smooth_mode import SmoothMode
     from henon_ref.casefile.case import Case, Reading, load_case, parse_case
     from henon_ref.errors import (
         ArgumentError,
@@ -47,8 +48,8 @@ _HOME = {
     "Comparison": "harness.campaign.comparison",
     "compare": "harness.campaign.comparison",
     "ArgumentError": "errors",
-    "ModeSolver": "baselines.base",
-    "SmoothMode": "baselines.base",
+    "ModeSolver": "baselines.adapter",
+    "SmoothMode": "baselines.smooth_mode",
     "ProgramSolver": "baselines.protocol.program",
     "CaseError": "errors",
     "HenonRefError": "errors",

@@ -9,15 +9,12 @@ explains.
 from __future__ import annotations
 
 from henon_ref.baselines.causes import (  # noqa: F401 - each adds its causes
-    cvode_c_events,
+    by_program,
     diffrax_events,
     diffsol_events,
     heyoka_events,
-    naive,
     nosnoc_grid,
-    octave_events,
     scipy_events,
-    siconos_step,
     sundials_events,
 )
 from henon_ref.baselines.causes.base import CAUSES, Cause, ClaimError

@@ -65,8 +65,6 @@ def _ball(t: Any, y: Any) -> list[Any]:
 def last_root() -> str:
     """The root finder starts at the step's end: Newton's method goes to the root there, bisection to some root of the
     step. The adapter takes bisection; of three roots in a step it may take any.
-
-    y' = 1 from 0 through (1 - y)(2 - y)(3 - y), in one step to 4.
     """
 
     def condition(t: Any, y: Any, args: Any, **_: Any) -> Any:
@@ -79,10 +77,8 @@ def last_root() -> str:
 
 @shows("diffrax-pair", "diffrax: two roots in one step cancel")
 def pair_in_one_step() -> str:
-    """Signs of a condition are compared at the two ends of a step. An even number of roots in between leaves no trace.
-
-    y' = 1 through (1 - y)^2 = d^2/4: two roots, and no step ends between them.
-    """
+    """Signs of a condition are compared at the two ends of a step. An even number of roots in between leaves no
+    trace."""
     found = solve(_one, [0.0], 2.0, lambda t, y, args, **_: (y[0] - 1.0) ** 2 - 2.5e-5, step=0.3)
     holds(float(found.ts[0]) == 2.0, f"it stops at {found.ts[0]}")
     return "roots at t = 0.995 and 1.005, in one of steps of 0.3, are not reported; the run ends at 2"
@@ -92,8 +88,6 @@ def pair_in_one_step() -> str:
 def first_in_the_list() -> str:
     """Where two conditions change sign in one step, the run stops at the root of the one that is listed first, though
     the other's may be earlier. The adapter gives one condition, the minimum of all guards.
-
-    Two conditions that change in one step, in either order.
     """
     late, early = (lambda t, y, args, **_: y[0] - 1.0), (lambda t, y, args, **_: y[0] - 0.5)
     one, other = (float(solve(_one, [0.0], 4.0, pair, step=2.0).ts[0]) for pair in ((late, early), (early, late)))
@@ -105,8 +99,6 @@ def first_in_the_list() -> str:
 def start_on_the_surface() -> str:
     """A condition that is exactly zero where a run starts has changed its sign by the end of the first step. The
     adapter starts every guard clearly above zero, and counts falling roots only.
-
-    A ball at its surface, without a direction and with one.
     """
 
     def height(t: Any, y: Any, args: Any, **_: Any) -> Any:
@@ -129,8 +121,6 @@ def start_on_the_surface() -> str:
 def event_in_front_of_a_pole() -> str:
     """An event is located in a step that has passed it. Where the field has a pole, or no value, just behind the
     surface, every such step is refused, and the steps no longer move the time.
-
-    v' = -1/(v + d) from 1, event v: a step that ends beyond the event has to come close to the pole at v = -d.
     """
     import diffrax
 
@@ -151,8 +141,6 @@ def event_in_front_of_a_pole() -> str:
 def bisection_has_units() -> str:
     """optimistix's bisection ends only where the interval is small and the condition below the absolute tolerance;
     where rounding keeps the condition above, the run fails. The adapter scales the condition down.
-
-    y' = 1 through 1 - y, in two units of the condition.
     """
     import diffrax
     import optimistix
@@ -172,8 +160,6 @@ def bisection_has_units() -> str:
 def dense_output_of_lower_order() -> str:
     """An event is located on the step's dense output, whose order is below the step's (5 for Dopri8, 3 for Kvaerno5):
     its time, and the state there, are less accurate than what the steps carry.
-
-    cos(t): its value where a step ends at pi/2, and the root that an event finds there.
     """
     import math
 

@@ -34,8 +34,6 @@ def solve(text: str, until: float, method: str = "tsit45", tolerance: float = 1e
 def pair_in_one_step() -> str:
     """Signs of a stop function are compared at the two ends of a step. An even number of roots in between leaves no
     trace.
-
-    y' = 1 through y^2 = d^2/4: two roots, and no step ends between them; another function with the same roots.
     """
     for method in ("tsit45", "bdf"):
         for stops in ("y * y - 1e-12", "y * y - 1e-12, 2.0 * y * y - 2e-12"):
@@ -52,8 +50,6 @@ def any_direction() -> str:
     """A stop function has no direction, and the result does not say which of several stopped the run. One that is
     exactly zero at the start is out of play; a rounding below it stops the run as it rises. The adapter starts
     guards above zero and goes on where one has risen.
-
-    A ball that starts one rounding below its surface, upwards, and one exactly on it.
     """
     below = solve("u_i { x = -1e-15, v = 1.0 } F_i { v, -1.0 } stop_i { x }", 3.0)
     on = solve("u_i { x = 0.0, v = 1.0 } F_i { v, -1.0 } stop_i { x }", 3.0)
@@ -69,8 +65,6 @@ def bounce_falls_through() -> str:
     """`reset_i` leaves the state where the stop was found, a rounding beyond the surface: the stop function is negative
     from there on, and changes its sign no more. The adapter resets nothing: the driver puts the state on the surface
     and starts another mode.
-
-    A ball dropped from 1, with ``reset_i { x, -0.8 * v }`` at ``stop_i { x }``.
     """
     text = "u_i { x = 1.0, v = 0.0 } F_i { v, -9.81 } stop_i { x } reset_i { x, -0.8 * v }"
     found = solve(text, 4.0, "bdf")
@@ -86,8 +80,6 @@ TAN = "import pydiffsol; pydiffsol.Ode('u_i { y = 0.5 } F_i { tan(y) }'); print(
 def tangent_ends_the_process() -> str:
     """Enzyme, which differentiates the model, does not know LLVM's intrinsic for the tangent, and aborts. The adapter
     writes a quotient.
-
-    A model with ``tan``, in a process of its own.
     """
     done = subprocess.run([sys.executable, "-c", TAN], capture_output=True, text=True, check=False, timeout=120)
     holds(done.returncode != 0 and "made" not in done.stdout, f"exit status {done.returncode}")
@@ -134,8 +126,6 @@ def small_steps() -> str:
 def late_times() -> str:
     """Roots are located to 100 eps |t|, and a step that ends so close to the horizon is an error in place of the run's
     end. At t = 1e9 that is 2e-5 s.
-
-    x' = 1 from -1 at t = 1e9 through x = -1/2, and many steps to a horizon one second away, at 1e-12.
     """
 
     def late(text: str, start: float) -> Any:
@@ -150,10 +140,7 @@ def late_times() -> str:
 
 @shows("diffsol-stop-nan", "A stop function without a value is no stop")
 def stop_function_that_is_none() -> str:
-    """A NaN is no change of sign: the run goes on beyond the end of its stop function, and reports success.
-
-    y' = 1 from 0, stop function sqrt(1 - y) + 1/2.
-    """
+    """A NaN is no change of sign: the run goes on beyond the end of its stop function, and reports success."""
     for method in ("tsit45", "bdf"):
         found = solve("u_i { y = 0.0 } F_i { 1.0 } stop_i { sqrt(1.0 - y) + 0.5 }", 2.0, method)
         holds(found.ts[-1] == 2.0, f"{method} stops at {found.ts[-1]}")
@@ -165,8 +152,6 @@ def first_step_too_short() -> str:
     """The first step is estimated as a hundredth of the state over its rate, whatever `h0` says. From a state that is
     nearly zero that is below the shortest step, 1e-13 s whatever the time, and the run fails. The adapter makes the
     shortest step the rounding of the horizon.
-
-    y' = 3 from 4e-14 by BDF at 1e-9, with the shortest step of its own and with a shorter one.
     """
     ode = model("u_i { x = 0.0, y = 4e-14 } F_i { 1.0, 3.0 }", 1e-9, "bdf")
     own = ode.options.min_timestep

@@ -73,8 +73,6 @@ def event_is_its_taylor_polynomial() -> str:
 def root_of_third_order() -> str:
     """Whether a root rises or falls is read off the event's derivative there. At a root of third order that is zero:
     with a direction it does not count.
-
-    x' = 1 through 1 - x and its third power: its derivative is zero at the root.
     """
     x, field = _unit_speed()
     plain, flat = (run(guard, field, [0.0], 2.0) for guard in (1.0 - x, (1.0 - x) ** 3.0))
@@ -88,8 +86,6 @@ def root_of_third_order() -> str:
 def drive_between_expansions() -> str:
     """A function of time alone that sleeps where a step begins has no Taylor coefficients there: the step leaps over it
     to the horizon.
-
-    A pulse at t = 10 that cannot be seen from t = 0.
     """
     import heyoka
 
@@ -104,8 +100,6 @@ def drive_between_expansions() -> str:
 def start_on_the_surface() -> str:
     """An event that is exactly zero where a run starts stops it at once; with a direction it does not, and the next
     true root of the step is lost.
-
-    A ball at its surface, without a direction and with one.
     """
     x, field = _ball()
     either = run(x, field, [0.0, 1.0], 3.0, any_direction=True)

@@ -60,8 +60,6 @@ def release_is_put_on_the_grid() -> str:
     """The equations hold at the stages of a finite element, and at a release the weight of the sign meets its end
     without a jump: an element that begins before the release may slip all through it. The release is then where the
     grid is, off by up to an element, whatever the order, and nothing is said.
-
-    x' = t - s, s = sgn(x), x(0) = 0: at rest until t = 1, then x = (t - 1)^2 / 2.
     """
     errors = {}
     for steps in (7, 71):
@@ -78,10 +76,7 @@ def release_is_put_on_the_grid() -> str:
 
 @shows("nosnoc-shared-options", "Options are shared between objects", REPOSITORY)
 def options_are_shared() -> str:
-    """IPOPT's options are a dictionary of the class: what one object sets, all have. The adapter copies it.
-
-    Two objects with options: the second has the IPOPT tolerance of the first.
-    """
+    """IPOPT's options are a dictionary of the class: what one object sets, all have. The adapter copies it."""
     import nosnoc
 
     first, second = nosnoc.NosnocOpts(), nosnoc.NosnocOpts()
@@ -109,8 +104,6 @@ def infeasible_goes_on() -> str:
 def steps_are_programs() -> str:
     """Each control step is solved by IPOPT several times, with the complementarity relaxed less and less: some ten to
     fifty milliseconds a step, so that a long run does not end within the time of a row.
-
-    Processor time of one control step of the same oscillator.
     """
     from time import process_time
 

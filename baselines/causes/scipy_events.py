@@ -1,4 +1,4 @@
-"""SciPy's ``solve_ivp`` and its events."""
+"""SciPy's ``solve_ivp`` and its events; and what people write first: friction with ``sign``, or smoothed."""
 
 from __future__ import annotations
 
@@ -7,10 +7,14 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+import numpy as np
+
 from henon_ref.baselines.causes.base import cause, holds, said
 
 shows = partial(cause, "scipy")
 ISSUES = "https://github.com/scipy/scipy/issues"
+WIDTH = 1e-4
+"""Of the smoothing."""
 METHODS = ("RK45", "DOP853", "Radau", "BDF", "LSODA")
 
 
@@ -39,8 +43,6 @@ def unit_speed(t: float, x: Any) -> list[float]:
 def pair_in_one_step() -> str:
     """`solve_ivp` compares the signs of an event function at the two ends of a step. An even number of roots in between
     leaves no trace.
-
-    x' = 1 through x^2 = d^2/4: two roots, and no step ends between them.
     """
     steps = []
     for method in METHODS:
@@ -53,10 +55,7 @@ def pair_in_one_step() -> str:
 
 @shows("scipy-fires-at-start", "A root at the starting point counts")
 def fires_where_it_starts() -> str:
-    """A run that starts on its event surface is stopped there again unless a direction excludes it.
-
-    A ball at its surface: x = 0, v = 1 upwards.
-    """
+    """A run that starts on its event surface is stopped there again unless a direction excludes it."""
     ends = [
         run(lambda t, x: [x[1], -1.0], 3, [0.0, 1.0], events=terminal(lambda t, x: x[0], direction)).t[-1]
         for direction in (0, -1)
@@ -69,8 +68,6 @@ def fires_where_it_starts() -> str:
 def root_of_third_order() -> str:
     """`brentq` is called with a tolerance of four roundings and its default of 100 iterations, which a root of third
     order uses up; its exception ends `solve_ivp`, and all that was computed is lost.
-
-    x' = 1 through (x - 1)^3.
     """
     for method in METHODS:
         words = said(partial(run, unit_speed, 3, [0.0], method, events=lambda t, x: (x[0] - 1.0) ** 3))
@@ -82,8 +79,6 @@ def root_of_third_order() -> str:
 def bracket_without_a_sign_change() -> str:
     """The sign at a step's end is taken from the step, the root is sought on its dense output. Where the two differ by
     a rounding, `brentq` gets a bracket without a sign change and raises.
-
-    The event function has one sign at the step's end and another on the dense output there.
 
     From -c to 0, for some c: which of them it is depends on the last bits of the linear algebra library.
     """
@@ -101,8 +96,6 @@ def bracket_without_a_sign_change() -> str:
 def event_behind_a_pole() -> str:
     """An event is located in a step that has passed it. Where the field has a pole, or no value, just behind the
     surface, every such step is refused, until it is too small for the time.
-
-    v' = -1/(v + d), event v: a step that ends beyond the event has to come close to the pole at v = -d.
     """
     words = []
     for d in (1e-3, 1e-9):
@@ -116,8 +109,6 @@ def event_behind_a_pole() -> str:
 def late_start() -> str:
     """The least step is ten units in the last place of the time. At t = 1e9 that is 1e-6, and BDF's first steps at a
     tight tolerance are shorter.
-
-    The same oscillator at t = 0 and at t = 1e9.
     """
     from scipy.integrate import BDF
 
@@ -131,8 +122,6 @@ def late_start() -> str:
 def blow_up_is_a_failed_step() -> str:
     """`solve_ivp` has no word for divergence: the step shrinks until it is refused, with BDF long before the state is
     large.
-
-    x' = x^2 from 1 ends at t = 1.
     """
     found = run(lambda t, x: [x[0] ** 2], 2, [1.0], "BDF")
     holds(found.status < 0 and found.y[0, -1] < 1e12, f"the state reached {found.y[0, -1]:g}: {found.message}")
@@ -149,8 +138,6 @@ def steps_of_a_period(method: str) -> list[int]:
 def low_order_at_a_tight_tolerance() -> str:
     """From tolerance to tolerance the number of steps grows by the third root or more: at 1e-12 a run of ordinary
     length takes longer than any deadline here.
-
-    One period of x'' = -x.
     """
     (dop, fine), (radau, more) = steps_of_a_period("DOP853"), steps_of_a_period("Radau")
     holds(more / radau > 4 * fine / dop, f"steps {dop}, {fine}; {radau}, {more}")
@@ -162,10 +149,7 @@ def low_order_at_a_tight_tolerance() -> str:
 
 @shows("scipy-bdf-order", "BDF is of order 5 at most")
 def bdf_at_a_tight_tolerance() -> str:
-    """At tight tolerances its steps are short, and each one is plain Python with a linear solve.
-
-    One period of x'' = -x with BDF, order 5 at most.
-    """
+    """At tight tolerances its steps are short, and each one is plain Python with a linear solve."""
     coarse, fine = steps_of_a_period("BDF")
     holds(fine > 5 * coarse, f"steps {coarse}, {fine}")
     return f"from 1e-6 to 1e-12 the steps of one period of an oscillator grow from {coarse} to {fine}"
@@ -178,7 +162,6 @@ def number_that_is_none() -> str:
 
     h' = -sqrt(h) from 1, Torricelli's law: h = (1 - t/2)^2, and nothing is left at t = 2.
     """
-    import numpy as np
 
     def tank(method: str) -> Any:
         return run(lambda t, h: -np.sqrt(h), 4, [1.0], method)
@@ -194,3 +177,106 @@ def number_that_is_none() -> str:
     for method in ("Radau", "BDF"):
         holds(said(partial(tank, method)) or tank(method).status < 0, f"{method} says nothing")
     return f"{seen}, where h = {lsoda.y[0, numbers][-1]:.2f}; no other method reports success"
+
+
+def stuck(tolerance: float) -> tuple[float, int]:
+    """v' = 0.5 - sign(v) from 0.1, at rest from t = 0.2 on: its greatest speed after 0.21, and evaluations to 0.3."""
+    found = run(lambda t, v: 0.5 - np.sign(v), 0.3, [0.1], rtol=tolerance)
+    return float(np.abs(found.y[0, found.t > 0.21]).max()), found.nfev
+
+
+@shows("sign-chatter", "A stick is a jump at every step")
+def sign_in_a_stick() -> str:
+    """With `sign` in the right-hand side the field jumps to and fro in a stick, and the error control lets through
+    steps of about the tolerance over the jump only.
+    """
+    counts = [evaluations for _, evaluations in (stuck(1e-3), stuck(1e-5))]
+    holds(counts[1] > 20 * counts[0], f"evaluations {counts}")
+    return (
+        f"a stick of 0.1 s costs RK45 {counts[0]} evaluations at 1e-3 and {counts[1]} at 1e-5: it goes with the "
+        "inverse of the tolerance"
+    )
+
+
+@shows("sign-hops", "A jump within a step is not seen by error control")
+def sign_hops() -> str:
+    """With `sign` in the right-hand side a step over the jump is accepted with an error of tens of tolerances: the
+    surface is known no better, and what is closer together than that is not told apart.
+    """
+    hops = {rtol: stuck(rtol)[0] / rtol for rtol in (1e-3, 1e-4)}
+    holds(all(10 < hop < 200 for hop in hops.values()), f"it hops by {hops} tolerances")
+    words = " and ".join(f"{hop:.0f} tolerances at {rtol:g}" for rtol, hop in hops.items())
+    return f"a body at rest is seen to move by up to {words}: accepted steps go over the jump"
+
+
+@shows("smoothed-creep", "A smoothed stick creeps", "https://github.com/google-deepmind/mujoco/issues/3328")
+def smoothed_stick_creeps() -> str:
+    """With tanh(v/eps) there is no rest, and nothing happens faster than the smoothing allows: what goes on within its
+    band is not told apart, and a state is off by the band, not by the tolerance.
+
+    v' = 0.5 - tanh(v / eps): at rest it is held by a creep at v = eps artanh(0.5).
+    """
+    found = run(lambda t, y: [y[1], 0.5 - np.tanh(y[1] / WIDTH)], 10, [0.0, 0.0], "LSODA")
+    moved, creep = found.y[:, -1]
+    holds(abs(creep / (WIDTH * np.arctanh(0.5)) - 1) < 1e-3, f"it ends at v = {creep}")
+    holds(abs(moved / (10 * creep) - 1) < 1e-2, f"it has moved by {moved}")
+    return (
+        f"smoothed over {WIDTH:g}, a body that should stick creeps at {creep:.2e} for good, and is {moved:.1e} off "
+        "after 10 s, at a tolerance of 1e-9"
+    )
+
+
+@shows("smoothed-convergence", "LSODA's iteration does not converge where a narrow smoothing ends")
+def smoothed_release_may_not_converge() -> str:
+    """At a release the smoothed friction is flat all of a sudden, and Newton's iteration does not converge over it:
+    after ten cuts of the step LSODA ends the run with repeated convergence failures.
+
+    v' = 1.1 sin(t) - tanh(v / eps): pulled to and fro, now and then by more than the friction.
+    """
+    eps = 1e-10
+    found = run(
+        lambda t, v: [1.1 * np.sin(t) - np.tanh(v[0] / eps)], 20, [0.0], "LSODA", 1e-11,
+        jac=lambda t, v: [[-(1 - np.tanh(v[0] / eps) ** 2) / eps]],
+    )  # fmt: skip
+    holds(found.status == -1, f"it ends at {found.t[-1]}")
+    release = float(np.arcsin(1 / 1.1))
+    return f"with a width of {eps:g} LSODA gives up at t = {found.t[-1]:.3f}; the body is released at {release:.3f} s"
+
+
+@shows("smoothed-late", "A smoothed release is late")
+def smoothed_release_is_late() -> str:
+    """A body that lets go is told from one that creeps only when it has left the band, by a time that goes with the
+    root of the smoothing's width: releases come late, and behind transitions that they come before.
+
+    v' = t - tanh(v / eps): pulled by t against a friction of 1, a body at rest lets go at t = 1.
+    """
+    beyond = terminal(lambda t, v: v[0] - 20 * WIDTH)  # there the smoothed friction is 1 to the last digit
+    late = float(run(lambda t, v: [t - np.tanh(v[0] / WIDTH)], 2, [0.0], "LSODA", events=beyond).t[-1]) - 1.0
+    exact = np.sqrt(2 * 20 * WIDTH)  # v = (t - 1)^2 / 2
+    holds(0.5 * exact < late < 1.5 * exact, f"it is released {late} s late")
+    return f"smoothed over {WIDTH:g}, a body is 20 widths fast {late:.3f} s after its release at 1 s"
+
+
+@cause(
+    "henon-ref",
+    "rk4-landing",
+    "Hénon's landing with one step of RK4 is no better than the step is short",
+    "https://doi.org/10.1016/0167-2789(82)90034-3",
+)
+def landing_within_a_step() -> str:
+    """The step back to the surface is one of the swapped equations, which divide by the rate of the surface function.
+    Where that changes much within the step, as where events accumulate, its error is of order one.
+
+    v' = -1 from x = 0, v > 0: back at x = 0 with -v; a step of 1e-3 s of RK4 and one of the swapped equations.
+    """
+    off = {}
+    for speed in (4e-4, 1e-4, 1e-5):
+        x, v = speed * 1e-3 - 1e-6 / 2, speed - 1e-3  # RK4 is exact here
+        slopes = [-1 / v]
+        for part in (0.5, 0.5, 1.0):  # dv/dx = -1/v, a step of -x
+            slopes.append(-1 / (v - part * x * slopes[-1]))
+        first, second, third, last = slopes
+        off[speed] = abs(v - x * (first + 2 * second + 2 * third + last) / 6 + speed) / speed
+    holds(off[4e-4] < 1e-3 and off[1e-4] > 0.1 and off[1e-5] > 1.0, f"relative errors {off}")
+    words = ", ".join(f"{error:.1g} where it comes back after {2 * speed:g} s" for speed, error in off.items())
+    return f"landed after a step of 0.001 s, the speed has a relative error of {words}"

@@ -45,8 +45,6 @@ def ball() -> Any:
 def cvode_pair() -> str:
     """Rootfinding compares signs at the two ends of an internal step. An even number of roots in between leaves no
     trace.
-
-    x' = 1 through x^2 = d^2/4: two roots, and no step ends between them.
     """
     for method in ("Adams", "BDF"):
         found = cvode(lambda x: [1.0], lambda x: x[0] ** 2 - 0.0025, method).solve([0, 2], np.array([-1.0]))
@@ -57,10 +55,7 @@ def cvode_pair() -> str:
 
 @shows("ida-pair", "IDA: two roots in one step cancel", f"{ISSUES}/881")
 def ida_pair() -> str:
-    """IDA's rootfinding is CVODE's: it compares signs at the two ends of an internal step.
-
-    The same with the residual x' - 1.
-    """
+    """IDA's rootfinding is CVODE's: it compares signs at the two ends of an internal step."""
     from sksundae.ida import IDA
 
     def residual(t: float, x: Any, rate: Any, out: Any) -> None:
@@ -79,8 +74,6 @@ def ida_pair() -> str:
 def zero_at_the_start_is_out_of_play() -> str:
     """An event function that is exactly zero where a run starts is ignored until it has left zero, so a restart at a
     root does not fire again; one that is a rounding off zero is taken at its sign.
-
-    A ball at its surface, without a direction.
     """
     end = ball().solve([0, 3], np.array([0.0, 1.0])).t[-1]
     holds(abs(end - 2) < 1e-6, f"it stops at t = {end}")
@@ -91,8 +84,6 @@ def zero_at_the_start_is_out_of_play() -> str:
 def events_of_earlier_runs_stay() -> str:
     """`t_events` of one object goes on growing from run to run: the last row is the present one. The adapters make a
     new object for every run of a mode.
-
-    Two runs of one object.
     """
     solver = ball()
     solver.solve([0, 3], np.array([0.0, 1.0]))

@@ -9,13 +9,13 @@ from __future__ import annotations
 import contextlib
 import math
 import os
-import selectors
 import signal
 import subprocess
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from time import monotonic, sleep
+from typing import IO
 
 from henon_ref.errors import ContractError, UnavailableError
 from henon_ref.jit.processor_time import waited_seconds
@@ -29,17 +29,16 @@ except ImportError:  # elsewhere than on POSIX systems: wall time alone is limit
 WALL = 2.5
 """Wall time that a program may take, less what it waits for a processor, in its processor time."""
 OUTPUT = 64 * 2**20
-"""Bytes that a program may write on its standard output."""
+"""Bytes that a program may write on each of its streams."""
 SAID = 2000
 """Last bytes of its standard error that are kept for the reason of a failure."""
-LOOK = 0.05
+LOOK = 0.02
 """Seconds between two looks at whether the program has ended."""
 COUNTED = 0.5
 """Part of its limit that a program has used at least that is stopped by it: the system holds against the limit whole
 ticks of its clock in which the program was met, and on a busy machine that was up to a third more than it had used."""
 ASKED = 60.0
 """Wall time in which a program tells its version [s]."""
-CHUNK = 2**16
 
 
 class ProgramError(ContractError):
@@ -95,15 +94,8 @@ def exchange(
 ) -> bytes:
     """Start a program, hand it the request, and read all that it writes.
 
-    Parameters
-    ----------
-    command : sequence of str
-        Program and arguments; no shell reads them.
-    request : bytes
-        Its whole standard input.
-    limits : Limits
-    environment : mapping, optional
-        Variables that it gets besides ours.
+    Its streams are files, so that nobody has to read while it writes. No shell reads the command; ``environment`` are
+    variables that it gets besides ours.
 
     Raises
     ------
@@ -112,39 +104,37 @@ def exchange(
     ProgramTimeoutError, ProgramError
         Where it takes too long, writes too much, crashes, or ends with an exit status other than 0.
     """
-    with tempfile.TemporaryFile() as given:
+    with tempfile.TemporaryFile() as given, tempfile.TemporaryFile() as output, tempfile.TemporaryFile() as said:
         given.write(request)
         given.seek(0)
+        own = {**os.environ, **(environment or {})}
         try:
-            process = _Program(
-                list(command),
-                stdin=given,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.PIPE,
-                start_new_session=True,
-                env={**os.environ, **(environment or {})},
-            )
+            process = _Program(list(command), stdin=given, stdout=output, stderr=said, start_new_session=True, env=own)
         except (OSError, ValueError) as error:
             what = getattr(error, "strerror", None) or str(error)
             raise UnavailableError(short_line(f"{command[0]} cannot be started: {what}")) from error
-    with process:
         try:
             allowed = _limit(process.pid, limits)
-            output, said = _read(process, limits)
+            _wait(process, limits, output, said)
         finally:
             _end(process)
-    if process.was_stopped(allowed):
-        raise ProgramTimeoutError(f"the program was stopped after {allowed:.0f} s of processor time")
-    return _judged(process.returncode, output, said)
+        if process.was_stopped(allowed):
+            raise ProgramTimeoutError(f"the program was stopped after {allowed:.0f} s of processor time")
+        if process.returncode == 0:
+            output.seek(0)
+            return output.read()
+        said.seek(max(0, _size(said) - SAID))
+        words = short_line(said.read().decode("utf-8", "replace"))
+    ended = f"ended with exit status {process.returncode}"
+    if process.returncode < 0:
+        ended = f"crashed, {_signal_name(-process.returncode)}"
+    raise ProgramError(short_line(f"the program {ended}{f': {words}' if words else ''}"))
 
 
 def _limit(pid: int, limits: Limits) -> float:
-    """Set the system's own limits, none above ours; a program that has ended already needs none.
+    """Set the system's own limits, none above ours, and give the processor time that is allowed [s].
 
-    Returns
-    -------
-    float
-        Processor time that it is allowed [s]; infinite where the system cannot be asked for a limit.
+    It is infinite where the system cannot be asked for a limit; a program that has ended already needs none.
     """
     if resource is None or not hasattr(resource, "prlimit"):
         return math.inf
@@ -162,46 +152,26 @@ def _limit(pid: int, limits: Limits) -> float:
 
 
 def _own_limits(kind: int) -> list[int]:
-    """The limits of the process that we are in."""
+    """Those of the process that we are in."""
     return [value for value in resource.getrlimit(kind) if value != resource.RLIM_INFINITY]
 
 
-def _read(process: _Program, limits: Limits) -> tuple[bytes, bytes]:
-    """Standard output, and the end of standard error, until the program has ended."""
-    output, said = bytearray(), bytearray()
-    began = monotonic()
-
-    def is_late() -> bool:
-        return monotonic() - began - waited_seconds(process.pid) > WALL * limits.seconds
-
-    assert process.stdout is not None
-    assert process.stderr is not None
-    with selectors.DefaultSelector() as ready:
-        for stream, kept in ((process.stdout, output), (process.stderr, said)):
-            os.set_blocking(stream.fileno(), False)
-            ready.register(stream, selectors.EVENT_READ, kept)
-        while ready.get_map():
-            ended = process.has_ended()
-            found = ready.select(0.0 if ended else LOOK)
-            for key, _ in found:
-                piece = os.read(key.fd, CHUNK)
-                key.data.extend(piece)
-                if not piece:
-                    ready.unregister(key.fileobj)
-            del said[:-SAID]
-            if len(output) > limits.output:
-                raise ProgramError(f"the program wrote more than {limits.output} bytes")
-            if not ended and is_late():
+def _wait(process: _Program, limits: Limits, output: IO[bytes], said: IO[bytes]) -> None:
+    """Wait until the program has ended; raise where it takes too long, or writes too much."""
+    began, pause, ended = monotonic(), 1e-3, False
+    while not ended:
+        ended = process.has_ended()
+        if _size(output) > limits.output or _size(said) > OUTPUT:
+            raise ProgramError(f"the program wrote more than {limits.output} bytes")
+        if not ended:
+            if monotonic() - began - waited_seconds(process.pid) > WALL * limits.seconds:
                 raise ProgramTimeoutError(f"the program gave no response within {WALL * limits.seconds:.3g} s")
-            if ended and not found:
-                break  # what it has started may hold the streams open
-    pause = 1e-3
-    while not process.has_ended():
-        if is_late():
-            raise ProgramTimeoutError("the program closed its output and did not end")
-        sleep(pause)
-        pause = min(2 * pause, LOOK)
-    return bytes(output), bytes(said)
+            sleep(pause)
+            pause = min(2 * pause, LOOK)
+
+
+def _size(file: IO[bytes]) -> int:
+    return os.fstat(file.fileno()).st_size
 
 
 def _end(process: _Program) -> None:
@@ -209,6 +179,13 @@ def _end(process: _Program) -> None:
     with contextlib.suppress(ProcessLookupError, PermissionError):
         os.killpg(process.pid, signal.SIGKILL)
     process.has_ended(0)
+
+
+def _signal_name(number: int) -> str:
+    try:
+        return signal.Signals(number).name
+    except ValueError:
+        return f"signal {number}"
 
 
 def said_by(*command: str, environment: Mapping[str, str] | None = None) -> str | None:
@@ -225,26 +202,3 @@ def said_by(*command: str, environment: Mapping[str, str] | None = None) -> str 
     except (OSError, subprocess.TimeoutExpired):
         return None
     return done.stdout.strip() if done.returncode == 0 else None
-
-
-def _judged(status: int, output: bytes, said: bytes) -> bytes:
-    """The output of a program that ended well.
-
-    Raises
-    ------
-    ProgramError
-    """
-    if status == 0:
-        return output
-    words = short_line(said.decode("utf-8", "replace"))
-    said_words = f": {words}" if words else ""
-    if status < 0:
-        raise ProgramError(short_line(f"the program crashed, {_signal_name(-status)}{said_words}"))
-    raise ProgramError(short_line(f"the program ended with exit status {status}{said_words}"))
-
-
-def _signal_name(number: int) -> str:
-    try:
-        return signal.Signals(number).name
-    except ValueError:
-        return f"signal {number}"

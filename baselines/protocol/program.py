@@ -31,7 +31,6 @@ BEYOND = 0.25
 START_SECONDS = 0.8
 """... and processor time for its start, for reading and for writing [s]."""
 MOST_TRANSITIONS = 100_000
-MOST_MEMORY = 4 * 2**30
 
 
 @dataclass(frozen=True)
@@ -93,12 +92,7 @@ class ProgramSolver:
         return ProgramRun(self, self.built(text), problem, request)
 
     def check(self) -> None:
-        """Nothing, where the program is there.
-
-        Raises
-        ------
-        UnavailableError
-        """
+        """Nothing, where the program is there."""
         if shutil.which(self.command[0]) is None:
             raise UnavailableError(f"there is no program {self.command[0]}")
 
@@ -155,6 +149,5 @@ class ProgramRun:
     def _response(self, request: Request) -> Response:
         runs = request.untimed + request.timed
         seconds = (1.0 + BEYOND) * request.seconds * runs + START_SECONDS
-        limits = Limits(seconds=seconds, memory=MOST_MEMORY)
         sent = request.model_dump_json().encode()
-        return read_response(exchange(self._command, sent, limits, self._solver.environment), request)
+        return read_response(exchange(self._command, sent, Limits(seconds), self._solver.environment), request)

@@ -61,24 +61,14 @@ def read_response(output: bytes, request: Request) -> Response:
 
 
 def _check_size(output: bytes, request: Request) -> None:
-    """Refuse what holds more than any response to the request does, before any of it is read.
-
-    Raises
-    ------
-    ContractError
-    """
+    """Refuse what holds more than any response to the request does, before any of it is read."""
     most = (request.most_transitions + 1) * (FIELDS + len(request.problem.states)) + request.timed + TEXT
     if output.count(b",") + output.count(b"[") + output.count(b"{") > most:
         raise _refused("transitions", f"the response is longer than one of {request.most_transitions} transitions")
 
 
 def _check_fields(message: Any) -> None:
-    """Refuse objects of more fields than any has: there would be an error for each.
-
-    Raises
-    ------
-    ContractError
-    """
+    """Refuse objects of more fields than any has: there would be an error for each."""
     events = message.get("transitions") if isinstance(message, dict) else None
     parts = message.items() if isinstance(message, dict) and len(message) <= MOST_FIELDS else ()
     each = ((f"transitions.{k}", event) for k, event in enumerate(events)) if isinstance(events, list) else ()
@@ -130,12 +120,7 @@ def _end(response: Response, request: Request) -> Point:
 
 
 def _check(response: Response, request: Request) -> None:
-    """Refuse what contradicts the request, or itself.
-
-    Raises
-    ------
-    ContractError
-    """
+    """Refuse what contradicts the request, or itself."""
     start, until = request.problem.start, request.problem.until
     slack = ROUNDINGS * sys.float_info.epsilon * max(abs(start.time), abs(until))
     latest, mode = start.time, start.mode

@@ -11,12 +11,11 @@ other, and are not listed by :func:`names`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, PackageNotFoundError, entry_points, version
-from types import ModuleType
 from typing import Any, TypeVar, cast
 
 from henon_ref.casefile.expected import unknown_solver
@@ -44,7 +43,7 @@ COMPILED = "+numba"
 
 @dataclass(frozen=True)
 class AdapterFile:
-    """What can be said of the solvers in one file of ``baselines`` without importing it."""
+    """What can be said of solvers in one file of ``baselines`` without importing it."""
 
     module: str
     """Below ``baselines``."""
@@ -59,8 +58,8 @@ class AdapterFile:
     fixed_step: bool = False
     peer: bool = False
     """Its library comes with an extra of this project, or is a program: it runs where it is named, or with ``all``."""
-    version: str = ""
-    """Function of the module that tells the version of what is no package of Python; empty elsewhere."""
+    program: bool = False
+    """It is no package of Python: the solver itself tells its version."""
     callbacks: bool = False
     """Its callbacks can be compiled: each solver is there as ``NAME+numba``, too."""
 
@@ -68,56 +67,35 @@ class AdapterFile:
         """Whether a solver runs where nobody names any."""
         return not self.peer and name in (self.solvers if self.default is None else self.default)
 
+    def solver(self, name: str) -> Any:
+        """The object of that name."""
+        return getattr(import_module(f"henon_ref.baselines.{self.module}"), self.solvers[name])
 
-SUNDIALS = "sundials"
-"""The C library itself, as it is installed for a compiler."""
 
+HENON = {"henon": "HENON_SOLVER", "henon-newton": "HENON_NEWTON", "henon-brent": "HENON_BRENT"}
+HEYOKA = {"heyoka": "HEYOKA", "heyoka+fastmath": "HEYOKA_FAST_MATH"}
+SCIPY = {f"scipy-{method.lower()}": method for method in ("RK45", "DOP853", "RADAU", "BDF", "LSODA")}
+CVODE = {"cvode-adams": "ADAMS", "cvode-bdf": "BDF"}
+CVODE_C = {"cvode-c-adams": "ADAMS", "cvode-c-bdf": "BDF"}
+DIFFRAX = {"diffrax-dopri8": "DOPRI8", "diffrax-kvaerno5": "KVAERNO5"}
+DIFFSOL = {"diffsol-tsit45": "TSIT45", "diffsol-bdf": "BDF"}
 FILES = (
-    AdapterFile(
-        "henon",
-        "henon-ref",
-        {"henon": "HENON_SOLVER", "henon-newton": "HENON_NEWTON", "henon-brent": "HENON_BRENT"},
-        default=("henon",),
-    ),
+    AdapterFile("henon", "henon-ref", HENON, default=("henon",)),
     AdapterFile("paper.rk4", "henon-ref", {"henon-rk4": "RK4"}, fixed_step=True),
     AdapterFile("paper.listing", "henon-ref", {"henon-listing": "LISTING"}, default=(), fixed_step=True),
-    AdapterFile(
-        "heyoka_taylor",
-        "heyoka",
-        {"heyoka": "HEYOKA", "heyoka+fastmath": "HEYOKA_FAST_MATH"},
-        "offset",
-        default=("heyoka",),
-    ),
-    AdapterFile(
-        "sundials_cvode", "scikit-sundae", {"cvode-adams": "ADAMS", "cvode-bdf": "BDF"}, "direction", callbacks=True
-    ),
-    AdapterFile("sundials_ida", "scikit-sundae", {"ida": "IDA"}, "offset", callbacks=True),
-    AdapterFile(
-        "scipy_ivp",
-        "scipy",
-        {f"scipy-{method.lower()}": method for method in ("RK45", "DOP853", "RADAU", "BDF", "LSODA")},
-        "offset",
-        callbacks=True,
-    ),
-    AdapterFile(
-        "cvode_c.solver",
-        SUNDIALS,
-        {"cvode-c-adams": "ADAMS", "cvode-c-bdf": "BDF"},
-        peer=True,
-        version="library_version",
-    ),
-    AdapterFile("octave.solver", "octave", {"octave-ode45": "ODE45"}, peer=True, version="octave_version"),
-    AdapterFile(
-        "siconos.solver", "siconos", {"siconos": "RELAY"}, peer=True, version="siconos_version", fixed_step=True
-    ),
+    AdapterFile("heyoka_taylor", "heyoka", HEYOKA, "offset", default=("heyoka",)),
+    AdapterFile("sundials", "scikit-sundae", CVODE, "direction", callbacks=True),
+    AdapterFile("sundials", "scikit-sundae", {"ida": "IDA"}, "offset", callbacks=True),
+    AdapterFile("scipy_ivp", "scipy", SCIPY, "offset", callbacks=True),
+    AdapterFile("programs.cvode_c", "sundials", CVODE_C, peer=True, program=True),
+    AdapterFile("programs.interpreted", "octave", {"octave-ode45": "ODE45"}, peer=True, program=True),
+    AdapterFile("programs.interpreted", "siconos", {"siconos": "RELAY"}, peer=True, program=True, fixed_step=True),
     AdapterFile("scipy_naive", "scipy", {"scipy-smoothed": "SMOOTHED", "scipy-sign": "SIGN"}),
-    AdapterFile(
-        "diffrax_ode", "diffrax", {"diffrax-dopri8": "DOPRI8", "diffrax-kvaerno5": "KVAERNO5"}, "offset", peer=True
-    ),
-    AdapterFile("diffsol_ode", "pydiffsol", {"diffsol-tsit45": "TSIT45", "diffsol-bdf": "BDF"}, "offset", peer=True),
+    AdapterFile("diffrax_ode", "diffrax", DIFFRAX, "offset", peer=True),
+    AdapterFile("diffsol_ode", "pydiffsol", DIFFSOL, "offset", peer=True),
     AdapterFile("nosnoc_fesd", "nosnoc", {"nosnoc": "NOSNOC"}, peer=True),
 )
-"""One a file."""
+"""One a library, and default restart."""
 _PLAIN = {name: file for file in FILES for name in file.solvers}
 _BUILT_IN = dict(sorted(_PLAIN.items(), key=lambda named: "+" in named[0])) | {
     name + COMPILED: file for name, file in _PLAIN.items() if file.callbacks
@@ -153,8 +131,8 @@ def expanded(wanted: Sequence[T]) -> tuple[T | str, ...]:
 
 def is_peer(name: str) -> bool:
     """Whether a built-in solver's library comes with an extra, so that it may not be installed."""
-    base = base_name(name)
-    return base in _BUILT_IN and _BUILT_IN[base].peer
+    file = _file(name)
+    return file is not None and file.peer
 
 
 def check(name: str) -> str:
@@ -194,6 +172,11 @@ def base_name(name: str) -> str:
     return _base_and_restart(name)[0]
 
 
+def _file(name: str) -> AdapterFile | None:
+    """That of a built-in solver, whatever its restart; None for a third party's."""
+    return _BUILT_IN.get(base_name(name))
+
+
 def _base_and_restart(name: str) -> tuple[str, str]:
     """The solver's name and its restart; a third party's name may hold an ``@`` of its own."""
     if name in _third_party():
@@ -204,8 +187,8 @@ def _base_and_restart(name: str) -> tuple[str, str]:
 
 def restart_of(name: str) -> str:
     """How a built-in solver restarts its library; empty where there is nothing to restart."""
-    base, restart = _base_and_restart(name)
-    return restart or (_BUILT_IN[base].restart if base in _BUILT_IN else "")
+    file, restart = _file(name), _base_and_restart(name)[1]
+    return restart or (file.restart if file is not None else "")
 
 
 def with_restart(name: str, restart: str) -> str:
@@ -218,8 +201,8 @@ def fixed_step(name: str) -> bool | None:
 
     (See :func:`henon_ref.harness.campaign.plugin_probe.fixed_step`, which has a worker import it.)
     """
-    name = base_name(check(name))
-    return _BUILT_IN[name].fixed_step if name in _BUILT_IN else None
+    file = _file(check(name))
+    return None if file is None else file.fixed_step
 
 
 _REFUSED: dict[EntryPoint, str] = {}
@@ -238,18 +221,17 @@ def refuse(point: EntryPoint, reason: str) -> None:
 
 def distribution(name: str) -> str:
     """The package that a solver comes from; empty where that is not known."""
-    name = base_name(name)
-    if name in _BUILT_IN:
-        return _BUILT_IN[name].distribution
-    point = _third_party().get(name)
+    file, point = _file(name), _third_party().get(base_name(name))
+    if file is not None:
+        return file.distribution
     return point.dist.name if point is not None and point.dist else ""
 
 
 def library_version(name: str) -> str:
     """Version of the package a solver comes from, without importing it; empty where it is not installed."""
-    package = distribution(name)
-    if package in (programs := _programs()):
-        return str(programs[package]())
+    file, package = _file(name), distribution(name)
+    if file is not None and file.program:
+        return str(file.solver(base_name(name)).version)
     try:
         return version(package) if package else ""
     except PackageNotFoundError:
@@ -258,29 +240,20 @@ def library_version(name: str) -> str:
 
 def missing_package(name: str) -> str:
     """What pip installs where a built-in solver's library is missing; empty where it is there, or is no package."""
-    file = _BUILT_IN.get(base_name(name))
-    if file is None or file.version or library_version(name):
+    file = _file(name)
+    if file is None or file.program or library_version(name):
         return ""
     return "henon-ref[peers]" if file.peer else file.distribution
 
 
 def program_versions() -> dict[str, str]:
     """Versions of what solvers rest on that is no package of Python; empty where it is not installed."""
-    return {package: str(tell()) for package, tell in _programs().items()}
+    return {file.distribution: library_version(next(iter(file.solvers))) for file in FILES if file.program}
 
 
 def all_versions() -> dict[str, str]:
     """Versions of all that a comparison depends on: the reference's packages, the libraries compared, programs."""
     return library_versions((*LIBRARIES, *COMPARED)) | program_versions()
-
-
-def _programs() -> dict[str, Callable[[], str]]:
-    """Name of each of these -> what tells its version."""
-    return {file.distribution: partial(_version, file) for file in _BUILT_IN.values() if file.version}
-
-
-def _version(file: AdapterFile) -> str:
-    return str(getattr(_module(file), file.version)())
 
 
 def solver(name: str) -> Solver:
@@ -299,7 +272,7 @@ def solver(name: str) -> Solver:
         return loaded(_third_party()[base])
     file, plain = _BUILT_IN[base], base.removesuffix(COMPILED)
     try:
-        instance: Any = getattr(_module(file), file.solvers[plain])
+        instance = file.solver(plain)
     except ImportError as error:
         raise UnavailableError(f"{name} cannot be imported: {error}") from error
     options = ({"restart": restart} if restart else {}) | ({"callbacks": "numba"} if base != plain else {})
@@ -330,7 +303,3 @@ def loaded(point: EntryPoint) -> Solver:
     if words:
         raise UnavailableError(f"{where} {words}")
     return cast(Solver, found)
-
-
-def _module(file: AdapterFile) -> ModuleType:
-    return import_module(f"henon_ref.baselines.{file.module}")

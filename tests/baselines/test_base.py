@@ -10,12 +10,11 @@ import pytest
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.baselines import scipy_ivp
-from henon_ref.baselines.adapter import Adapter, ConfiguredLibrary
-from henon_ref.baselines.base import ModeSolver, SmoothMode
-from henon_ref.baselines.flow import Stop
+from henon_ref.baselines.adapter import Adapter, ModeSolver
+from henon_ref.baselines.library import Stop
 from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
 from henon_ref.baselines.restart import STOPPED
+from henon_ref.baselines.smooth_mode import SmoothMode
 from henon_ref.baselines.work import Work
 from henon_ref.errors import ContractError, UnavailableError, UnsupportedError
 from henon_ref.modes.problem import Problem
@@ -24,26 +23,6 @@ from henon_ref.solver import Solver
 
 X, S, U = sp.symbols("x s u", real=True)
 STICKS_AT_2 = Problem(FilippovSystem((X,), (S,), (X,), (-S,)), sp.Integer(0), (sp.Integer(2),), sp.Integer(5))
-
-
-@dataclass(frozen=True)
-class Lines(Adapter):
-    """Straight lines, which are exact where the field is constant; each guard's root by its secant."""
-
-    landing = "secant"
-    distribution = "a package that is not installed"
-    least_rtol = 1e-13
-
-    def load(self) -> Any:
-        if self.name == "missing":
-            raise ImportError
-        return None
-
-    def location_error(self, t: float) -> float:
-        return 1e-15 * abs(t)
-
-    def flow(self, library: ConfiguredLibrary, model: ModeFunctions, work: Work, horizon: float) -> SmoothMode:
-        return _Flow(library, model, work, horizon)
 
 
 class _Flow(SmoothMode):
@@ -58,6 +37,21 @@ class _Flow(SmoothMode):
         end = min(roots.values(), default=until)
         point = tuple((begin + (end - t) * rates).tolist())
         return self.stopped(end, point, [k for k, root in roots.items() if root == end] or None)
+
+
+@dataclass(frozen=True)
+class Lines(Adapter):
+    """Straight lines, which are exact where the field is constant; each guard's root by its secant."""
+
+    mode = _Flow
+    landing = "secant"
+    distribution = "a package that is not installed"
+    least_rtol = 1e-13
+
+    def load(self) -> Any:
+        if self.name == "missing":
+            raise ImportError
+        return None
 
 
 def test_a_library_that_fills_in_one_method_is_a_solver() -> None:
@@ -84,8 +78,9 @@ def test_a_library_that_is_not_installed_and_a_step_are_refused() -> None:
     assert Lines("missing").version == ""
     with pytest.raises(UnavailableError, match="a package that is not installed is not installed"):
         Lines("missing").prepare(STICKS_AT_2, rtol=1e-9)
-    with pytest.raises(UnsupportedError, match="chooses its own steps"):
-        Lines("lines").prepare(STICKS_AT_2, step=1e-3)
+    for asked in ({"step": 1e-3}, {"rtol": 1e-6, "step": 1e-3}, {}):
+        with pytest.raises(UnsupportedError, match="lines chooses its own steps: give rtol"):
+            Lines("lines").prepare(STICKS_AT_2, **asked)
 
 
 class Euler(SmoothMode):
@@ -122,12 +117,6 @@ def test_one_method_is_left_to_fill_in_and_makes_a_solver() -> None:
     assert found.transitions[0].time == pytest.approx(2.0, abs=0.01)
     assert (found.status, found.end_state, found.end_mode) == ("ok", (0.0,), (0,))
     assert found.counts.steps == found.counts.rhs_evaluations - 1  # one of them ended at the event
-
-
-def test_every_adapter_that_calls_python_back_is_made_of_the_same_class() -> None:
-    for solver in (scipy_ivp.DOP853, EULER):
-        library = solver.library(1e-6, 1e-6)
-        assert isinstance(library.flow(ModeFunctions(STICKS_AT_2.system, (1,)), Work(None), 5.0), SmoothMode)
 
 
 def test_what_a_mode_offers_has_the_shapes_that_are_documented() -> None:

@@ -12,8 +12,7 @@ from often import daily
 
 from henon_ref.baselines.heyoka_taylor import HEYOKA
 from henon_ref.baselines.scipy_ivp import DOP853, LSODA, RK45
-from henon_ref.baselines.sundials_cvode import ADAMS
-from henon_ref.baselines.sundials_ida import IDA
+from henon_ref.baselines.sundials import ADAMS, IDA
 from henon_ref.harness.truth.store import load
 
 TRUTH = Path(__file__).parents[2] / "cases" / "truth"

@@ -19,9 +19,8 @@ from henon_ref.baselines.heyoka_taylor import HEYOKA
 from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
 from henon_ref.baselines.restart import dips, lift, quiet_until
 from henon_ref.baselines.scipy_ivp import BDF, DOP853, LSODA, RADAU, RK45
-from henon_ref.baselines.sundials_cvode import ADAMS
-from henon_ref.baselines.sundials_cvode import BDF as CVODE_BDF
-from henon_ref.baselines.sundials_ida import IDA
+from henon_ref.baselines.sundials import ADAMS, IDA
+from henon_ref.baselines.sundials import BDF as CVODE_BDF
 from henon_ref.casefile.case import load_case
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem
@@ -63,7 +62,7 @@ def test_heyoka_takes_an_event_free_step_where_it_has_lost_an_early_root(monkeyp
     """The guard is below zero without an event then; nobody would know otherwise than by the driver's word."""
     problem = next(r.problem for r in load_case("hard/quick_restick").readings if r.name == "slow")
     assert times(HEYOKA, problem) == pytest.approx([1.0, 1.002], abs=0.01)
-    monkeypatch.setattr(heyoka_taylor._Flow, "_is_lost", lambda *_: False)
+    monkeypatch.setattr(heyoka_taylor._Mode, "_is_lost", lambda *_: False)
     found = HEYOKA.prepare(problem, rtol=1e-9)()
     assert (found.status, "stepped over" in found.reason) == ("failed", True)
 
@@ -115,3 +114,12 @@ def test_the_event_free_step_is_as_long_as_the_guard_stays_in_the_noise() -> Non
     assert tangent == pytest.approx((16e-9 / 0.5) ** 0.5, rel=1e-6)  # x = -t^2 / 2
     (longest,) = quiet_until(mode, [(0, 1.0, 0.0)], 0.0, (0.0, 0.0), [1e9], 1.0)
     assert longest == 1.0
+
+
+def test_an_event_free_step_is_made_where_all_modes_have_one_set_of_equations() -> None:
+    """A number that tells the modes of a chain apart stands in guards alone: the twin has no such parameter."""
+    chain = load_case("classic/block_chain").readings[0].problem
+    problem = replace(chain, until=sp.Integer(1))
+    found, own = (replace(HEYOKA, restart=way).prepare(problem, rtol=1e-9)() for way in ("event-free-step", "offset"))
+    assert [t.to_mode for t in found.transitions] == [t.to_mode for t in own.transitions] != []
+    assert [t.time for t in found.transitions] == pytest.approx([t.time for t in own.transitions], abs=1e-9)

@@ -10,7 +10,7 @@ from itertools import pairwise
 import pytest
 
 from henon_ref.baselines.causes import CAUSES, Cause, ClaimError
-from henon_ref.baselines.cvode_c.build import compiler
+from henon_ref.baselines.programs.cvode_c import compiler
 from henon_ref.harness.campaign.causes import PATTERNS, cause_of
 from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.registry import program_versions

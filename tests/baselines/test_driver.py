@@ -13,14 +13,14 @@ import sympy as sp
 import systems
 from numpy.typing import NDArray
 
-from henon_ref.baselines.driver import Driver, prepared, tolerances
-from henon_ref.baselines.flow import Stop
-from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions, landing
+from henon_ref.baselines.driver import Driver
+from henon_ref.baselines.library import Stop
+from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
 from henon_ref.baselines.restart import Fresh
 from henon_ref.baselines.scipy_ivp import DOP853
+from henon_ref.baselines.surface_functions import landing
 from henon_ref.baselines.work import Work
 from henon_ref.casefile.case import load_case
-from henon_ref.errors import UnsupportedError
 from henon_ref.modes.callables import _lambdified
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem
@@ -95,10 +95,14 @@ class _Line:
         )
 
 
+def prepared(problem: Problem, library: Any, deadline: float | None = None, **options: Any) -> Driver:
+    driver = Driver(problem, library, Work(deadline), **options)
+    driver.compile()
+    return driver
+
+
 def run(problem: Problem, library: Flat | None = None, **options: Any) -> Any:
-    options.setdefault("sample_times", None)
-    options.setdefault("deadline", None)
-    return prepared(problem, library or Flat(), **options)()
+    return prepared(problem, library or Flat(), **options).run()
 
 
 def walls(until: int = 10) -> Problem:
@@ -117,7 +121,7 @@ def test_a_stick_is_entered_and_held_to_the_horizon() -> None:
 
 
 def test_a_run_has_no_memory_and_counts_afresh() -> None:
-    go = prepared(walls(), Flat(), sample_times=None, deadline=None)
+    go = prepared(walls(), Flat()).run
     first, second = go(), go()
     assert summary(first) == summary(second)
     assert first.counts == second.counts
@@ -126,7 +130,7 @@ def test_a_run_has_no_memory_and_counts_afresh() -> None:
 
 def test_every_mode_of_one_surface_is_made_before_the_run() -> None:
     library = Flat()
-    prepared(walls(), library, sample_times=None, deadline=None)
+    prepared(walls(), library)
     assert set(library.modes) == {(-1,), (0,), (1,)}
 
 
@@ -182,8 +186,7 @@ def test_events_1e_12_apart_stay_two() -> None:
 
 
 def test_a_surface_that_stands_alone_is_decided_without_the_general_search(monkeypatch: pytest.MonkeyPatch) -> None:
-    driver = Driver(pair("1", "3"), Flat(), Work(None))
-    driver.compile()
+    driver = prepared(pair("1", "3"), Flat())
     monkeypatch.setattr(
         "henon_ref.baselines.mode_table.after_event", lambda *a: pytest.fail("the general search was asked")
     )
@@ -249,14 +252,6 @@ def test_transitions_are_a_sequence() -> None:
     assert [t.kind for t in found[1:]] == ["stick"]
     assert found[-1].landing == "exact"
     assert isinstance(found[0].time, float)
-
-
-def test_tolerances_are_asked_for() -> None:
-    assert tolerances("x", 1e-6, None, None) == (1e-6, 1e-6)
-    with pytest.raises(UnsupportedError, match="rtol"):
-        tolerances("x", None, None, None)
-    with pytest.raises(UnsupportedError, match="step"):
-        tolerances("x", 1e-6, 1e-6, 1e-3)
 
 
 def test_a_mode_that_was_not_seen_before_costs_no_functions_of_its_own() -> None:

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from henon_ref.baselines.heyoka_expressions import to_heyoka
-from henon_ref.baselines.mode_functions import ModeFunctions, landing
+from henon_ref.baselines.heyoka_taylor import to_heyoka
+from henon_ref.baselines.mode_functions import ModeFunctions
+from henon_ref.baselines.surface_functions import landing
 from henon_ref.errors import ModelError, UnsupportedError
 from henon_ref.modes.callables import Jacobian, rounded, scalar
 from henon_ref.modes.system import FilippovSystem

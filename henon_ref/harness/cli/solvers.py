@@ -73,15 +73,14 @@ def listed_solvers() -> list[Listed]:
 
 def _unavailable(name: str) -> str:
     """Why a solver's rows would say that it is unavailable; empty where they would not."""
-    from henon_ref.baselines.adapter import Adapter
-    from henon_ref.baselines.nosnoc_fesd import Nosnoc
+    from henon_ref.baselines.adapter import LibrarySolver
     from henon_ref.baselines.protocol.program import ProgramSolver
     from henon_ref.errors import UnavailableError
     from henon_ref.harness import registry
 
     try:
         solver = registry.solver(name)
-        if isinstance(solver, Adapter | Nosnoc):
+        if isinstance(solver, LibrarySolver):
             return solver.unavailable()
         if isinstance(solver, ProgramSolver):
             solver.check()

@@ -13,8 +13,7 @@ from programs import ramp
 from resets import ball
 
 from henon_ref import load_case
-from henon_ref.baselines.protocol.problem_text import problem_text
-from henon_ref.baselines.protocol.text import infix, renamed
+from henon_ref.baselines.protocol.problem_text import infix, problem_text, renamed
 from henon_ref.errors import UnsupportedError
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem

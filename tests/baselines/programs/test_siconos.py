@@ -8,11 +8,11 @@ import pytest
 from often import daily
 
 import henon_ref
-from henon_ref.baselines.siconos.solver import DEFAULT, RELAY, VARIABLE, siconos_version
+from henon_ref.baselines.programs.interpreted import DEFAULT, RELAY, VARIABLE, siconos_version
 from henon_ref.errors import UnavailableError, UnsupportedError
 from henon_ref.harness import registry
 
-installed = pytest.mark.skipif(not siconos_version(), reason="Siconos is not installed")
+installed = pytest.mark.skipif(not siconos_version(DEFAULT), reason="Siconos is not installed")
 BLOCK = """
 schema: 1
 name: block
@@ -85,7 +85,7 @@ def test_a_state_that_rounding_moves_off_its_surface_is_told() -> None:
 
 @installed
 def test_its_version_is_told() -> None:
-    assert registry.library_version("siconos") == RELAY.version == siconos_version()
+    assert registry.library_version("siconos") == RELAY.version == siconos_version(DEFAULT)
 
 
 def test_without_siconos_it_is_unavailable(monkeypatch) -> None:

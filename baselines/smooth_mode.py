@@ -1,31 +1,30 @@
-"""What the adapters share: a solver that integrates one smooth mode after another with a library.
+"""One smooth mode on a library, as the adapters have it: a subclass fills in one method.
 
-A new library is a subclass of :class:`SmoothMode` with one method, ``integrate``, and a :class:`ModeSolver` that
-names it. Modes, sliding, what follows an event, and the match against the truth are the driver's. The adapters here are
-made of the same class, and of an :class:`~henon_ref.baselines.adapter.Adapter` where a library has more to say of
-itself; heyoka's compiles its modes and is a :class:`henon_ref.baselines.flow.Flow` of its own.
+Modes, sliding, what follows an event, and the match against the truth are the driver's; heyoka's mode, which calls no
+Python back, is a :class:`henon_ref.baselines.library.Flow` of its own.
 """
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 from functools import cached_property
-from math import isfinite
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.baselines.adapter import Adapter, ConfiguredLibrary
-from henon_ref.baselines.callbacks import LastSeen, counted_field
-from henon_ref.baselines.flow import Stop
+from henon_ref.baselines.library import LIMIT, Library, Stop
 from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
+from henon_ref.baselines.numba_callbacks import Callbacks
 from henon_ref.baselines.restart import Fresh, GatedGuards, Watcher
 from henon_ref.baselines.work import Stalled, Work
 from henon_ref.errors import ContractError
-from henon_ref.modes.callables import Jacobian
+from henon_ref.modes.callables import ARITHMETIC, Jacobian
+
+STALL = 2000
+"""Evaluations in a row, at accepted steps and while a root is sought, within four roundings of one time."""
 
 
 class SmoothMode(ABC):
@@ -40,7 +39,7 @@ class SmoothMode(ABC):
 
     Parameters
     ----------
-    library : ConfiguredLibrary
+    library : Library
     model : ModeFunctions
         The equations.
     work : Work
@@ -52,11 +51,11 @@ class SmoothMode(ABC):
     wanted: NDArray[np.float64] | None = None
     """Increasing times [s] after the start at which the state is wanted, for figures only; None where it is not."""
 
-    def __init__(self, library: ConfiguredLibrary, model: ModeFunctions, work: Work, horizon: float) -> None:
+    def __init__(self, library: Library, model: ModeFunctions, work: Work, horizon: float) -> None:
         self.library, self.model, self.work, self.horizon = library, model, work, horizon
         self.states = len(model.states)
         """n."""
-        self.gates = GatedGuards(model, library.adapter.restart, library.errors)
+        self.gates = GatedGuards(model, library.restart, library.errors)
         """The guards under the restart; the library's event functions are made of their ``watchers``."""
         self.last = LastSeen(self.states, work.count_event)
         """The event function behind the guards: its root is divergence."""
@@ -139,7 +138,7 @@ class SmoothMode(ABC):
         fresh: Sequence[Fresh],
         wanted: NDArray[np.float64] | None,
     ) -> Stop:
-        """What the driver calls (:class:`henon_ref.baselines.flow.Flow`): sets the guards, then :meth:`integrate`."""
+        """What the driver calls (:class:`.library.Flow`): sets the guards, then :meth:`integrate`."""
         self.gates.open(t, x, fresh, self.horizon)
         self.last.start(t, tuple(x))
         self.wanted = wanted
@@ -176,7 +175,7 @@ class SmoothMode(ABC):
             Where ``fallen`` holds anything but indices: the run is ``failed`` then.
         """
         state = tuple(map(float, x[: self.states]))
-        if not all(map(isfinite, state)):
+        if not all(map(math.isfinite, state)):
             return self.failed(f"the state is not finite after t = {self.last.t:.17g}")
         if fallen is None:
             return Stop("horizon", t, 0.0, state, samples=samples)
@@ -192,38 +191,73 @@ class SmoothMode(ABC):
         return Stop("failed", self.last.t, 0.0, self.last.x, reason=reason)
 
 
-@dataclass(frozen=True)
-class ModeSolver(Adapter):
-    """A solver made of a :class:`SmoothMode`: what an entry point of the group ``henon_ref.solvers`` names.
+class LastSeen:
+    """The function ``1e100 - sum of abs(x)``, whose root is divergence; remembers the latest point it was asked at.
 
-    Event times are taken to be located to rounding, 4 eps (1 + abs(t)).
-
-    Examples
-    --------
-    >>> SOLVER = ModeSolver("my-rk", RungeKutta, landing="bisection", distribution="my-rk")  # doctest: +SKIP
+    Libraries evaluate it at every accepted step, so what it remembers is where a run was when it failed, and it
+    notices where steps no longer move the time: some libraries go on then, at a pole for ever. The state is the first
+    ``states`` entries of the arrays; ``count`` is called at every evaluation.
     """
 
-    mode: type[SmoothMode]
-    """Its class for one mode."""
-    landing: str = field(kw_only=True)  # type: ignore[misc]  # an adapter's class has one, here each object
-    """How it puts a step's end on the surface, for the ``landing`` column."""
-    distribution: str = field(kw_only=True)  # type: ignore[misc]
-    """The package it comes from, whose version stands in the results."""
-    implicit: bool = field(default=False, kw_only=True)
-    """Whether its steps are solved by an iteration that the tolerances stop: it then leaves a part of them in the state
-    from the first step on."""
+    def __init__(self, states: int, count: Callable[[], None]) -> None:
+        self._states, self._count = states, count
+        self._mark, self._still = -math.inf, 0
+        self.t = -math.inf
+        self.x: tuple[float, ...] = ()
 
-    def load(self) -> None:
-        """Nothing: what the library needs is imported with the class for its modes."""
+    def start(self, t: float, x: tuple[float, ...]) -> None:
+        """Begin a run of a mode at (t, x)."""
+        self.t, self.x = t, x
+        self._mark, self._still = t, 0
 
-    def start_errors(self, rtol: float, atol: float) -> tuple[float, float]:
-        """An explicit method's first step is as exact as it is short."""
-        return super().start_errors(rtol, atol) if self.implicit else (EPSILON, 0.0)
+    def value(self, t: float, x: NDArray[np.float64]) -> float:
+        """1e100 - sum of abs(x).
 
-    def location_error(self, t: float) -> float:
-        """Rounding of the time."""
-        return 4.0 * EPSILON * (1.0 + abs(t))
+        Raises
+        ------
+        Stalled
+            Where the time has not moved for :data:`STALL` evaluations.
+        """
+        self._count()
+        values = x[: self._states].tolist()
+        if t > self._mark + 4.0 * EPSILON * abs(t):
+            self._mark, self._still = t, 0
+        else:
+            self._still += 1
+            if self._still > STALL:
+                raise Stalled(f"the steps no longer move the time t = {t:.17g}")
+        size = sum(map(abs, values))
+        if t > self.t and size < math.inf:  # not so where a value is NaN
+            self.t, self.x = float(t), tuple(values)
+        return LIMIT - size
 
-    def flow(self, library: ConfiguredLibrary, model: ModeFunctions, work: Work, horizon: float) -> SmoothMode:
-        """One mode."""
-        return self.mode(library, model, work, horizon)
+
+def counted_field(
+    model: ModeFunctions, callbacks: Callbacks, work: Work
+) -> Callable[[float, NDArray[np.float64]], Any]:
+    """Time derivatives of a mode's unknowns on an array; NaN where the field has no value.
+
+    Every call counts, and past the deadline raises; that stays in Python where the field itself is compiled.
+    """
+    n, count = len(model.unknowns), work.count_rhs
+    if callbacks == "numba":
+        fill, _ = model.compiled_derivatives()
+        fill(0.0, np.ones(n), np.empty(n))  # compiles now, not in the run
+
+        def jitted(t: float, x: NDArray[np.float64]) -> NDArray[np.float64]:
+            count()
+            out = np.empty(n)
+            fill(t, x, out)
+            return out
+
+        return jitted
+    field, nowhere = model.derivatives, (math.nan,) * n
+
+    def interpreted(t: float, x: NDArray[np.float64]) -> tuple[float, ...]:
+        count()
+        try:
+            return field(t, *x.tolist())
+        except ARITHMETIC:
+            return nowhere
+
+    return interpreted

@@ -7,8 +7,8 @@ import math
 import pytest
 
 import henon_ref
-from henon_ref.baselines.octave import solver as module
-from henon_ref.baselines.octave.solver import ODE45, octave_version
+from henon_ref.baselines.programs import interpreted as module
+from henon_ref.baselines.programs.interpreted import ODE45, octave_version
 from henon_ref.errors import UnavailableError
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.truth_job import stored_statement

@@ -1,1 +1,0 @@
-"""Octave's ``ode45`` with events, in a program in Octave's own language."""

@@ -1,0 +1,248 @@
+"""``cvode-c-adams`` and ``cvode-c-bdf``: SUNDIALS' CVODE with its own rootfinding, called from C.
+
+Both solve their implicit steps by Newton's iteration with a dense Jacobian, as the adapters with a binding do: for
+Adams that is the faster of SUNDIALS' two ways (``cvode.c`` has what was measured). Right-hand sides, Jacobians and
+guards are C made from the text of a request and compiled once a system; every event is followed by ``CVodeReInit``.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import shutil
+import subprocess
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from henon_ref.baselines.protocol.messages import Guard, Mode, Problem
+from henon_ref.baselines.protocol.problem_text import renamed
+from henon_ref.baselines.protocol.program import ProgramSolver
+from henon_ref.errors import UnavailableError
+from henon_ref.jit.cache_folder import cache_root
+from henon_ref.text import short_line
+
+SOURCES = ("cvode.c", "json.h", "response.h")
+EQUATIONS = "problem.h"
+FLAGS = ("-O2", "-std=gnu11", "-ffp-contract=off", "-fno-math-errno")
+LIBRARIES = ("sundials_cvode", "sundials_nvecserial", "m")
+COMPILERS = ("cc", "gcc", "clang")
+VARIABLE = "CC"
+"""Environment variable that names the compiler, as elsewhere."""
+PREFIX = "SUNDIALS_PREFIX"
+"""Environment variable of the folder with SUNDIALS' ``include`` and ``lib``, where it is not the system's own."""
+WANTED = 6
+"""Major version of SUNDIALS that the program is written for."""
+FOLDER = "programs"
+"""Folder in the cache."""
+SECONDS = 60.0
+"""Wall time that compiling may take [s]."""
+PACKAGES = "Debian: gcc and libsundials-dev"
+_CONFIG = "sundials/sundials_config.h"
+_VERSION = re.compile(r'#define\s+SUNDIALS_VERSION\s+"([^"]+)"')
+ARGUMENTS = "double t, const double *x, const double *p"
+SILENT = "    (void)t, (void)x, (void)p, (void)out;"
+CODES = {"nonunique": "NONUNIQUE", "invalid": "INVALID"}
+HEAD = """/* Made by henon_ref from the text of a request. */
+#pragma once
+#include <math.h>
+
+enum {{ STATES = {states}, PARAMETERS = {parameters}, MODE_COUNT = {modes}, MOST_GUARDS = {guards} }};
+enum {{ NONUNIQUE = 2, INVALID = 3, NONE = 4 }};
+typedef enum {{ SURFACE, RELEASE, VALID }} Kind;
+typedef void Function(double, const double *, const double *, double *);
+
+typedef struct {{
+    int mode, unknowns, guards;
+    int surface_guard; /* index of the guard that is the surface; -1: none */
+    int unarmed;       /* guards that may begin negative, one bit each */
+    Kind kinds[MOST_GUARDS];
+    Function *field, *jacobian, *values, *start;
+    int (*successor)(int, double, const double *, const double *);
+}} ModeTable;
+"""
+
+
+def include_folder() -> Path | None:
+    """Where the library's headers are; None where there are none."""
+    prefix = os.environ.get(PREFIX)
+    for folder in (Path(prefix),) if prefix else (Path("/usr"), Path("/usr/local")):
+        if (folder / "include" / _CONFIG).is_file():
+            return folder / "include"
+    return None
+
+
+def library_version() -> str:
+    """Version of SUNDIALS' headers, empty where there are none."""
+    folder = include_folder()
+    if folder is None:
+        return ""
+    found = _VERSION.search((folder / _CONFIG).read_text(encoding="utf-8", errors="replace"))
+    return found[1] if found else ""
+
+
+def compiler() -> str:
+    """The C compiler, empty where there is none."""
+    wanted = os.environ.get(VARIABLE)
+    return next((path for name in ((wanted,) if wanted else COMPILERS) if (path := shutil.which(name))), "")
+
+
+def tools() -> tuple[str, Path]:
+    """Compiler and folder of headers; :class:`UnavailableError` where one of them is missing."""
+    found, folder, version = compiler(), include_folder(), library_version()
+    if not found:
+        raise UnavailableError(f"there is no C compiler ({PACKAGES})")
+    if folder is None:
+        raise UnavailableError(f"SUNDIALS' headers are not installed ({PACKAGES})")
+    if version.partition(".")[0] != str(WANTED):
+        raise UnavailableError(f"SUNDIALS is version {version or 'unknown'}, wanted {WANTED}.x")
+    return found, folder
+
+
+def program_for(equations: str) -> Path:
+    """The compiled program with these equations, kept in the cache.
+
+    The key is the text of all that goes into it: program, equations, compiler, options, and the version of the library.
+    """
+    found, folder = tools()
+    texts = {name: files("henon_ref.baselines.programs").joinpath(name).read_text(encoding="utf-8") for name in SOURCES}
+    texts[EQUATIONS] = equations
+    key = hashlib.sha256(repr((texts, found, _compiler_version(found), FLAGS, library_version())).encode())
+    place = cache_root() / FOLDER
+    program = place / f"cvode-{key.hexdigest()[:32]}"
+    if not program.is_file():
+        place.mkdir(mode=0o700, parents=True, exist_ok=True)
+        _compile(found, folder, texts, program)
+    return program
+
+
+@cache
+def _compiler_version(path: str) -> str:
+    done = subprocess.run([path, "--version"], capture_output=True, text=True, timeout=SECONDS, check=False)
+    return done.stdout.partition("\n")[0]
+
+
+def _compile(compiler_path: str, include: Path, texts: dict[str, str], program: Path) -> None:
+    """Compile into place, whole or not at all."""
+    library = include.parent / "lib"
+    with TemporaryDirectory(dir=program.parent) as folder:
+        for name, text in texts.items():
+            (Path(folder) / name).write_text(text, encoding="utf-8")
+        made = Path(folder) / "program"
+        command = [compiler_path, *FLAGS, f"-I{include}", SOURCES[0], "-o", made.name, f"-L{library}"]
+        command += [f"-Wl,-rpath,{library}"] if os.environ.get(PREFIX) else []
+        command += [f"-l{name}" for name in LIBRARIES]
+        try:
+            done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=SECONDS, check=False)
+        except (OSError, subprocess.TimeoutExpired) as error:
+            raise UnavailableError(short_line(f"{compiler_path} does not compile the program: {error}")) from error
+        if done.returncode != 0:
+            raise UnavailableError(short_line(f"{compiler_path} does not compile the program: {done.stderr}"))
+        made.replace(program)
+
+
+def c_equations(problem: Problem) -> str:
+    """The equations of a problem as C, the header ``problem.h`` of the program: what a user of CVODE writes by hand.
+
+    Values of parameters and numbers of the run are no part of it: readings of a case that differ in them share one
+    program.
+    """
+    names = {name: f"x[{k}]" for k, name in enumerate(problem.states)}
+    names |= {name: f"p[{k}]" for k, name in enumerate(problem.parameters)}
+    head = HEAD.format(
+        states=len(problem.states),
+        parameters=len(problem.parameters),
+        modes=len(problem.modes),
+        guards=max(1, *(len(mode.guards) for mode in problem.modes)),
+    )
+    surface = [
+        f"static double surface({ARGUMENTS})\n{{\n    (void)t, (void)x, (void)p;\n"
+        f"    return {renamed(problem.surface.expression, names)};\n}}\n",
+        _function("surface_gradient", problem.surface.gradient, names),
+    ]
+    modes = [part for k, mode in enumerate(problem.modes) for part in _mode(k, mode, names)]
+    table = ",\n".join(f"    {_entry(k, mode, len(problem.states))}" for k, mode in enumerate(problem.modes))
+    return "\n".join([head, *surface, *modes, f"static const ModeTable MODES[] = {{\n{table}\n}};\n"])
+
+
+def _followed(mode: Mode) -> list[Guard]:
+    """Guards whose values are integrated along, so that error control sees them."""
+    return [guard for guard in mode.guards if not guard.linear]
+
+
+def _mode(index: int, mode: Mode, names: Mapping[str, str]) -> list[str]:
+    """Functions of one mode. Its unknowns are the states and the values of the followed guards."""
+    followed = _followed(mode)
+    field = [*mode.field, *(guard.rate for guard in followed)]
+    columns = len(mode.field) + len(followed)
+    entries = {
+        row + column * columns: text
+        for row, texts in enumerate([*mode.jacobian, *(guard.rate_slopes for guard in followed)])
+        for column, text in enumerate(texts)
+    }
+    return [
+        _function(f"field_{index}", field, names),
+        _function(f"values_{index}", [guard.expression for guard in mode.guards], names),
+        _function(f"start_{index}", [guard.expression for guard in followed], names),
+        _matrix(f"jacobian_{index}", entries, names),
+        _successor(f"successor_{index}", mode.guards, names),
+    ]
+
+
+def _function(name: str, texts: Sequence[str], names: Mapping[str, str]) -> str:
+    return _matrix(name, dict(enumerate(texts)), names)
+
+
+def _matrix(name: str, entries: Mapping[int, str], names: Mapping[str, str]) -> str:
+    lines = [f"    out[{k}] = {renamed(text, names)};" for k, text in entries.items()]
+    return "\n".join([f"static void {name}({ARGUMENTS}, double *out)", "{", SILENT, *lines, "}\n"])
+
+
+def _successor(name: str, guards: Sequence[Guard], names: Mapping[str, str]) -> str:
+    lines = []
+    for k, guard in enumerate(guards):
+        for successor in guard.successors:
+            holds = "".join(f" && ({renamed(text, names)}) >= 0.0" for text in successor.when)
+            follows = str(successor.mode) if successor.ends is None else CODES[successor.ends]
+            lines.append(f"    if (guard == {k}{holds}) return {follows};")
+    quiet = "    (void)guard, (void)t, (void)x, (void)p;"
+    return "\n".join([f"static int {name}(int guard, {ARGUMENTS})", "{", quiet, *lines, "    return NONE;", "}\n"])
+
+
+def _entry(index: int, mode: Mode, states: int) -> str:
+    kinds = ", ".join(guard.kind.upper() for guard in mode.guards) or "VALID"
+    surface = next((k for k, guard in enumerate(mode.guards) if guard.kind == "surface"), -1)
+    unarmed = sum(1 << k for k, guard in enumerate(mode.guards) if not guard.armed)
+    functions = ", ".join(f"{what}_{index}" for what in ("field", "jacobian", "values", "start", "successor"))
+    unknowns = states + len(_followed(mode))
+    return f"{{{mode.mode}, {unknowns}, {len(mode.guards)}, {surface}, {unarmed}, {{{kinds}}}, {functions}}}"
+
+
+@dataclass(frozen=True)
+class CvodeFromC(ProgramSolver):
+    """CVODE in a C program of its own.
+
+    Counts: ``steps`` are internal steps, ``rhs_evaluations`` CVODE's own count, ``event_evaluations`` evaluations of
+    all guards together.
+    """
+
+    @property
+    def version(self) -> str:
+        """Of SUNDIALS, empty where its headers are not installed."""
+        return library_version()
+
+    def check(self) -> None:
+        """Raise :class:`~henon_ref.errors.UnavailableError` where the program cannot be compiled."""
+        tools()
+
+    def built(self, text: Problem) -> tuple[str, ...]:
+        """The program for this system, compiled where it is not in the cache."""
+        return str(program_for(c_equations(text))), *self.command
+
+
+ADAMS = CvodeFromC("cvode-c-adams", ("adams",), landing="illinois")
+BDF = CvodeFromC("cvode-c-bdf", ("bdf",), landing="illinois")

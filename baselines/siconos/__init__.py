@@ -1,1 +1,0 @@
-"""Siconos: relay and time stepping, run by the Python that it is installed for."""

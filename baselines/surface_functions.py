@@ -1,0 +1,130 @@
+"""Functions of single surfaces and guards of a system, each made once for all modes that it is the same in."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+import sympy as sp
+from numpy.typing import NDArray
+
+from henon_ref.modes.callables import Scalar, scalar
+from henon_ref.modes.mode import Mode, replaced
+from henon_ref.modes.system import FilippovSystem
+from henon_ref.taylor.tape import TIME
+
+MANY = 16
+"""From so many arguments on a function is made of those alone that stand in it: SymPy goes through the expressions once
+for each argument."""
+
+
+@lru_cache(maxsize=4096)
+def of_few(arguments: tuple[sp.Symbol, ...], expressions: tuple[sp.Expr, ...]) -> Scalar:
+    """``f(t, *arguments)``, one float an expression."""
+    if len(arguments) < MANY:
+        return scalar(arguments, expressions)
+    standing = set().union(*(e.free_symbols for e in expressions))
+    places = [k for k, symbol in enumerate(arguments) if symbol in standing]
+    function = scalar([arguments[k] for k in places], expressions)
+    return lambda t, *x: function(t, *[x[k] for k in places])
+
+
+@lru_cache(maxsize=4096)
+def is_linear(expression: sp.Expr, states: tuple[sp.Symbol, ...]) -> bool:
+    """Whether an expression is linear in time and states together; modes share most of theirs."""
+    moving = expression.free_symbols & {TIME, *states}
+    return not any(sp.diff(expression, v).free_symbols & moving for v in moving)
+
+
+class Slopes(NamedTuple):
+    """Derivatives of a guard in the states that stand in it."""
+
+    places: tuple[int, ...]
+    """Of these states."""
+    values: Scalar
+    constants: tuple[float, ...] | None
+    """The derivatives, where the guard is linear."""
+
+
+@lru_cache(maxsize=4096)
+def slopes_of(guard: sp.Expr, states: tuple[sp.Symbol, ...]) -> Slopes:
+    places = tuple(k for k, x in enumerate(states) if guard.has(x))
+    slopes = [sp.diff(guard, states[k]) for k in places]
+    constants = tuple(map(float, slopes)) if all(d.is_number for d in slopes) else None
+    return Slopes(places, of_few(states, tuple(slopes)), constants)
+
+
+@lru_cache(maxsize=4096)
+def normal_velocity(system: FilippovSystem, index: int) -> sp.Expr:
+    return system.numeric(system.normal_velocity(index))
+
+
+@lru_cache(maxsize=4096)
+def landing(system: FilippovSystem, mode: Mode, index: int) -> Scalar:
+    """What is needed of one surface when a mode begins or ends on it; made once for all modes that it is the same in.
+
+    ``f(t, *x)`` -> ``(h, dh/dt below, dh/dt above, *point)``: the surface's value before anything is
+    corrected; the nearest point on the surface (one Newton step along the gradient, which moves x by the
+    rounding or tolerance error that h shows, and no more); and, there, the normal velocities on both sides.
+    """
+    states = system.states
+    h, normal = system.numeric(system.surfaces[index]), normal_velocity(system, index)
+    sides = [
+        normal.xreplace({s: sp.Integer(v) for s, v in zip(system.signs, replaced(mode, index, side), strict=True)})
+        for side in (-1, 1)
+    ]
+    gradient = [sp.diff(h, x) for x in states]
+    square = sp.Add(*(d**2 for d in gradient))
+    if not square.is_number:
+        first = scalar(states, [h, *(x - h * d / square for x, d in zip(states, gradient, strict=True))])
+        second = scalar(states, sides)
+        return lambda t, *x: _in_two(first, second, t, x)
+    # Expanding lets a flat surface cancel to its own solution: x2 - (x2 - vp) is vp, with no rounding left.
+    # A surface in time alone has nothing to move.
+    point = [x - sp.expand(h * d / square) if d != 0 else x for x, d in zip(states, gradient, strict=True)]
+    moved = {k: p for k, (p, x) in enumerate(zip(point, states, strict=True)) if p != x}
+    there = {states[k]: p for k, p in moved.items()}
+    velocities = [side.subs(there, simultaneous=True) for side in sides]
+    if len(states) < MANY:
+        return scalar(states, [h, *velocities, *point])
+    values, places = of_few(states, (h, *velocities, *moved.values())), tuple(moved)
+
+    def at(t: float, *x: float) -> tuple[float, ...]:
+        h, below, above, *found = values(t, *x)
+        state = list(x)
+        for k, value in zip(places, found, strict=True):
+            state[k] = value
+        return (h, below, above, *state)
+
+    return at
+
+
+def _in_two(first: Scalar, second: Scalar, t: float, x: tuple[float, ...]) -> tuple[float, ...]:
+    h, *point = first(t, *x)
+    return (h, *second(t, *point), *point)
+
+
+@lru_cache(maxsize=4096)
+def surface(system: FilippovSystem, index: int) -> tuple[Scalar, Scalar]:
+    """A surface's function ``h(t, *x) -> (value,)`` and its gradient in the states."""
+    states, h = system.states, system.numeric(system.surfaces[index])
+    return of_few(states, (h,)), of_few(states, tuple(sp.diff(h, x) for x in states))
+
+
+def projected(
+    surfaces: Sequence[tuple[Scalar, Scalar]], t: float, x: Sequence[float]
+) -> tuple[tuple[float, ...], float]:
+    """The point nearest to x on the intersection of surfaces (h, gradient), and the largest abs(h) at x."""
+    point: NDArray[np.float64] = np.array(x, dtype=float)
+    drift = 0.0
+    for step in range(2):
+        values = np.array([h(t, *point.tolist())[0] for h, _ in surfaces])
+        if step == 0:
+            drift = float(np.max(np.abs(values), initial=0.0))
+        slopes = np.array([g(t, *point.tolist()) for _, g in surfaces])
+        if not values.any() or not np.isfinite(slopes).all():
+            break
+        point = point - np.linalg.lstsq(slopes, values, rcond=None)[0]
+    return tuple(point.tolist()), drift
