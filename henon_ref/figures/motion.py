@@ -26,6 +26,8 @@ REST = 1e-6
 """A stick that moves less than this fraction of the largest state is drawn as a point."""
 BLOW_UP = 50.0
 """A curve that goes this many times further than most of itself is cut off."""
+GRID = 121
+"""Points a side of the grid on which a surface's curve is looked for."""
 
 
 @dataclass(frozen=True)
@@ -241,21 +243,31 @@ def _length(piece: slice) -> int:
 
 def _draw_boundary(axes: Axes, system: FilippovSystem, plane: _Plane) -> list[tuple[str, str, float, str]]:
     """The surfaces that are curves in this plane, as dashed lines."""
-    pair = [system.states[plane.x], system.states[plane.y]]
-    drawn = False
-    left, right = axes.get_xlim()
-    bottom, top = axes.get_ylim()
-    grid = np.meshgrid(np.linspace(left, right, 201), np.linspace(bottom, top, 201))
+    look = ("surface h = 0", style.GREY, 0.9, "--")
+    curves = surface_curves(system, (plane.x, plane.y), (axes.get_xlim(), axes.get_ylim()))
+    for points in curves:
+        axes.plot(*points.T, color=look[1], lw=look[2], ls=look[3], zorder=1)
+    return [look] if curves else []
+
+
+def surface_curves(
+    system: FilippovSystem, pair: tuple[int, int], limits: Sequence[tuple[float, float]]
+) -> list[NDArray[np.float64]]:
+    """The curves h = 0 of the surfaces that depend on two states alone, points (k, 2) of each, within limits."""
+    import contourpy
+
+    states = [system.states[k] for k in pair]
+    across, upward = (np.linspace(low, high, GRID) for low, high in limits)
+    found: list[NDArray[np.float64]] = []
     for k, surface in enumerate(system.surfaces):
-        if not states_in(system, k) or not states_in(system, k) <= set(pair):
+        if not states_in(system, k) or not states_in(system, k) <= set(states):
             continue
-        values = sp.lambdify(pair, system.numeric(surface), np)(*grid)
-        values = np.broadcast_to(np.asarray(values, dtype=float), grid[0].shape)
-        if not (np.nanmin(values) < 0 < np.nanmax(values)):
-            continue
-        axes.contour(*grid, values, levels=[0.0], colors=[style.GREY], linewidths=[0.9], linestyles=["--"], zorder=1)
-        drawn = True
-    return [("surface h = 0", style.GREY, 0.9, "--")] if drawn else []
+        h = sp.lambdify(states, system.numeric(surface), np)
+        values = np.broadcast_to(np.asarray(h(*np.meshgrid(across, upward)), dtype=float), (GRID, GRID))
+        if np.nanmin(values) < 0 < np.nanmax(values):
+            generator = contourpy.contour_generator(across, upward, np.ma.masked_invalid(values), name="mpl2014")
+            found += [np.asarray(line) for line in generator.lines(0.0)[0]]
+    return found
 
 
 def _legend(axes: Axes, entries: list[tuple[str, str, float, str]]) -> None:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 DRAW_SECONDS = 120.0
 """Processor time that a reading's figures may take [s]."""
-PORTRAIT, MODES, ERRORS, COST, SCENE = "portrait", "modes", "errors", "cost", "scene"
+KINDS = SCENE, PORTRAIT, MODES, ERRORS, COST = "scene", "portrait", "modes", "errors", "cost"
 """The figures of a reading, as their file names name them."""
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from henon_ref.atomic_write import replace_file
-from henon_ref.harness.report.html.rendering import rendered, source
+from henon_ref.harness.report.html.rendering import rendered
 from henon_ref.harness.report.html.sweep_content import (
     MOST_READ,
     bytes_a_point,
@@ -33,7 +33,7 @@ from henon_ref.text import one_line
 
 _LOG = logging.getLogger(__name__)
 
-SCRIPTS = ("dom.js", "numbers.js", "axes.js", "portrait.js", "sweep.js")
+SCRIPTS = ("page.js", "sweep.js")
 OBSERVED = (
     ("quantity", "l"), ("points with a value", "r"), ("least", "r"), ("median", "r"), ("greatest", "r"),
     ("values, of the points with one", "l"),
@@ -43,17 +43,7 @@ CHAINED = "Each point of a continuation starts where its neighbour ended, so tha
 
 
 def write_sweep_page(folder: Path) -> Path | None:
-    """Write the page of a finished sweep; one of more than two million points has none.
-
-    Parameters
-    ----------
-    folder : Path
-        Of the sweep, with all its chunks.
-
-    Returns
-    -------
-    Path or None
-        The page.
+    """Write the page of a finished sweep in its folder; one of more than two million points has none.
 
     Raises
     ------
@@ -95,12 +85,11 @@ def write_sweep_page(folder: Path) -> Path | None:
     }
     page = rendered(
         "sweep.html",
-        source("sweep.css"),
         SCRIPTS,
         data,
         title=one_line(sweep.title),
         origin=one_line(sweep.source or ""),
-        summary=_summary(len(table), swept, tolerance(plan)),
+        summary=one_line(f"{len(table):,} points over {', '.join(swept)}; relative tolerance {tolerance(plan)}."),
         drawn=_drawn(len(table), len(kept)),
         has_case=case is not None,
         headings=OBSERVED,
@@ -109,10 +98,6 @@ def write_sweep_page(folder: Path) -> Path | None:
     )
     replace_file(folder / PAGE, page.encode())
     return folder / PAGE
-
-
-def _summary(points: int, swept: list[str], rtol: str) -> str:
-    return one_line(f"{points:,} points over {', '.join(swept)}; relative tolerance {rtol}.")
 
 
 def _drawn(points: int, kept: int) -> str:

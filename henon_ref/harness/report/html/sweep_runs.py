@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from henon_ref.errors import HenonRefError
-from henon_ref.figures.curves import curves_of
 from henon_ref.figures.motion import Motion
 from henon_ref.harness.report.html.portrait import packed
 from henon_ref.harness.report.html.sweep_content import grid_sizes
@@ -41,7 +40,7 @@ def kept_runs(plan: Plan) -> list[dict[str, Any]]:
     for number in _spread(plan):
         run = _run(plan, number)
         if run is not None and run.sol is not None and run.sol.end > run.sol.start:
-            portrait = packed(curves_of(run.system.model, _last_part(run)))
+            portrait = packed(run.system.model, _last_part(run))
             values = [float(value) for value in plan.points.values[number]]
             found.append({"point": number, "values": values, "status": run.status, "portrait": portrait})
     return found
@@ -58,18 +57,18 @@ def _spread(plan: Plan) -> list[int]:
 
 def _run(plan: Plan, number: int) -> Solution | None:
     """A point's run with its polynomials; None where it cannot be had, or has too many steps for a picture."""
-    settings, values = plan.work.settings, dict(zip(plan.points.names, plan.points.values[number], strict=True))
-    states = {name: float(values.pop(name)) for name in settings.system.state if name in values}
+    settings, values = (
+        plan.work.settings,
+        dict(zip(plan.points.names, plan.points.values[number].tolist(), strict=True)),
+    )
+    initial = settings.initial | {name: values.pop(name) for name in settings.system.state if name in values}
     how: dict[str, Any] = {
         "until": settings.until, "start": settings.start, "rtol": settings.rtol, "mode": settings.mode,
-        "max_steps": settings.max_steps,
-        "parameters": {name: float(value) for name, value in values.items()},
+        "max_steps": settings.max_steps, "parameters": values,
     }  # fmt: skip
     try:
-        first = simulate(settings.system, {**settings.initial, **states}, dense_output=False, **how)
-        if first.counts.steps > MOST_STEPS:
-            return None
-        return simulate(settings.system, {**settings.initial, **states}, **how)
+        first = simulate(settings.system, initial, dense_output=False, **how)
+        return simulate(settings.system, initial, **how) if first.counts.steps <= MOST_STEPS else None
     except HenonRefError:  # the sweep's row says why
         return None
 

@@ -40,7 +40,7 @@ class ModeText:
     """LaTeX of equivalent signs and of what ends a sliding mode."""
 
 
-def model_blocks(result: ReadingResult) -> list[str]:
+def model_text(result: ReadingResult) -> str:
     """All of it but the values: readings that differ in these alone have the same."""
     system, effects = result.reading.problem.system, effect_table(result)
     blocks = ["Effects built, and no others:", effects[0].markdown, effects[1]] if effects else []
@@ -49,7 +49,7 @@ def model_blocks(result: ReadingResult) -> list[str]:
     for mode in modes_of(result):
         text = mode_equations(system, mode)
         blocks += [f"{text.title}:", _displayed(text.equations), _listed(text.notes)]
-    return list(filter(None, blocks))
+    return "\n\n".join(filter(None, blocks))
 
 
 def _displayed(formula: str) -> str:

@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterable, Sequence
 from decimal import Decimal
 
-from henon_ref.casefile.expected import Orbit
 from henon_ref.harness.campaign.results import ReadingResult
 from henon_ref.harness.campaign.rows import Record
 from henon_ref.harness.rows import RunRow, StickRow, number
@@ -31,7 +30,11 @@ def truth_table(result: ReadingResult, runs: Iterable[RunRow] = ()) -> Table:
         return Table(HEADINGS, "lll", [("exact run", "none, nothing is scored", _reason(result))])
     touches = sum(event.kind == "graze" for event in expected.transitions)
     rows = [
-        ("exact run", _end(expected), _note("the truth ends there" if expected.partial else "", _reason(result))),
+        (
+            "exact run",
+            _end(expected),
+            "; ".join(filter(None, (expected.partial and "the truth ends there", _reason(result)))),
+        ),
         ("transitions", f"{len(expected.transitions) - touches}", ""),
         ("touches", f"{touches}", "a surface is met and not crossed" if touches else ""),
         ("certified", *_certified(result, expected)),
@@ -86,10 +89,6 @@ def _certified(result: ReadingResult, expected: Expected) -> tuple[str, str]:
         return "yes", f"{each} is enclosed in ball arithmetic, and it is proven that there is no other"
     why = markdown(statement.uncertified_because).rstrip(".")
     return (f"{statement.proven} of {number}" if statement.proven else "no"), why
-
-
-def _note(*parts: str) -> str:
-    return "; ".join(part for part in parts if part)
 
 
 MOST_RUNS = 3
@@ -183,40 +182,23 @@ def _shown(record: Record, value: Decimal, printed: Sequence[Decimal]) -> str:
 
 
 def orbit_table(result: ReadingResult) -> Table | None:
-    """The periodic orbit that a case names, and how far the exact run's last period is from it."""
+    """The periodic orbit that a case names, and how far the last sticks and crossings of the exact run are from it."""
     orbit, expected = result.reading.orbit, result.expected
     if orbit is None or expected is None or not (orbit.sticks or orbit.crossings):
         return None
-    lines = [("period", significant(float(orbit.period), 11), "")]
-    lines += _stick_rows(orbit, expected, result.reading.measure_after)
-    lines += _crossing_rows(orbit, expected)
-    return Table(("periodic orbit", "named [s]", "exact run, last − named [s]"), "lrr", lines)
-
-
-def _stick_rows(orbit: Orbit, expected: Expected, after: float) -> list[tuple[str, str, str]]:
-    """How far the last stick of each kind is from the orbit's."""
-    found = [stick.duration for stick in sticks(expected.transitions, start=expected.start, after=after)]
-    named = [float(value) for value in orbit.sticks]
-    last = dict(zip(published_partners(found, named), found, strict=True))  # of each kind the last one
-    return [
-        ("stick", f"{value}", error(last[own] - own) if own in last else "none")
-        for value, own in zip(orbit.sticks, named, strict=True)
-    ]
-
-
-def _crossing_rows(orbit: Orbit, expected: Expected) -> list[tuple[str, str, str]]:
-    """How far the last crossings are from the orbit's, modulo the period."""
+    found = [s.duration for s in sticks(expected.transitions, start=expected.start, after=result.reading.measure_after)]
+    partners = published_partners(found, [float(value) for value in orbit.sticks])
+    last = dict(zip(partners, found, strict=True))  # of each kind the last one
     period = float(orbit.period)
-    times = [event.time for event in expected.transitions if event.kind == "crossing"]
-    last = times[-len(orbit.crossings) :] if orbit.crossings else []
-    return [
-        (
-            "crossing, modulo the period",
-            f"{value}",
-            error(min((math.remainder(time - float(value), period) for time in last), key=abs)) if last else "none",
-        )
-        for value in orbit.crossings
-    ]
+    times = [event.time for event in expected.transitions if event.kind == "crossing"][-len(orbit.crossings) :]
+    lines = [("period", significant(period, 11), "")]
+    for value in orbit.sticks:
+        own = last.get(float(value))
+        lines.append(("stick", f"{value}", "none" if own is None else error(own - float(value))))
+    for value in orbit.crossings:
+        apart = min((math.remainder(time - float(value), period) for time in times), key=abs, default=None)
+        lines.append(("crossing, modulo the period", f"{value}", "none" if apart is None else error(apart)))
+    return Table(("periodic orbit", "named [s]", "exact run, last − named [s]"), "lrr", lines)
 
 
 def printed_alike(value: float, printed: Decimal) -> bool:
