@@ -11,23 +11,13 @@ from typing import Any
 
 from henon_ref.atomic_write import write_through
 from henon_ref.harness.campaign.comparison import Comparison
-from henon_ref.harness.report.folder import (
-    MANIFEST,
-    REPORT,
-    RUNS,
-    SAMPLES,
-    STICKS,
-    TRANSITIONS,
-    locked,
-    own_files,
-)
+from henon_ref.harness.report import folder as names
+from henon_ref.harness.report.folder import locked, own_files
 from henon_ref.harness.report.manifest import Provenance, manifest_text
 from henon_ref.harness.report.text.markdown import report_text
 from henon_ref.harness.rows import RunRow, StickRow, TransitionRow, csv_text, rows_text
 from henon_ref.text import one_line
 
-CASE_FILE, SCHEMA = "page.json", 1
-"""What the page shows of a case besides its rows."""
 SAMPLE_COLUMNS = ("reading", "solver", "rtol", "step_s", "samples_ns")
 """A row a timed run; its samples in nanoseconds, in their order, with blanks between them."""
 
@@ -35,16 +25,16 @@ SAMPLE_COLUMNS = ("reading", "solver", "rtol", "step_s", "samples_ns")
 def report_files(comparison: Comparison, origin: Provenance) -> dict[str, bytes]:
     """Every file of one case's report, by name."""
     files: dict[str, bytes] = {
-        REPORT: report_text(comparison, origin).encode(),
-        RUNS: rows_text(RunRow, comparison.run_rows).encode(),
-        TRANSITIONS: rows_text(TransitionRow, comparison.transition_rows, comparison.states).encode(),
-        STICKS: rows_text(StickRow, comparison.stick_rows).encode(),
-        SAMPLES: samples_text(comparison).encode(),
-        CASE_FILE: json.dumps(case_content(comparison), indent=1).encode() + b"\n",
+        names.REPORT: report_text(comparison, origin).encode(),
+        names.RUNS: rows_text(RunRow, comparison.run_rows).encode(),
+        names.TRANSITIONS: rows_text(TransitionRow, comparison.transition_rows, comparison.states).encode(),
+        names.STICKS: rows_text(StickRow, comparison.stick_rows).encode(),
+        names.SAMPLES: samples_text(comparison).encode(),
+        names.CASE_FILE: json.dumps(case_content(comparison), indent=1).encode() + b"\n",
     }
     for result in comparison.readings:
         files.update(result.figures)
-    files[MANIFEST] = manifest_text(comparison, origin, [*files, MANIFEST]).encode()
+    files[names.MANIFEST] = manifest_text(comparison, origin, [*files, names.MANIFEST]).encode()
     return files
 
 
@@ -73,7 +63,7 @@ def case_content(comparison: Comparison) -> dict[str, Any]:
             portraits[reading.name] = packed(reading.problem.system, motion)
     tags = dict.fromkeys(tag for result in comparison.readings for tag in result.reading.tags)
     return {
-        "schema": SCHEMA,
+        "schema": names.SCHEMA,
         "tags": list(map(one_line, tags)),
         "source": one_line(comparison.case.source or ""),
         "stories": stories,
@@ -113,4 +103,4 @@ def write_report(comparison: Comparison, origin: Provenance, folder: Path) -> Pa
                 (place / name).unlink(missing_ok=True)
     finally:
         shutil.rmtree(waiting, ignore_errors=True)
-    return place / REPORT
+    return place / names.REPORT

@@ -28,15 +28,12 @@ except ImportError:  # Windows: nothing is locked there
 
 _LOG = logging.getLogger(__name__)
 
-REPORT, RUNS, TRANSITIONS, STICKS, MANIFEST = (
-    "report.md",
-    "runs.csv",
-    "transitions.csv",
-    "sticks.csv",
-    "manifest.json",
-)
+REPORT, MANIFEST = "report.md", "manifest.json"
+RUNS, TRANSITIONS, STICKS = "runs.csv", "transitions.csv", "sticks.csv"
 SAMPLES = "samples.csv"
 """Raw timing samples of a report's runs."""
+CASE_FILE, SCHEMA = "page.json", 1
+"""What the page shows of a case besides its rows, and the version of that."""
 ROWS = (TRANSITIONS, SAMPLES)
 """Files of a report that are too long to be kept in a repository."""
 INDEX, MATRIX = "README.md", "matrix.csv"

@@ -15,8 +15,7 @@ from henon_ref.baselines.causes import CAUSES
 from henon_ref.errors import CaseError
 from henon_ref.figures.style import Line, lines_of
 from henon_ref.harness import registry
-from henon_ref.harness.report.case_report import CASE_FILE, SCHEMA
-from henon_ref.harness.report.folder import PAGE
+from henon_ref.harness.report.folder import CASE_FILE, PAGE, SCHEMA
 from henon_ref.harness.report.html.rendering import read_embedded, rounded
 from henon_ref.harness.report.text.choice import UNKNOWN, by_kind, choice_levels
 from henon_ref.harness.report.text.matrix import MatrixRow, commits_of, mapping, read_report, solvers_of, wall_column

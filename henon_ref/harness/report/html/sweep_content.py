@@ -64,7 +64,7 @@ def point_columns(table: pd.DataFrame, swept: Sequence[str]) -> list[dict[str, A
     made: list[dict[str, Any]] = []
     for name, own in table.items():
         if name in swept:
-            packed = {"kind": "double", "data": packed_numbers(own, "<f8")}
+            packed: dict[str, Any] = {"kind": "double", "data": packed_numbers(own, "<f8")}
         elif _is_number(own.dtype):
             packed = {"kind": "single", "data": packed_numbers(own, "<f4")}
         elif own.nunique() < MOST_WORDS:

@@ -57,11 +57,10 @@ def _spread(plan: Plan) -> list[int]:
 
 def _run(plan: Plan, number: int) -> Solution | None:
     """A point's run with its polynomials; None where it cannot be had, or has too many steps for a picture."""
-    settings, values = (
-        plan.work.settings,
-        dict(zip(plan.points.names, plan.points.values[number].tolist(), strict=True)),
-    )
-    initial = settings.initial | {name: values.pop(name) for name in settings.system.state if name in values}
+    settings = plan.work.settings
+    values = dict(zip(plan.points.names, plan.points.values[number].tolist(), strict=True))
+    moved = {name: values.pop(name) for name in settings.system.state if name in values}
+    initial = {**settings.initial, **moved}
     how: dict[str, Any] = {
         "until": settings.until, "start": settings.start, "rtol": settings.rtol, "mode": settings.mode,
         "max_steps": settings.max_steps, "parameters": values,
@@ -78,10 +77,7 @@ def _last_part(run: Solution) -> Motion:
     at = run.transitions["time_s"].to_numpy(dtype=float)
     begin = float(at[-SHOWN_TRANSITIONS]) if len(at) >= SHOWN_TRANSITIONS else run.sol.start
     begin = begin if begin < run.sol.end else run.sol.start
-    times = np.union1d(np.linspace(begin, run.sol.end, TIMES), run.t[run.t >= begin])
-    modes = run.mode(times)
-    assert isinstance(modes, list)
-    return Motion(times, run.sol(times).T, tuple(tuple(mode.values()) for mode in modes))
+    return run.motion_at(np.union1d(np.linspace(begin, run.sol.end, TIMES), run.t[run.t >= begin]))
 
 
 def case_text(plan: Plan, folder: Path) -> str | None:

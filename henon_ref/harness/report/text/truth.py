@@ -29,12 +29,9 @@ def truth_table(result: ReadingResult, runs: Iterable[RunRow] = ()) -> Table:
     if expected is None:
         return Table(HEADINGS, "lll", [("exact run", "none, nothing is scored", _reason(result))])
     touches = sum(event.kind == "graze" for event in expected.transitions)
+    ended = "the truth ends there" if expected.partial else ""
     rows = [
-        (
-            "exact run",
-            _end(expected),
-            "; ".join(filter(None, (expected.partial and "the truth ends there", _reason(result)))),
-        ),
+        ("exact run", _end(expected), "; ".join(filter(None, (ended, _reason(result))))),
         ("transitions", f"{len(expected.transitions) - touches}", ""),
         ("touches", f"{touches}", "a surface is met and not crossed" if touches else ""),
         ("certified", *_certified(result, expected)),
