@@ -132,7 +132,7 @@ def draw_body(axes: Axes, body: Body, at: Place, **own: Any) -> None:
     patch.set(**{"linewidth": 1.0, "zorder": 3} | normalize_kwargs(own, Rectangle))
     axes.add_patch(patch)
     if body.kind == "prescribed":
-        _arrow(axes, np.array([x - HALF, y]), np.array([x + HALF, y]), style.GREY)
+        _arrow(axes, at + _corners(-HALF, 0, HALF, 0), style.GREY)
     axes.text(x, y if free else y - 0.25, body.name, ha="center", va="center", zorder=5)
 
 
@@ -142,9 +142,14 @@ def draw_symbol(
     """The symbol of a connection; an elastic one is as long as the way between its ends."""
     strokes = _strokes(connection, ends, shift, elastic=elastic)
     if len(ends) == 1:
-        _arrow(axes, *strokes[0], style.VERMILLION)
+        _arrow(axes, strokes[0], style.VERMILLION)
         return
-    line: dict[str, Any] = {"color": _symbol(connection)[1], "lw": 1.1, "zorder": 2, "solid_capstyle": "round"}
+    line: dict[str, Any] = {
+        "color": SYMBOLS.get(connection.kind, SYMBOLS[""])[1],
+        "lw": 1.1,
+        "zorder": 2,
+        "solid_capstyle": "round",
+    }
     for points in strokes:
         axes.plot(*points.T, **line | own)
 
@@ -152,19 +157,15 @@ def draw_symbol(
 def _strokes(connection: Connection, ends: Sequence[Place], shift: float, *, elastic: bool = False) -> Sequence[Place]:
     """Corners of the lines that a connection's symbol is drawn with; of a force from outside its arrow."""
     if len(ends) == 1:
-        return [ends[0] + np.array([[shift - 0.3, 0.55], [shift + 0.3, 0.55]])]
+        return [ends[0] + _corners(shift - 0.3, 0.55, shift + 0.3, 0.55)]
     length, along, across = _direction(*ends)
     start = ends[0] + shift * across
     return [
         start
         + np.outer(piece[:, 0] * length if elastic else _stretched(piece[:, 0], length), along)
         + np.outer(piece[:, 1], across)
-        for piece in _symbol(connection)[0]
+        for piece in SYMBOLS.get(connection.kind, SYMBOLS[""])[0]
     ]
-
-
-def _symbol(connection: Connection) -> tuple[Sequence[Place], str]:
-    return SYMBOLS.get(connection.kind, SYMBOLS[""])
 
 
 def _direction(p: Place, q: Place) -> tuple[float, Place, Place]:
@@ -176,9 +177,7 @@ def _direction(p: Place, q: Place) -> tuple[float, Place, Place]:
 
 def _stretched(along: Place, length: float) -> Place:
     """Places along a symbol of length 1: its middle keeps its size, its ends reach to the bodies."""
-    return np.where(
-        along < 0.25, along * 4 * (length / 2 - 0.25), np.where(along > 0.75, length, along - 0.5 + length / 2)
-    )
+    return np.interp(along, [0.0, 0.25, 0.75, 1.0], [0.0, length / 2 - 0.25, length / 2 + 0.25, length])
 
 
 def _draw_labels(axes: Axes, lines: Sequence[_Line], halves: list[Place], centres: list[Place]) -> None:
@@ -200,7 +199,7 @@ def _draw_labels(axes: Axes, lines: Sequence[_Line], halves: list[Place], centre
         centres.append(at)
         halves.append(half)
         box = {"facecolor": "white", "edgecolor": "none", "pad": 0.4, "alpha": 0.8}
-        axes.text(*at, text, fontsize=7, ha="center", va="center", zorder=4, bbox=box)
+        axes.text(at[0], at[1], text, fontsize=7, ha="center", va="center", zorder=4, bbox=box)
 
 
 def _dense(corners: Place) -> Place:
@@ -229,47 +228,35 @@ def _label_places(text: str, ends: Sequence[Place], shift: float) -> list[tuple[
     return [(text, start + part * length * along + side * room * across, half) for part in ALONG for side in (1, -1)]
 
 
-def _arrow(axes: Axes, tail: Place, tip: Place, colour: str) -> None:
+def _arrow(axes: Axes, ends: Place, colour: str) -> None:
     arrow = {"arrowstyle": "-|>", "color": colour, "lw": 1.2, "mutation_scale": 9, "shrinkA": 0, "shrinkB": 0}
-    axes.annotate("", xy=tuple(tip), xytext=tuple(tail), arrowprops=arrow, zorder=4)
+    axes.annotate("", xy=tuple(ends[1]), xytext=tuple(ends[0]), arrowprops=arrow, zorder=4)
 
 
-def _zigzag() -> Place:
-    x = np.linspace(0.3, 0.7, 9)
-    y = 0.07 * np.array([0, 1, -1, 1, -1, 1, -1, 1, 0])
-    return np.array([(0.0, 0.0), *zip(x, y, strict=True), (1.0, 0.0)])
+def _corners(*values: float) -> Place:
+    return np.reshape(values, (-1, 2))
 
 
-_STRAIGHT = np.array([(0.0, 0.0), (1.0, 0.0)])
+def _plates(gap: float) -> list[Place]:
+    """Two plates, each so far from the middle."""
+    p, q = 0.5 - gap, 0.5 + gap
+    return [_corners(0, 0, p, 0), _corners(p, 0.1, p, -0.1), _corners(q, 0.1, q, -0.1), _corners(q, 0, 1, 0)]
+
+
+_ZIGZAG = np.column_stack([np.linspace(0.3, 0.7, 9), 0.07 * np.array([0, 1, -1, 1, -1, 1, -1, 1, 0])])
 SYMBOLS: Mapping[str, tuple[Sequence[Place], str]] = {
-    "": ([_STRAIGHT], style.BLACK),
-    "spring": ([_zigzag()], style.BLUE),
+    "": ([_corners(0, 0, 1, 0)], style.BLACK),
+    "spring": ([np.vstack([[0, 0], _ZIGZAG, [1, 0]])], style.BLUE),
     "damper": (
         [
-            np.array([(0.0, 0.0), (0.42, 0.0)]),
-            np.array([(0.6, 0.08), (0.42, 0.08), (0.42, -0.08), (0.6, -0.08)]),
-            np.array([(0.54, 0.05), (0.54, -0.05)]),
-            np.array([(0.54, 0.0), (1.0, 0.0)]),
+            _corners(0, 0, 0.42, 0),
+            _corners(0.6, 0.08, 0.42, 0.08, 0.42, -0.08, 0.6, -0.08),
+            _corners(0.54, 0.05, 0.54, -0.05),
+            _corners(0.54, 0, 1, 0),
         ],
         style.GREEN,
     ),
-    "friction": (
-        [
-            np.array([(0.0, 0.0), (0.47, 0.0)]),
-            np.array([(0.47, 0.1), (0.47, -0.1)]),
-            np.array([(0.53, 0.1), (0.53, -0.1)]),
-            np.array([(0.53, 0.0), (1.0, 0.0)]),
-        ],
-        style.VERMILLION,
-    ),
-    "stop": (
-        [
-            np.array([(0.0, 0.0), (0.4, 0.0)]),
-            np.array([(0.4, 0.1), (0.4, -0.1)]),
-            np.array([(0.6, 0.1), (0.6, -0.1)]),
-            np.array([(0.6, 0.0), (1.0, 0.0)]),
-        ],
-        style.PURPLE,
-    ),
+    "friction": (_plates(0.03), style.VERMILLION),
+    "stop": (_plates(0.1), style.PURPLE),
 }
 """Kind of connection -> pieces of its symbol, along and across the line between two bodies, and its colour."""
