@@ -127,7 +127,7 @@ def test_a_curve_ends_where_nothing_later_is_matched():
     assert [line.get_xdata()[-1] for line in steps] == [expected.end_time, at[2]]
     assert [line.get_xdata().tolist() for line in axes.lines if line.get_marker() == "+"] == [[at[2]]]
     assert "+: no later transition is matched" in figure.texts[0].get_text()
-    assert [text.get_text() for text in axes.texts] == ["henon 1e-12", "ida 1e-12 (failed)"]
+    assert [text.get_text() for text in axes.texts] == ["ida 1e-12 (failed)", "henon 1e-12"]
     assert "henon 1e-12 1.0e-12 s; ida 1e-12 (failed) 1.0e-11 s" in description_of(figure)[1]
 
 

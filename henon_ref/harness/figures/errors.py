@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from henon_ref.figures import style
 from henon_ref.figures.description import describe
-from henon_ref.harness.figures.labels import label_ends
+from henon_ref.harness.figures.labels import label_column
 from henon_ref.harness.rows import RunRow, TransitionRow
 from henon_ref.harness.score.reference import Expected
 
@@ -88,8 +88,8 @@ def draw_errors(runs: Sequence[Scored], expected: Expected) -> Figure | None:
         notes = _notes(curves, expected, lowest, last)
         figure.text(0.02, 0.015, notes, va="bottom", fontsize=7.0, color=style.GREY)
         style.decades(axes.yaxis)
-        ends = [(curve.label, max(curve.last, lowest), lines[curve.run.solver]) for curve in curves]
-        label_ends(axes, ends, x=1.045, gap=0.055)
+        labels = [(curve.label, lines[curve.run.solver]) for curve in curves]
+        label_column(axes, labels, x=1.045, gap=0.055, ends=[max(curve.last, lowest) for curve in curves])
         axes.set_xlabel("time of the transition [s]")
         axes.set_ylabel("largest error of a transition time so far [s]")
         axes.set_title(TITLE)

@@ -76,9 +76,8 @@ def check_folder(folder: Path) -> None:
         with tempfile.TemporaryFile(dir=nearest, prefix=".henon_ref."):
             pass
     except OSError as error:
-        raise CaseError(
-            f"cannot write into {nearest}: {error.strerror}; give --out a folder that can be written"
-        ) from error
+        words = f"cannot write into {nearest}: {error.strerror}; give --out a folder that can be written"
+        raise CaseError(words) from error
 
 
 def check_index(folder: Path) -> None:
@@ -89,12 +88,10 @@ def check_index(folder: Path) -> None:
     CaseError
         Where somebody else wrote it.
     """
-    for name, beginning in _BEGINNINGS.items():
-        if (folder / name).exists() and not _begins(folder / name, beginning):
-            raise CaseError(
-                "was not written by henon_ref, so it is not replaced; give --out another folder",
-                file=str(folder / name),
-            )
+    for file, beginning in ((folder / name, beginning) for name, beginning in _BEGINNINGS.items()):
+        if file.exists() and not _begins(file, beginning):
+            words = "was not written by henon_ref, so it is not replaced; give --out another folder"
+            raise CaseError(words, file=str(file))
 
 
 def check_writable(folder: Path) -> None:
@@ -109,19 +106,19 @@ def own_files(folder: Path) -> set[str]:
         content = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
     except (FileNotFoundError, NotADirectoryError, RecursionError, ValueError):
         return set()
-    if not isinstance(content, dict) or content.get("case") != folder.name:
+    if (
+        not isinstance(content, dict)
+        or content.get("case") != folder.name
+        or not isinstance(content.get("files"), list)
+    ):
         return set()
-    names = content.get("files")
-    return {name for name in names if _is_beside(folder, name)} if isinstance(names, list) else set()
+    names = {name for name in content["files"] if isinstance(name, str) and Path(name).name == name}
+    return {name for name in names if os.path.isfile(folder / name)}
 
 
 def is_study(folder: Path) -> bool:
     """Whether this package wrote the README.md of a study's folder."""
     return _begins(folder / INDEX, _STUDY)
-
-
-def _is_beside(folder: Path, name: object) -> bool:
-    return isinstance(name, str) and Path(name).name == name and os.path.isfile(folder / name)
 
 
 def _begins(path: Path, beginning: re.Pattern[str]) -> bool:
@@ -174,24 +171,16 @@ UNSUPPORTED = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)
 
 
 class FolderLock:
-    """A lock on one folder, which is made if it is not there.
-
-    Raises
-    ------
-    BlockingIOError
-        Where another process (or another lock of this one) holds it; nothing has been changed then.
-    OSError
-        Where the folder or the file cannot be made.
-    """
+    """A lock on one folder, which is made if it is not there; BlockingIOError, and no change, where it is held."""
 
     def __init__(self, folder: Path) -> None:
         self.path = folder / LOCK
         self._made = [path for path in (folder, *folder.parents) if not path.exists()]
-        self._descriptor = self._opened()
+        self.descriptor = self._opened()
         _held.add(self)
         try:
-            os.ftruncate(self._descriptor, 0)
-            os.write(self._descriptor, f"{os.getpid()}\n".encode())
+            os.ftruncate(self.descriptor, 0)
+            os.write(self.descriptor, f"{os.getpid()}\n".encode())
         except OSError:
             self.release()
             raise
@@ -230,19 +219,16 @@ class FolderLock:
             self.path.unlink()
             for folder in self._made:
                 folder.rmdir()
-        os.close(self._descriptor)
-
-    def forget(self) -> None:
-        """In a fork of the holder: the lock is not this process's."""
-        os.close(self._descriptor)
+        os.close(self.descriptor)
 
 
 _held: WeakSet[FolderLock] = WeakSet()
 
 
 def _forget_all() -> None:
+    """In a fork of their holder: the locks are not this process's."""
     for lock in list(_held):
-        lock.forget()
+        os.close(lock.descriptor)
     _held.clear()
 
 
@@ -269,8 +255,8 @@ def locked(folders: Iterable[Path], *, wait: bool = False) -> Iterator[None]:
                     break
                 except BlockingIOError:
                     if time.monotonic() >= deadline:
-                        words = "wait for it, or give --out another folder"
-                        raise CaseError(f"{folder} is being written by another run{_holder(folder)}; {words}") from None
+                        words = f"{folder} is being written by another run{_holder(folder)}"
+                        raise CaseError(f"{words}; wait for it, or give --out another folder") from None
                 time.sleep(POLL)
         yield
 

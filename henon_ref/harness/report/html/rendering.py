@@ -21,18 +21,9 @@ _BLOCK = re.compile(r'<script type="application/zlib" id="data">(.*?)</script>',
 
 
 def rendered(template: str, scripts: Sequence[str], data: Any, **context: Any) -> str:
-    """A page as text.
+    """A page as text: a template and the scripts that draw the data, by their files' names among the templates.
 
-    Parameters
-    ----------
-    template : str
-        Name of its file among the templates.
-    scripts : sequence of str
-        Names of JavaScript files among the templates, in their order.
-    data
-        What the script draws, fit for JSON.
-    context
-        What else the template shows; all of it is escaped, but for style, script and data.
+    ``context`` is what else the template shows; all of it is escaped, but for style, script and data.
     """
     from jinja2 import Environment, PackageLoader, StrictUndefined
 

@@ -86,23 +86,12 @@ def coloured(table: pd.DataFrame, swept: Sequence[str]) -> str:
 
 
 def frame_content(name: str, frame: pd.DataFrame, rows: int, kept: NDArray[np.int64], tables: int) -> dict[str, Any]:
-    """A table with several rows a point: those of the points that are kept, evenly thinned where they are many.
+    """A table with several rows a point (its column ``point``): those of kept points, thinned where they are many.
 
-    Parameters
-    ----------
-    name : str
-    frame : DataFrame
-        Its column ``point`` says which point each row belongs to.
-    rows : int
-        Of the whole table.
-    kept : ndarray of int
-        Numbers of the points that are kept, in order.
-    tables : int
-        Such tables of the sweep, which share the room.
+    ``rows`` are those of the whole table, of which ``frame`` may be a part; ``tables`` share the page's room.
     """
-    place = np.searchsorted(kept, frame["point"].to_numpy())
-    there = kept[np.minimum(place, len(kept) - 1)] == frame["point"].to_numpy()
-    own, place = frame[there], place[there]
+    own = frame[frame["point"].isin(kept)]
+    place = np.searchsorted(kept, own["point"].to_numpy())
     numbers = [column for column in own.columns if column != "point" and _is_number(own[column].dtype)]
     most = max(ROW_BYTES // (tables * (4 + 4 * len(numbers))), 1)
     stride = max(-(-len(own) // most), 1)

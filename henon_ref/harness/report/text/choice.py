@@ -70,15 +70,7 @@ def _reaches(rows: Iterable[MatrixRow], level: int | None) -> tuple[list[Reach],
 
 
 def reaches(rows: Sequence[MatrixRow], level: int | None) -> list[Reach]:
-    """The solvers that reach so many digits in about as many readings as any other, the fastest first.
-
-    Parameters
-    ----------
-    rows : sequence of MatrixRow
-        Of a matrix.
-    level : int, optional
-        Digits, one of LEVELS; None: right.
-    """
+    """The solvers that reach so many digits in about as many readings as any other, the fastest first."""
     every, fastest = _reaches(rows, level)
     least = max(1, AS_MANY * max((len(reach.walls) for reach in every), default=0))
     found = [reach for reach in every if len(reach.walls) >= least]

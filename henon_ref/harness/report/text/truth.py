@@ -95,19 +95,20 @@ MOST_RUNS = 3
 def published_table(records: Sequence[Record], result: ReadingResult) -> Table | None:
     """A row a printed stick duration: the exact run's last stick of that kind, and the runs with the printed digits."""
     reading, expected = result.reading, result.expected
-    if reading.published is None or not reading.published.stick_durations or expected is None:
+    printed = reading.published.stick_durations if reading.published is not None else ()
+    if not printed or expected is None:
         return None
-    printed = reading.published.stick_durations
     exact = _last_sticks(expected, printed, reading.measure_after)
-    runs = [record for record in records if _has_printed_digits(record, printed)]
+    runs = [record for record in records if _has_printed_digits(record, printed)][:MOST_RUNS]
     lines = []
     for value in printed:
-        own = exact.get(value)
-        cells = (f"{value}", "", "", "", _why_none(exact, expected, reading.measure_after))
-        if own is not None:
-            holds = "yes" if printed_alike(own, value) else "no"
-            cells = (f"{value}", significant(own, 11), error(float(value) - own), holds, "")
-        lines.append((*cells[:4], "; ".join(_shown(record, value, printed) for record in runs[:MOST_RUNS]), cells[4]))
+        cells, note = ("", "", ""), ""
+        if value in exact:
+            holds = "yes" if printed_alike(exact[value], value) else "no"
+            cells = significant(exact[value], 11), error(float(value) - exact[value]), holds
+        else:
+            note = _why_none(exact, expected, reading.measure_after)
+        lines.append((f"{value}", *cells, "; ".join(_shown(record, value, printed) for record in runs), note))
     headings = ("printed [s]", "exact, last [s]", "printed − exact [s]", "digits hold", "runs that give them", "note")
     return Table(headings, "rrrlll", lines)
 
@@ -115,11 +116,11 @@ def published_table(records: Sequence[Record], result: ReadingResult) -> Table |
 def printed_times_table(result: ReadingResult) -> Table | None:
     """A row a printed time of a transition, beside the exact transition that is nearest to it."""
     reading, expected = result.reading, result.expected
-    if reading.published is None or not reading.published.transition_times or expected is None:
+    printed = reading.published.transition_times if reading.published is not None else ()
+    if not printed or expected is None:
         return None
-    names = reading.problem.system.sign_names
-    lines = []
-    for value in reading.published.transition_times:
+    names, lines = reading.problem.system.sign_names, []
+    for value in printed:
         own = min(expected.transitions, key=lambda event: abs(event.time - float(value)), default=None)
         if own is None:
             lines.append((f"{value}", "none", "", "", ""))
@@ -156,21 +157,20 @@ def _closest(value: float, printed: Sequence[Decimal]) -> Decimal:
     return min(printed, key=lambda candidate: abs(float(candidate) - value))
 
 
-def _compared(record: Record) -> list[StickRow]:
-    """The sticks of a run that have a printed duration."""
-    return [row for row in record.sticks if row.duration_s is not None and row.published_s is not None]
+def _compared(record: Record, printed: Sequence[Decimal]) -> list[tuple[Decimal, StickRow]]:
+    """The sticks of a run that have a printed duration, each with that."""
+    own = [row for row in record.sticks if row.duration_s is not None and row.published_s is not None]
+    return [(_closest(number(row.published_s), printed), row) for row in own]
 
 
 def _has_printed_digits(record: Record, printed: Sequence[Decimal]) -> bool:
-    own = _compared(record)
-    return bool(own) and all(
-        printed_alike(number(row.duration_s), _closest(number(row.published_s), printed)) for row in own
-    )
+    own = _compared(record, printed)
+    return bool(own) and all(printed_alike(number(row.duration_s), value) for value, row in own)
 
 
 def _shown(record: Record, value: Decimal, printed: Sequence[Decimal]) -> str:
     """A run with its duration [s] and length of the sticks of one kind."""
-    own = [row for row in _compared(record) if _closest(number(row.published_s), printed) == value]
+    own = [row for partner, row in _compared(record, printed) if partner == value]
     cells = [code(record.run.solver), record.run.setting]
     for label, known in (("duration", [row.duration_s for row in own]), ("length", [row.length for row in own])):
         values = dict.fromkeys(f"{value:.5f}" for value in known if value is not None)
