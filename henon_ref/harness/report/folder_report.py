@@ -9,15 +9,7 @@ from henon_ref.atomic_write import replace_file
 from henon_ref.harness.report.folder import INDEX, MATRIX, PAGE, REPORT, check_index, without_dead_links
 from henon_ref.harness.report.html.content import content
 from henon_ref.harness.report.html.rendering import rendered
-from henon_ref.harness.report.text.choice import (
-    HEADINGS,
-    SIDES,
-    case_table,
-    choice_table,
-    commits,
-    coverage_words,
-    often_table,
-)
+from henon_ref.harness.report.text import choice
 from henon_ref.harness.report.text.markdown import environment
 from henon_ref.harness.report.text.matrix import MatrixRow, merged
 from henon_ref.harness.rows import rows_text
@@ -69,10 +61,10 @@ def index_text(rows: Sequence[MatrixRow], folder: Path) -> str:
         environment()
         .get_template("index.md.j2")
         .render(
-            choice=choice_table(rows).markdown,
-            often=often_table(rows).markdown,
-            cases=case_table([row for row in rows if (folder / row.case / REPORT).exists()]).markdown,
-            commits=commits(rows),
+            choice=choice.choice_table(rows).markdown,
+            often=choice.often_table(rows).markdown,
+            cases=choice.case_table([row for row in rows if (folder / row.case / REPORT).exists()]).markdown,
+            commits=choice.commits(rows),
             mean_parts=MEAN_PARTS,
             pages=[words for page, words in PAGES.items() if (folder / page / INDEX).exists()],
         )
@@ -91,10 +83,10 @@ def page_text(rows: Sequence[MatrixRow], folder: Path) -> str:
         SCRIPTS,
         data,
         summary=f"{count(readings, 'reading')} of {count(cases, 'case')}, "
-        f"{count(len(data['solvers']), 'solver')}; {commits(rows)}.",
+        f"{count(len(data['solvers']), 'solver')}; {choice.commits(rows)}.",
         choice=next(level for level in data["choice"] if level["digits"] == FIRST),
-        headings=list(zip(HEADINGS, SIDES, strict=True)),
+        headings=list(zip(choice.HEADINGS, choice.SIDES, strict=True)),
         mean_parts=MEAN_PARTS,
-        coverage=coverage_words(rows),
+        coverage=choice.coverage_words(rows),
         files=files | {address: title for address, title in studies.items() if (folder / address).is_file()},
     )

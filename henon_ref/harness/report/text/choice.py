@@ -253,6 +253,6 @@ def case_table(rows: Sequence[MatrixRow]) -> Table:
         }
         first = min(walls, key=walls.__getitem__, default=None)
         cheapest = "none" if first is None else f"{code(first)}, {duration(walls[first])}"
-        link, best = f"[{markdown(case)}]({quote(case)}/{REPORT})", digits(max(least)) if least else ""
+        link, best = f"[{markdown(case)}]({quote(case)}/{REPORT})", digits(max(least, default=None))
         lines.append((link, f"{len(right)}/{len(judged)}", best, cheapest))
     return Table(("case", "right of judged", "best digits", "cheapest right solver"), "lrrl", lines)

@@ -141,9 +141,9 @@ def _solvers(rows: Results) -> Table:
     table = []
     for solver, own in grouped(rows, lambda pair: pair[0].solver).items():
         kinds = Counter(result.kind for _, result in own)
-        best = max((number(row.digits) for row in right([row for row, _ in own])), default=None)
+        best = max((row.digits for row in right([row for row, _ in own])), default=None, key=number)
         counts = (kinds["passed"], kinds["failure"] + kinds["error"], kinds["known"], kinds["skipped"])
-        table.append((code(solver), *map(str, counts), "" if best is None else digits(best)))
+        table.append((code(solver), *map(str, counts), digits(best)))
     headings = ("solver", "right", "fail", "fail as expected", "not run or not decidable", "most digits")
     return Table(headings, "lrrrrr", table)
 

@@ -13,27 +13,10 @@ from henon_ref.harness.campaign.options import MOST_DRAWN
 from henon_ref.harness.campaign.results import ReadingResult
 from henon_ref.harness.report.figure_jobs import KINDS, file_name
 from henon_ref.harness.report.manifest import Provenance
+from henon_ref.harness.report.text import tables, truth
 from henon_ref.harness.report.text.gate import gate_table
 from henon_ref.harness.report.text.model import model_text, parameters
 from henon_ref.harness.report.text.ranking import over_all
-from henon_ref.harness.report.text.tables import (
-    MARK,
-    digits_table,
-    price_table,
-    reason_table,
-    run_table,
-    samples_of,
-    solver_table,
-    stick_table,
-    whole_table,
-)
-from henon_ref.harness.report.text.truth import (
-    no_truth,
-    orbit_table,
-    printed_times_table,
-    published_table,
-    truth_table,
-)
 from henon_ref.harness.table import Table, listing
 from henon_ref.text import link, markdown, paragraphs
 
@@ -75,7 +58,7 @@ def report_text(comparison: Comparison, origin: Provenance) -> str:
             whole=_whole(comparison),
             readings=[_reading(comparison, result, models, stories) for result in results],
             gate=_text(gate_table(comparison.gate)),
-            mark=MARK,
+            mark=tables.MARK,
             origin=origin,
             **_origin(comparison, origin),
         )
@@ -100,9 +83,9 @@ def _whole(comparison: Comparison) -> Mapping[str, Any] | None:
     return {
         "judged": len(readings),
         "others": len(comparison.readings) - len(readings),
-        "solvers": whole_table(whole, len(readings)).markdown,
-        "prices": _text(price_table(whole)),
-        "digits": digits_table(readings).markdown,
+        "solvers": tables.whole_table(whole, len(readings)).markdown,
+        "prices": _text(tables.price_table(whole)),
+        "digits": tables.digits_table(readings).markdown,
     }
 
 
@@ -119,18 +102,18 @@ def _reading(
     return {
         "name": reading.name,
         "title": "" if reading.title == comparison.case.title else markdown(reading.title),
-        "solvers": solver_table(records).markdown,
-        "no_truth": no_truth(result),
+        "solvers": tables.solver_table(records).markdown,
+        "no_truth": truth.no_truth(result),
         "figures": {kind: name for kind, name in names.items() if name in result.figures},
         "figures_note": _figures_note(comparison, result),
-        "published": _text(published_table(records, result)),
-        "printed_times": _text(printed_times_table(result)),
-        "prices": _text(price_table(rows, samples_of(records))),
-        "sticks": _text(stick_table(records, result)),
-        "orbit": _text(orbit_table(result)),
-        "runs": run_table(records).markdown,
-        "reasons": _text(reason_table(rows)),
-        "truth": truth_table(result, rows).markdown,
+        "published": _text(truth.published_table(records, result)),
+        "printed_times": _text(truth.printed_times_table(result)),
+        "prices": _text(tables.price_table(rows, tables.samples_of(records))),
+        "sticks": _text(tables.stick_table(records, result)),
+        "orbit": _text(truth.orbit_table(result)),
+        "runs": tables.run_table(records).markdown,
+        "reasons": _text(tables.reason_table(rows)),
+        "truth": truth.truth_table(result, rows).markdown,
         "story": "" if told else story,
         "model": model,
         "same_model": "" if same == reading.name else same,

@@ -84,9 +84,9 @@ def _solver_line(
 ) -> tuple[str, ...]:
     if row is None:
         return code(solver), "", "", "", "", at, note
-    reached, time = "" if row.digits is None else digits(row.digits), timed(row, samples) if solver in walls else ""
+    time = timed(row, samples) if solver in walls else ""
     longer = significant(walls[solver] / min(walls.values())) if solver in walls and len(walls) > 1 else ""
-    return code(solver), reached, time, longer, row.setting, at, note
+    return code(solver), digits(row.digits), time, longer, row.setting, at, note
 
 
 def _best(rows: Sequence[RunRow]) -> RunRow | None:
@@ -136,10 +136,8 @@ def _ending(row: RunRow) -> str:
 
 def price_table(rows: Sequence[RunRow], samples: Samples | None = None) -> Table | None:
     """The cheapest solver for so many digits, and what the next one costs; None where fewer than two solvers ran."""
-    found = {level: cheapest(rows, level) for level in LEVELS}
-    if len({row.solver for row in rows if row.status not in NOT_RUN}) < 2 or not any(
-        first for first, _ in found.values()
-    ):
+    found, ran = {level: cheapest(rows, level) for level in LEVELS}, {r.solver for r in rows if r.status not in NOT_RUN}
+    if len(ran) < 2 or not any(first for first, _ in found.values()):
         return None
     lines = []
     for level, (first, other) in found.items():
@@ -171,7 +169,7 @@ def digits_table(readings: Mapping[str, Sequence[RunRow]]) -> Table:
 
 def _digits(row: MatrixRow) -> str:
     if row.right:
-        reached = "ok" if row.digits is None else digits(row.digits)
+        reached = digits(row.digits) or "ok"
         return reached if row.right == row.settings else f"{reached} *"
     if row.verdict in UNDECIDED:
         return str(row.verdict)
@@ -183,10 +181,7 @@ def _digits(row: MatrixRow) -> str:
 def run_table(records: Sequence[Record]) -> Table:
     """Every run that could be made: what was found, how well, at what cost."""
     lines = []
-    for record in records:
-        row = record.run
-        if row.status in NOT_RUN:
-            continue
+    for row, samples in ((record.run, record.samples) for record in records if record.run.status not in NOT_RUN):
         lines.append(
             (
                 code(row.solver),
@@ -195,9 +190,9 @@ def run_table(records: Sequence[Record]) -> Table:
                 _count(row.matched),
                 "" if row.missed is None else f"{row.missed} / {row.spurious}",
                 error(row.max_time_error_s, floor(row)),
-                "" if row.digits is None else digits(row.digits),
+                digits(row.digits),
                 error(row.max_stick_error_s, floor(row)),
-                _wall(row, record.samples),
+                _wall(row, samples),
                 duration(row.compile_s),
                 *map(_count, (row.steps, row.rhs_evaluations, row.event_evaluations)),
             )

@@ -272,9 +272,8 @@ function marker(kind, x, y, style, hollow, attributes) {
 
 /** Whole numbers of a portrait's points, as places within its limits (0 to 1). */
 function pointsOf(text) {
-  const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
-  const numbers = new DataView(bytes.buffer);
-  return Array.from({ length: bytes.length / 4 }, (_, k) =>
+  const numbers = new DataView(bytesOf(text).buffer);
+  return Array.from({ length: numbers.byteLength / 4 }, (_, k) =>
     [numbers.getInt16(4 * k, true) / 4096, numbers.getInt16(4 * k + 2, true) / 4096]);
 }
 
