@@ -36,6 +36,8 @@ SLOPE = 50
 """Of the text beside a dot [degrees]."""
 SAME = 0.01
 """Transitions of a kind that are no further apart, in parts of the axes, share a name."""
+_Entry = tuple[str, str, float, str]
+"""Of a legend: label, colour, width, dashes."""
 
 
 @dataclass(frozen=True)
@@ -53,33 +55,28 @@ def motion_of(samples: Samples, transitions: Sequence[Event]) -> Motion | None:
 
     Samples past an early end are NaN and are left out.
     """
-    good = np.asarray(np.isfinite(samples.states).all(axis=1))
+    good = np.nonzero(np.isfinite(samples.states).all(axis=1))[0]
     times, states = samples.times[good], samples.states[good]
     if len(times) < 2 or times[0] == times[-1]:
         return None
-    inside = [e for e in transitions if times[0] <= e.time <= times[-1]]
-    events = {e.time: e for e in inside}
-    knots = np.array(sorted(events))
-    knot_states = np.array([[float(str(v)) for v in events[t].state] for t in knots.tolist()])
-    modes = _modes(times, transitions, samples, good)
+    events = sorted({e.time: e for e in transitions if times[0] <= e.time <= times[-1]}.items())
+    knots = np.array([time for time, _ in events])
+    knot_states = np.array([[float(str(v)) for v in event.state] for _, event in events])
+    modes = _modes(times, transitions, [samples.modes[k] for k in good.tolist()] if samples.modes else None)
+    modes += [tuple(event.to_mode) for _, event in events]
     joined = np.concatenate([times, knots])
     order = np.argsort(joined, kind="stable")
     all_states = np.concatenate([states, knot_states.reshape(-1, states.shape[1])])
-    all_modes = modes + [tuple(events[t].to_mode) for t in knots.tolist()]
-    return Motion(joined[order], all_states[order], tuple(all_modes[k] for k in order.tolist()))
+    return Motion(joined[order], all_states[order], tuple(modes[k] for k in order.tolist()))
 
 
-def _modes(
-    times: NDArray[np.float64], transitions: Sequence[Event], samples: Samples, good: NDArray[np.bool_]
-) -> list[Mode]:
+def _modes(times: NDArray[np.float64], transitions: Sequence[Event], given: list[Mode] | None) -> list[Mode]:
     """The mode at each sample: by the truth's transitions, or as the solver says where there are none."""
     if not transitions:
-        given = samples.modes
-        return [given[k] for k in np.nonzero(good)[0].tolist()] if given else [()] * len(times)
-    at = np.array([e.time for e in transitions])
-    index = np.searchsorted(at, times, side="right") - 1
-    first = tuple(transitions[0].from_mode)
-    return [first if k < 0 else tuple(transitions[k].to_mode) for k in index.tolist()]
+        return given or [()] * len(times)
+    index = np.searchsorted(np.array([e.time for e in transitions]), times, side="right")
+    modes = [tuple(transitions[0].from_mode), *(tuple(e.to_mode) for e in transitions)]
+    return [modes[k] for k in index.tolist()]
 
 
 def axes_of_portrait(system: FilippovSystem) -> tuple[int, int] | None:
@@ -209,9 +206,9 @@ def runs_of(labels: Sequence[object]) -> list[tuple[int, int]]:
     return list(zip(starts, [*starts[1:], len(labels) - 1], strict=True))
 
 
-def _draw_pieces(axes: Axes, motion: Motion, plane: _Plane, own: dict[str, Any]) -> list[tuple[str, str, float, str]]:
-    """The curve in pieces drawn alike; returns legend entries (label, colour, width, dashes)."""
-    seen: dict[str, tuple[str, str, float, str]] = {}
+def _draw_pieces(axes: Axes, motion: Motion, plane: _Plane, own: dict[str, Any]) -> list[_Entry]:
+    """The curve in pieces drawn alike."""
+    seen: dict[str, _Entry] = {}
     named = {"label": own["label"]} if "label" in own else {}
     own = {key: value for key, value in own.items() if key != "label"}
     for label, piece in plane.pieces(motion.modes):
@@ -233,7 +230,7 @@ def _draw_arrows(axes: Axes, motion: Motion, plane: _Plane, own_colour: Any = No
     """The direction of motion, in the middle of the longest piece of every kind of slip."""
     longest: dict[str, slice] = {}
     for label, piece in plane.pieces(motion.modes):
-        if label != "stick" and (label not in longest or _length(piece) > _length(longest[label])):
+        if label != "stick" and _length(piece) > _length(longest.get(label, slice(0, 0))):
             longest[label] = piece
     for piece in longest.values():
         if _length(piece) < 8:
@@ -249,13 +246,12 @@ def _length(piece: slice) -> int:
     return int(piece.stop - piece.start)
 
 
-def _draw_boundary(axes: Axes, system: FilippovSystem, plane: _Plane) -> list[tuple[str, str, float, str]]:
+def _draw_boundary(axes: Axes, system: FilippovSystem, plane: _Plane) -> list[_Entry]:
     """The surfaces that are curves in this plane, as dashed lines."""
-    look = ("surface h = 0", style.GREY, 0.9, "--")
     curves = surface_curves(system, (plane.x, plane.y), (axes.get_xlim(), axes.get_ylim()))
     for points in curves:
-        axes.plot(*points.T, color=look[1], lw=look[2], ls=look[3], zorder=1)
-    return [look] if curves else []
+        axes.plot(*points.T, color=style.GREY, lw=0.9, ls="--", zorder=1)
+    return [("surface h = 0", style.GREY, 0.9, "--")] if curves else []
 
 
 def surface_curves(
@@ -278,7 +274,7 @@ def surface_curves(
     return found
 
 
-def _legend(axes: Axes, entries: list[tuple[str, str, float, str]]) -> None:
+def _legend(axes: Axes, entries: Sequence[_Entry]) -> None:
     from matplotlib.lines import Line2D
 
     handles = [Line2D([], [], color=c, lw=w, ls=d, label=label) for label, c, w, d in entries]
