@@ -72,20 +72,11 @@ def case_content(comparison: Comparison) -> dict[str, Any]:
 
 
 def write_report(comparison: Comparison, origin: Provenance, folder: Path) -> Path:
-    """Write one case's report into ``folder/<name>``.
+    """Write one case's report into ``folder/<name>``; its own file is returned.
 
     Everything is written into a folder beside it first; only then is each file moved to its place, and are the
-    files of an earlier report that this one does not have removed.
-
-    Returns
-    -------
-    Path
-        The report's own file.
-
-    Raises
-    ------
-    OSError
-        Where it cannot be written; what was there is then as it was.
+    files of an earlier report that this one does not have removed. Where it cannot be written (OSError), what was
+    there is as it was.
     """
     place = folder / comparison.case.name
     files = report_files(comparison, origin)

@@ -62,13 +62,7 @@ def remove_if_empty(folder: Path) -> None:
 
 
 def check_folder(folder: Path) -> None:
-    """See that files can be written into a folder, without leaving anything there.
-
-    Raises
-    ------
-    CaseError
-        Where they cannot.
-    """
+    """See that files can be written into a folder, without leaving anything there; else CaseError."""
     nearest = next((path for path in (folder, *folder.absolute().parents) if path.exists()), Path("/"))
     if not nearest.is_dir():
         raise CaseError(f"{nearest} is a file; --out needs a folder", file=None)
@@ -81,13 +75,7 @@ def check_folder(folder: Path) -> None:
 
 
 def check_index(folder: Path) -> None:
-    """See that a folder's README.md, matrix and page may be replaced: there is none, or this package wrote it.
-
-    Raises
-    ------
-    CaseError
-        Where somebody else wrote it.
-    """
+    """See that a folder's README.md, matrix and page may be replaced, CaseError where somebody else wrote one."""
     for file, beginning in ((folder / name, beginning) for name, beginning in _BEGINNINGS.items()):
         if file.exists() and not _begins(file, beginning):
             words = "was not written by henon_ref, so it is not replaced; give --out another folder"
@@ -240,10 +228,7 @@ if hasattr(os, "register_at_fork"):
 def locked(folders: Iterable[Path], *, wait: bool = False) -> Iterator[None]:
     """Hold the locks of some folders; ``wait``: others hold them for a moment only.
 
-    Raises
-    ------
-    CaseError
-        Where another process holds one of them, with its id; nothing has been changed then.
+    Where another process holds one of them, CaseError names it, and nothing has been changed.
     """
     deadline = time.monotonic() + (PATIENCE if wait else 0.0)
     with ExitStack() as stack:

@@ -33,19 +33,10 @@ PAGES = {
 
 
 def write_folder_report(folder: Path) -> Path:
-    """Write the matrix of all reports in a folder, and what is made of it: the index and the page.
+    """Write the matrix of all reports in a folder, and what is made of it: the page and the index, which is returned.
 
-    The matrix keeps its rows of solvers and cases that no report there has (:func:`.text.matrix.merged`).
-
-    Returns
-    -------
-    Path
-        The index.
-
-    Raises
-    ------
-    CaseError
-        Where it would replace a file of somebody else's; nothing has been written then.
+    The matrix keeps its rows of solvers and cases that no report there has (:func:`.text.matrix.merged`). Where it
+    would replace a file of somebody else's, CaseError says so, and nothing has been written.
     """
     check_index(folder)
     rows = merged(folder)

@@ -76,13 +76,7 @@ def manifest_text(comparison: Comparison, origin: Provenance, files: Iterable[st
 
 
 def read_bounds(manifest: Path) -> list[Bounds]:
-    """The bounds of a report's gate; none where it is of an earlier version, or has no manifest.
-
-    Raises
-    ------
-    CaseError
-        Where the file is no manifest.
-    """
+    """The bounds of a report's gate; none where it is of an earlier version, or has no manifest."""
     try:
         content = json.loads(manifest.read_text(encoding="utf-8"))
         return [Bounds(**own) for own in content.get("gate", ())]

@@ -65,13 +65,7 @@ NAME, PLACE = "NAMEOFTHEPOINT", "VALUEOFTHEPOINT{}E"
 
 
 def write_sweep_page(folder: Path) -> Path | None:
-    """Write the page of a finished sweep in its folder; one of more than two million points has none.
-
-    Raises
-    ------
-    OSError
-        Where the folder cannot be read or written.
-    """
+    """Write the page of a finished sweep in its folder; one of more than two million points has none."""
     if rows_of(folder) > MOST_READ:
         _LOG.warning("%s has no page: it has more than %d points", folder, MOST_READ)
         return None

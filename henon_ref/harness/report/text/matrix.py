@@ -108,13 +108,7 @@ def commits_of(rows: Sequence[MatrixRow]) -> list[str]:
 
 
 def read_report(folder: Path) -> tuple[Mapping[str, Any], list[RunRow]]:
-    """The manifest and the runs in the folder of a case's report.
-
-    Raises
-    ------
-    CaseError
-        Where they are not what this package writes.
-    """
+    """The manifest and the runs in the folder of a case's report; CaseError where they are not this package's."""
     file = folder / MANIFEST
     try:
         content = json.loads(file.read_text(encoding="utf-8"))
@@ -131,13 +125,7 @@ def mapping(value: object) -> Mapping[str, Any]:
 
 
 def read_matrix(folder: Path) -> list[MatrixRow]:
-    """The rows of a folder's matrix; none where it has none.
-
-    Raises
-    ------
-    CaseError
-        Where it is not what this package writes.
-    """
+    """The rows of a folder's matrix; none where it has none, CaseError where it is not this package's."""
     file = folder / MATRIX
     return _rows(MatrixRow, file, "matrix") if file.exists() else []
 
@@ -152,13 +140,7 @@ def _rows(kind: type[AnyRow], file: Path, what: str) -> list[AnyRow]:
 
 
 def rows_of_report(folder: Path) -> tuple[list[MatrixRow], list[str]]:
-    """The matrix's rows of one case, from the folder of its report, and all readings that the case has.
-
-    Raises
-    ------
-    CaseError
-        As :func:`read_report`.
-    """
+    """The matrix's rows of one case, from the folder of its report, and all readings that the case has."""
     manifest, runs = read_report(folder)
     commit, readings = str(manifest.get("commit") or ""), mapping(manifest.get("readings"))
     commit = commit.rstrip("+")[:SHORT] + ("+" if commit.endswith("+") else "")  # the mark of files that differed
@@ -176,12 +158,7 @@ def merged(folder: Path) -> list[MatrixRow]:
     """The matrix's rows by case, reading and solver: of the reports in a folder, and earlier ones of its matrix.
 
     An earlier row stays where the case has no report there, and where the report's comparison did not run the solver.
-    A report that cannot be read is named, and left out.
-
-    Raises
-    ------
-    CaseError
-        Where the matrix is not what this package writes.
+    A report that cannot be read is named, and left out; a matrix that cannot be read is an error.
     """
     cases = grouped(read_matrix(folder), lambda row: row.case)
     for report in sorted(file.parent for file in folder.glob(f"*/{MANIFEST}") if file.with_name(RUNS).exists()):
