@@ -15,16 +15,7 @@ if TYPE_CHECKING:
 
 
 def describe(figure: Figure, title: str, description: str) -> None:
-    """Give a figure a title and a description.
-
-    Parameters
-    ----------
-    figure : Figure
-    title : str
-        One line.
-    description : str
-        What stands on the axes, and what is to be seen: sentences that can be read out.
-    """
+    """Give a figure a title, and a description of its axes and of what is to be seen, which can be read out."""
     figure.set_label(f"{one_line(title)}\n{one_line(description)}")
 
 
@@ -33,20 +24,16 @@ def description_of(figure: Figure) -> tuple[str, str]:
     title, _, description = str(figure.get_label()).partition("\n")
     if description:
         return title, description
-    panels = [words for words in map(_panel, figure.axes) if words]
-    titles = [title for title in map(_title, figure.axes) if title] or [_over(axes) for axes in figure.axes]
+    panels = " ".join(filter(None, map(_panel, figure.axes)))
+    titles = list(filter(None, map(_title, figure.axes)))
+    titles = titles or [" over ".join(filter(None, (axes.get_ylabel(), axes.get_xlabel()))) for axes in figure.axes]
     title = figure.get_suptitle() or "; ".join(titles)
-    return _spoken(title) or "Figure", _spoken(" ".join(panels)) or "A figure without axes."
+    return _spoken(title) or "Figure", _spoken(panels) or "A figure without axes."
 
 
 def _title(axes: Axes) -> str:
     """A panel's title, wherever above it that stands."""
     return next((own for place in ("left", "center", "right") if (own := axes.get_title(loc=place))), "")
-
-
-def _over(axes: Axes) -> str:
-    """What is drawn over what."""
-    return " over ".join(label for label in (axes.get_ylabel(), axes.get_xlabel()) if label)
 
 
 def _spoken(text: str) -> str:

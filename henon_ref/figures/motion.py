@@ -26,6 +26,18 @@ REST = 1e-6
 """A stick that moves less than this fraction of the largest state is drawn as a point."""
 BLOW_UP = 50.0
 """A curve that goes this many times further than most of itself is cut off."""
+GRID = 121
+"""Points a side of the grid on which a surface's curve is looked for."""
+MOST_NAMED = 8
+"""Places of transitions that are named; where there are more, all are dots alone."""
+MOST_TIMES = 2
+"""Times that are told of one place."""
+SLOPE = 50
+"""Of the text beside a dot [degrees]."""
+SAME = 0.01
+"""Transitions of a kind that are no further apart, in parts of the axes, share a name."""
+_Entry = tuple[str, str, float, str]
+"""Of a legend: label, colour, width, dashes."""
 
 
 @dataclass(frozen=True)
@@ -43,33 +55,28 @@ def motion_of(samples: Samples, transitions: Sequence[Event]) -> Motion | None:
 
     Samples past an early end are NaN and are left out.
     """
-    good = np.asarray(np.isfinite(samples.states).all(axis=1))
+    good = np.nonzero(np.isfinite(samples.states).all(axis=1))[0]
     times, states = samples.times[good], samples.states[good]
     if len(times) < 2 or times[0] == times[-1]:
         return None
-    inside = [e for e in transitions if times[0] <= e.time <= times[-1]]
-    events = {e.time: e for e in inside}
-    knots = np.array(sorted(events))
-    knot_states = np.array([[float(str(v)) for v in events[t].state] for t in knots.tolist()])
-    modes = _modes(times, transitions, samples, good)
+    events = sorted({e.time: e for e in transitions if times[0] <= e.time <= times[-1]}.items())
+    knots = np.array([time for time, _ in events])
+    knot_states = np.array([[float(str(v)) for v in event.state] for _, event in events])
+    modes = _modes(times, transitions, [samples.modes[k] for k in good.tolist()] if samples.modes else None)
+    modes += [tuple(event.to_mode) for _, event in events]
     joined = np.concatenate([times, knots])
     order = np.argsort(joined, kind="stable")
     all_states = np.concatenate([states, knot_states.reshape(-1, states.shape[1])])
-    all_modes = modes + [tuple(events[t].to_mode) for t in knots.tolist()]
-    return Motion(joined[order], all_states[order], tuple(all_modes[k] for k in order.tolist()))
+    return Motion(joined[order], all_states[order], tuple(modes[k] for k in order.tolist()))
 
 
-def _modes(
-    times: NDArray[np.float64], transitions: Sequence[Event], samples: Samples, good: NDArray[np.bool_]
-) -> list[Mode]:
+def _modes(times: NDArray[np.float64], transitions: Sequence[Event], given: list[Mode] | None) -> list[Mode]:
     """The mode at each sample: by the truth's transitions, or as the solver says where there are none."""
     if not transitions:
-        given = samples.modes
-        return [given[k] for k in np.nonzero(good)[0].tolist()] if given else [()] * len(times)
-    at = np.array([e.time for e in transitions])
-    index = np.searchsorted(at, times, side="right") - 1
-    first = tuple(transitions[0].from_mode)
-    return [first if k < 0 else tuple(transitions[k].to_mode) for k in index.tolist()]
+        return given or [()] * len(times)
+    index = np.searchsorted(np.array([e.time for e in transitions]), times, side="right")
+    modes = [tuple(transitions[0].from_mode), *(tuple(e.to_mode) for e in transitions)]
+    return [modes[k] for k in index.tolist()]
 
 
 def axes_of_portrait(system: FilippovSystem) -> tuple[int, int] | None:
@@ -199,9 +206,9 @@ def runs_of(labels: Sequence[object]) -> list[tuple[int, int]]:
     return list(zip(starts, [*starts[1:], len(labels) - 1], strict=True))
 
 
-def _draw_pieces(axes: Axes, motion: Motion, plane: _Plane, own: dict[str, Any]) -> list[tuple[str, str, float, str]]:
-    """The curve in pieces drawn alike; returns legend entries (label, colour, width, dashes)."""
-    seen: dict[str, tuple[str, str, float, str]] = {}
+def _draw_pieces(axes: Axes, motion: Motion, plane: _Plane, own: dict[str, Any]) -> list[_Entry]:
+    """The curve in pieces drawn alike."""
+    seen: dict[str, _Entry] = {}
     named = {"label": own["label"]} if "label" in own else {}
     own = {key: value for key, value in own.items() if key != "label"}
     for label, piece in plane.pieces(motion.modes):
@@ -223,7 +230,7 @@ def _draw_arrows(axes: Axes, motion: Motion, plane: _Plane, own_colour: Any = No
     """The direction of motion, in the middle of the longest piece of every kind of slip."""
     longest: dict[str, slice] = {}
     for label, piece in plane.pieces(motion.modes):
-        if label != "stick" and (label not in longest or _length(piece) > _length(longest[label])):
+        if label != "stick" and _length(piece) > _length(longest.get(label, slice(0, 0))):
             longest[label] = piece
     for piece in longest.values():
         if _length(piece) < 8:
@@ -239,26 +246,35 @@ def _length(piece: slice) -> int:
     return int(piece.stop - piece.start)
 
 
-def _draw_boundary(axes: Axes, system: FilippovSystem, plane: _Plane) -> list[tuple[str, str, float, str]]:
+def _draw_boundary(axes: Axes, system: FilippovSystem, plane: _Plane) -> list[_Entry]:
     """The surfaces that are curves in this plane, as dashed lines."""
-    pair = [system.states[plane.x], system.states[plane.y]]
-    drawn = False
-    left, right = axes.get_xlim()
-    bottom, top = axes.get_ylim()
-    grid = np.meshgrid(np.linspace(left, right, 201), np.linspace(bottom, top, 201))
+    curves = surface_curves(system, (plane.x, plane.y), (axes.get_xlim(), axes.get_ylim()))
+    for points in curves:
+        axes.plot(*points.T, color=style.GREY, lw=0.9, ls="--", zorder=1)
+    return [("surface h = 0", style.GREY, 0.9, "--")] if curves else []
+
+
+def surface_curves(
+    system: FilippovSystem, pair: tuple[int, int], limits: Sequence[tuple[float, float]]
+) -> list[NDArray[np.float64]]:
+    """The curves h = 0 of the surfaces that depend on two states alone, points (k, 2) of each, within limits."""
+    import contourpy
+
+    states = [system.states[k] for k in pair]
+    across, upward = (np.linspace(low, high, GRID) for low, high in limits)
+    found: list[NDArray[np.float64]] = []
     for k, surface in enumerate(system.surfaces):
-        if not states_in(system, k) or not states_in(system, k) <= set(pair):
+        if not states_in(system, k) or not states_in(system, k) <= set(states):
             continue
-        values = sp.lambdify(pair, system.numeric(surface), np)(*grid)
-        values = np.broadcast_to(np.asarray(values, dtype=float), grid[0].shape)
-        if not (np.nanmin(values) < 0 < np.nanmax(values)):
-            continue
-        axes.contour(*grid, values, levels=[0.0], colors=[style.GREY], linewidths=[0.9], linestyles=["--"], zorder=1)
-        drawn = True
-    return [("surface h = 0", style.GREY, 0.9, "--")] if drawn else []
+        h = sp.lambdify(states, system.numeric(surface), np)
+        values = np.broadcast_to(np.asarray(h(*np.meshgrid(across, upward)), dtype=float), (GRID, GRID))
+        if np.nanmin(values) < 0 < np.nanmax(values):
+            generator = contourpy.contour_generator(across, upward, np.ma.masked_invalid(values), name="mpl2014")
+            found += [np.asarray(line) for line in generator.lines(0.0)[0]]
+    return found
 
 
-def _legend(axes: Axes, entries: list[tuple[str, str, float, str]]) -> None:
+def _legend(axes: Axes, entries: Sequence[_Entry]) -> None:
     from matplotlib.lines import Line2D
 
     handles = [Line2D([], [], color=c, lw=w, ls=d, label=label) for label, c, w, d in entries]
@@ -277,3 +293,30 @@ def limits_around(values: NDArray[np.float64]) -> tuple[float, float]:
 
 def symbol(system: FilippovSystem, k: int) -> str:
     return f"${latex(system.states[k])}$"
+
+
+def mark_transitions(axes: Axes, points: NDArray[np.float64], kinds: Sequence[str], times: NDArray[np.float64]) -> None:
+    """Mark transitions at points, shape (k, 2), whose limits the axes have already."""
+    from matplotlib.patheffects import Normal, Stroke
+
+    axes.plot(*points.T, marker="o", markersize=3.5, linestyle="none", color=style.BLACK, zorder=5)
+    size = np.abs([np.diff(axes.get_xlim())[0], np.diff(axes.get_ylim())[0]])
+    places: list[tuple[str, NDArray[np.float64], list[float]]] = []
+    for kind, point, time in zip(kinds, points, times.tolist(), strict=True):
+        near = [own for own in places if own[0] == kind and (np.abs(own[1] - point) <= SAME * size).all()]
+        if near:
+            near[0][2].append(time)
+        else:
+            places.append((kind, point, [time]))
+    if len(places) > MOST_NAMED:
+        return
+    centre = np.mean([axes.get_xlim(), axes.get_ylim()], axis=1)
+    halo = [Stroke(linewidth=2.0, foreground="white"), Normal()]
+    for kind, point, own in places:
+        told = ", ".join(f"{time:.4g}" for time in own[:MOST_TIMES]) + (", ..." if len(own) > MOST_TIMES else "")
+        right, above = point > centre  # the text goes towards the centre, where there is room
+        axes.annotate(
+            f"{kind} {told} s", tuple(point), xytext=(-3 if right else 3, -4 if above else 4),
+            textcoords="offset points", rotation=SLOPE if right == above else -SLOPE, rotation_mode="anchor",
+            ha="right" if right else "left", va="top" if above else "bottom", fontsize=7, zorder=6, path_effects=halo,
+        )  # fmt: skip

@@ -25,14 +25,16 @@ HALF = 0.24
 SIDEWAYS = 0.13
 """Half the distance between connections of the same two bodies."""
 LETTER, LINE = 0.047, 0.11
-"""Width of a letter and height of a line of a label, the distance of two bodies being 1."""
+"""Width of a letter and height of a line of a label, likewise."""
+ALONG = (0.5, 0.42, 0.58, 0.33, 0.67, 0.25, 0.75)
+"""Where on its line the label of a connection may stand, the best place first."""
+DENSE = 0.02
+"""Distance of the points of a symbol that a label keeps clear of, likewise."""
 DEPTH, TITLE_ROOM = 1.8, 0.3
 """Height below the row of bodies, likewise, and room for a title [in]."""
-SYMBOL = 0.1
-"""Half the side of a symbol, likewise."""
 Place = NDArray[np.float64]
-_Taken = tuple[Place, float]
-"""A place, and half the width of what stands there."""
+_Line = tuple[Connection, list[Place], float]
+"""A connection, the places that it leads to, and how far it stands aside from others between these."""
 
 
 def draw_scene(scene: Scene) -> Figure | None:
@@ -76,19 +78,21 @@ def schematic(axes: Axes, scene: Scene, **patch: Any) -> None:
     places = places_of(scene)
     blank(axes, scene, places)
     lines = lines_of(scene, places)
-    taken = [(_middle(ends, shift), SYMBOL) for _, ends, shift in lines]
     for connection, ends, shift in lines:
         draw_symbol(axes, connection, ends, shift)
-        _label(axes, connection, _label_places(connection, ends, shift), taken)
+    _draw_labels(axes, lines, [_half_size(scene.bodies[name]) for name in places], list(places.values()))
     for body in scene.bodies.values():
         draw_body(axes, body, places[body.name], **patch)
 
 
-def lines_of(scene: Scene, places: Mapping[str, Place]) -> list[tuple[Connection, list[Place], float]]:
-    """Each connection, the places that it leads to, and how far it stands aside from others between these."""
+def lines_of(scene: Scene, places: Mapping[str, Place]) -> list[_Line]:
+    """Every connection as a line, those of the same bodies side by side."""
+    pairs: dict[frozenset[str], list[Connection]] = {}
+    for connection in scene.connections:
+        pairs.setdefault(frozenset(connection.ends), []).append(connection)
     return [
         (connection, [places[name] for name in connection.ends], SIDEWAYS * (2 * number - len(pair) + 1))
-        for pair in _pairs(scene).values()
+        for pair in pairs.values()
         for number, connection in enumerate(pair)
     ]
 
@@ -112,48 +116,56 @@ def places_of(scene: Scene) -> Mapping[str, Place]:
     return {name: p - np.array([leftmost, 0.0]) for name, p in {**places, **below}.items()}
 
 
-def _pairs(scene: Scene) -> Mapping[frozenset[str], list[Connection]]:
-    """Connections by the bodies they act on."""
-    found: dict[frozenset[str], list[Connection]] = {}
-    for connection in scene.connections:
-        found.setdefault(frozenset(connection.ends), []).append(connection)
-    return found
+def _half_size(body: Body) -> Place:
+    """Half the width and half the height of a body."""
+    return HALF * np.array([1.0, 1.0] if body.inertia is not None else [1.6, 0.5])
 
 
 def draw_body(axes: Axes, body: Body, at: Place, **own: Any) -> None:
     from matplotlib.cbook import normalize_kwargs
     from matplotlib.patches import Circle, Rectangle
 
-    x, y = at
-    if body.inertia is not None:
-        square = Rectangle((x - HALF, y - HALF), 2 * HALF, 2 * HALF)
-        patch = Circle((x, y), HALF) if body.kind == "rotor" else square
-        patch.set(facecolor=style.PLUS_SHADE, edgecolor=style.BLACK)
-    else:
-        patch = Rectangle((x - 1.6 * HALF, y - 0.5 * HALF), 3.2 * HALF, HALF)
-        patch.set(facecolor=style.MINUS_SHADE, edgecolor=style.GREY, hatch="////" if body.kind == "fixed" else None)
+    (x, y), half, free = at, _half_size(body), body.inertia is not None
+    patch = Circle((x, y), HALF) if body.kind == "rotor" else Rectangle(tuple(at - half), *(2 * half))
+    patch.set(facecolor=style.PLUS_SHADE if free else style.MINUS_SHADE, edgecolor=style.BLACK if free else style.GREY)
+    patch.set(hatch="////" if body.kind == "fixed" else None)
     patch.set(**{"linewidth": 1.0, "zorder": 3} | normalize_kwargs(own, Rectangle))
     axes.add_patch(patch)
     if body.kind == "prescribed":
-        _arrow(axes, np.array([x - HALF, y]), np.array([x + HALF, y]), style.GREY)
-    axes.text(x, y if body.inertia is not None else y - 0.25, body.name, ha="center", va="center", zorder=5)
+        _arrow(axes, at + _corners(-HALF, 0, HALF, 0), style.GREY)
+    axes.text(x, y if free else y - 0.25, body.name, ha="center", va="center", zorder=5)
 
 
 def draw_symbol(
     axes: Axes, connection: Connection, ends: Sequence[Place], shift: float, *, elastic: bool = False, **own: Any
 ) -> None:
     """The symbol of a connection; an elastic one is as long as the way between its ends."""
+    strokes = _strokes(connection, ends, shift, elastic=elastic)
     if len(ends) == 1:
-        _arrow(axes, *_force_arrow(ends[0], shift), style.VERMILLION)
+        _arrow(axes, strokes[0], style.VERMILLION)
         return
-    p, q = ends
-    length, along, across = _direction(p, q)
-    pieces, colour = SYMBOLS.get(connection.kind, SYMBOLS[""])
-    line: dict[str, Any] = {"color": colour, "lw": 1.1, "zorder": 2, "solid_capstyle": "round"}
-    for piece in pieces:
-        way = piece[:, 0] * length if elastic else _stretched(piece[:, 0], length)
-        points = p + shift * across + np.outer(way, along) + np.outer(piece[:, 1], across)
+    line: dict[str, Any] = {
+        "color": SYMBOLS.get(connection.kind, SYMBOLS[""])[1],
+        "lw": 1.1,
+        "zorder": 2,
+        "solid_capstyle": "round",
+    }
+    for points in strokes:
         axes.plot(*points.T, **line | own)
+
+
+def _strokes(connection: Connection, ends: Sequence[Place], shift: float, *, elastic: bool = False) -> Sequence[Place]:
+    """Corners of the lines that a connection's symbol is drawn with; of a force from outside its arrow."""
+    if len(ends) == 1:
+        return [ends[0] + _corners(shift - 0.3, 0.55, shift + 0.3, 0.55)]
+    length, along, across = _direction(*ends)
+    start = ends[0] + shift * across
+    return [
+        start
+        + np.outer(piece[:, 0] * length if elastic else _stretched(piece[:, 0], length), along)
+        + np.outer(piece[:, 1], across)
+        for piece in SYMBOLS.get(connection.kind, SYMBOLS[""])[0]
+    ]
 
 
 def _direction(p: Place, q: Place) -> tuple[float, Place, Place]:
@@ -163,100 +175,88 @@ def _direction(p: Place, q: Place) -> tuple[float, Place, Place]:
     return length, along, np.array([-along[1], along[0]])
 
 
-def _force_arrow(at: Place, shift: float) -> tuple[Place, Place]:
-    return at + np.array([shift - 0.3, 0.55]), at + np.array([shift + 0.3, 0.55])
-
-
-def _label_places(connection: Connection, ends: Sequence[Place], shift: float) -> list[Place]:
-    """Where the label of a connection may stand, the best place first."""
-    if len(ends) == 1:
-        tail, tip = _force_arrow(ends[0], shift)
-        return [(tail + tip) / 2 + np.array([0.0, 0.14])]
-    p, q = ends
-    length, along, across = _direction(p, q)
-    start = p + shift * across
-    room = 0.18 - 0.06 * abs(across[0]) + abs(across[0]) * LETTER * len(_text(connection)) / 2
-    return [start + part * length * along + side * room * across for part in (0.5, 0.33, 0.67) for side in (1, -1)]
-
-
 def _stretched(along: Place, length: float) -> Place:
     """Places along a symbol of length 1: its middle keeps its size, its ends reach to the bodies."""
-    return np.where(
-        along < 0.25, along * 4 * (length / 2 - 0.25), np.where(along > 0.75, length, along - 0.5 + length / 2)
-    )
+    return np.interp(along, [0.0, 0.25, 0.75, 1.0], [0.0, length / 2 - 0.25, length / 2 + 0.25, length])
 
 
-def _middle(ends: Sequence[Place], shift: float) -> Place:
-    """Where the symbol of a connection stands."""
-    if len(ends) == 1:
-        return ends[0] + np.array([shift, 0.55])
-    p, q = ends
-    return (p + q) / 2 + shift * _direction(p, q)[2]
-
-
-def _text(connection: Connection) -> str:
-    signs = [surface.sign.name for surface in connection.surfaces]
-    return " ".join([connection.kind, *(signs or ([connection.name] if connection.name else []))])
-
-
-def _label(axes: Axes, connection: Connection, tries: Sequence[Place], taken: list[_Taken]) -> None:
-    """A label at the first of some places that is free."""
-    text = _text(connection)
-    half = LETTER * len(text) / 2
+def _draw_labels(axes: Axes, lines: Sequence[_Line], halves: list[Place], centres: list[Place]) -> None:
+    """A label a connection, clear of all symbols, of bodies (their centres and half sizes), and of other labels."""
+    strokes = [_dense(stroke) for line in lines for stroke in _strokes(*line)]
+    drawn = np.concatenate(strokes) if strokes else np.empty((0, 2))
     left, right = axes.get_xlim()
-    free = (
-        at
-        for at in tries
-        if left + half < at[0] < right - half
-        and all(abs(at[0] - x) > half + wide or abs(at[1] - y) > LINE for (x, y), wide in taken)
-    )
-    at = next(free, tries[0])
-    taken.append((at, half))
-    box = {"facecolor": "white", "edgecolor": "none", "pad": 0.4, "alpha": 0.8}
-    axes.text(float(at[0]), float(at[1]), text, fontsize=7, ha="center", va="center", zorder=4, bbox=box)
+
+    def covered(tried: tuple[str, Place, Place]) -> int:
+        """How much of what is drawn a label would stand over, or beyond the edge."""
+        _, at, half = tried
+        others = sum(bool((np.abs(c - at) < own + half).all()) for c, own in zip(centres, halves, strict=True))
+        beyond = not left + half[0] < at[0] < right - half[0]
+        return int((np.abs(drawn - at) < half).all(axis=1).sum()) + len(drawn) * (others + beyond)
+
+    for connection, ends, shift in lines:
+        tries = [own for text in _texts(connection) for own in _label_places(text, ends, shift)]
+        text, at, half = min(tries, key=covered)  # of places that cover as little the first
+        centres.append(at)
+        halves.append(half)
+        box = {"facecolor": "white", "edgecolor": "none", "pad": 0.4, "alpha": 0.8}
+        axes.text(at[0], at[1], text, fontsize=7, ha="center", va="center", zorder=4, bbox=box)
 
 
-def _arrow(axes: Axes, tail: Place, tip: Place, colour: str) -> None:
+def _dense(corners: Place) -> Place:
+    """Points along a line through corners."""
+    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(corners, axis=0), axis=1))])
+    at = np.append(np.arange(0.0, way[-1], DENSE), way[-1])
+    return np.column_stack([np.interp(at, way, corners[:, k]) for k in (0, 1)])
+
+
+def _texts(connection: Connection) -> list[str]:
+    """A connection's kind and name in one line, or in two, which is narrower."""
+    signs = [surface.sign.name for surface in connection.surfaces]
+    words = [connection.kind, *(signs or ([connection.name] if connection.name else []))]
+    return [" ".join(words), "\n".join(words)]
+
+
+def _label_places(text: str, ends: Sequence[Place], shift: float) -> list[tuple[str, Place, Place]]:
+    """A label, where it may stand, the best place first, and half of its width and height."""
+    rows = text.split("\n")
+    half = np.array([LETTER * max(map(len, rows)), LINE * len(rows)]) / 2
+    if len(ends) == 1:
+        return [(text, ends[0] + np.array([shift, 0.69]), half)]
+    length, along, across = _direction(*ends)
+    start = ends[0] + shift * across
+    room = 0.12 + float(np.abs(across) @ half)
+    return [(text, start + part * length * along + side * room * across, half) for part in ALONG for side in (1, -1)]
+
+
+def _arrow(axes: Axes, ends: Place, colour: str) -> None:
     arrow = {"arrowstyle": "-|>", "color": colour, "lw": 1.2, "mutation_scale": 9, "shrinkA": 0, "shrinkB": 0}
-    axes.annotate("", xy=tuple(tip), xytext=tuple(tail), arrowprops=arrow, zorder=4)
+    axes.annotate("", xy=tuple(ends[1]), xytext=tuple(ends[0]), arrowprops=arrow, zorder=4)
 
 
-def _zigzag() -> Place:
-    x = np.linspace(0.3, 0.7, 9)
-    y = 0.07 * np.array([0, 1, -1, 1, -1, 1, -1, 1, 0])
-    return np.array([(0.0, 0.0), *zip(x, y, strict=True), (1.0, 0.0)])
+def _corners(*values: float) -> Place:
+    return np.reshape(values, (-1, 2))
 
 
-_STRAIGHT = np.array([(0.0, 0.0), (1.0, 0.0)])
+def _plates(gap: float) -> list[Place]:
+    """Two plates, each so far from the middle."""
+    p, q = 0.5 - gap, 0.5 + gap
+    return [_corners(0, 0, p, 0), _corners(p, 0.1, p, -0.1), _corners(q, 0.1, q, -0.1), _corners(q, 0, 1, 0)]
+
+
+_ZIGZAG = np.column_stack([np.linspace(0.3, 0.7, 9), 0.07 * np.array([0, 1, -1, 1, -1, 1, -1, 1, 0])])
 SYMBOLS: Mapping[str, tuple[Sequence[Place], str]] = {
-    "": ([_STRAIGHT], style.BLACK),
-    "spring": ([_zigzag()], style.BLUE),
+    "": ([_corners(0, 0, 1, 0)], style.BLACK),
+    "spring": ([np.vstack([[0, 0], _ZIGZAG, [1, 0]])], style.BLUE),
     "damper": (
         [
-            np.array([(0.0, 0.0), (0.42, 0.0)]),
-            np.array([(0.6, 0.08), (0.42, 0.08), (0.42, -0.08), (0.6, -0.08)]),
-            np.array([(0.54, 0.05), (0.54, -0.05)]),
-            np.array([(0.54, 0.0), (1.0, 0.0)]),
+            _corners(0, 0, 0.42, 0),
+            _corners(0.6, 0.08, 0.42, 0.08, 0.42, -0.08, 0.6, -0.08),
+            _corners(0.54, 0.05, 0.54, -0.05),
+            _corners(0.54, 0, 1, 0),
         ],
         style.GREEN,
     ),
-    "friction": (
-        [
-            np.array([(0.0, 0.0), (0.47, 0.0)]),
-            np.array([(0.47, 0.1), (0.47, -0.1)]),
-            np.array([(0.53, 0.1), (0.53, -0.1)]),
-            np.array([(0.53, 0.0), (1.0, 0.0)]),
-        ],
-        style.VERMILLION,
-    ),
-    "stop": (
-        [
-            np.array([(0.0, 0.0), (0.4, 0.0)]),
-            np.array([(0.4, 0.1), (0.4, -0.1)]),
-            np.array([(0.6, 0.1), (0.6, -0.1)]),
-            np.array([(0.6, 0.0), (1.0, 0.0)]),
-        ],
-        style.PURPLE,
-    ),
+    "friction": (_plates(0.03), style.VERMILLION),
+    "stop": (_plates(0.1), style.PURPLE),
 }
 """Kind of connection -> pieces of its symbol, along and across the line between two bodies, and its colour."""

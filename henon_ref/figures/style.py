@@ -198,24 +198,7 @@ def save(figure: Figure, target: Path | BinaryIO, kind: str = "svg") -> None:
         target.write(content)
 
 
-def decades(axis: Axis, text: Callable[[float], str] | None = None) -> None:
-    """Labels on the decades of a log-scaled axis: at most nine, no mathtext (which is slow to set).
-
-    Parameters
-    ----------
-    axis : Axis
-        Its limits are set.
-    text : callable, optional
-        A decade as text; powers of ten if not given.
-    """
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
-
-    low, high = axis.get_view_interval()
-    span = math.log10(high / low)
-    axis.set_major_locator(LogLocator(10, numticks=9))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: (text or power_of_ten)(value)))
-    axis.set_minor_locator(LogLocator(10, subs=range(2, 10), numticks=12) if span < 6 else NullLocator())
-    axis.set_minor_formatter(NullFormatter())
+_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def power_of_ten(value: float) -> str:
@@ -247,4 +230,16 @@ def time_text(seconds: float) -> str:
     return f"{seconds * 1e9:.2g} ns"
 
 
-_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+def decades(axis: Axis, text: Callable[[float], str] = power_of_ten) -> None:
+    """Labels on the decades of a log-scaled axis whose limits are set: at most nine, no mathtext, which is slow.
+
+    ``text`` makes a label of a decade: of powers of ten if it is not given.
+    """
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
+
+    low, high = axis.get_view_interval()
+    span = math.log10(high / low)
+    axis.set_major_locator(LogLocator(10, numticks=9))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: text(value)))
+    axis.set_minor_locator(LogLocator(10, subs=range(2, 10), numticks=12) if span < 6 else NullLocator())
+    axis.set_minor_formatter(NullFormatter())

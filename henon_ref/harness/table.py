@@ -116,15 +116,15 @@ def error(value: object, floor: float = 0.0) -> str:
     return "0" if value == 0 else exponential(float(value))
 
 
-def digits(value: float) -> str:
+def digits(value: float | None) -> str:
     """A number of digits, rounded down.
 
     Examples
     --------
-    >>> digits(11.99996), digits(9.0), digits(-0.04)
-    ('11.9', '9', '-0.1')
+    >>> digits(11.99996), digits(9.0), digits(-0.04), digits(None)
+    ('11.9', '9', '-0.1', '')
     """
-    return f"{math.floor(value * 10 + 1e-9) / 10:g}"
+    return "" if value is None else f"{math.floor(value * 10 + 1e-9) / 10:g}"
 
 
 def setting(rtol: object, step: object) -> str:

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from henon_ref.errors import ArgumentError
 from henon_ref.figures import style
-from henon_ref.figures.marks import mark_transitions
-from henon_ref.figures.motion import Motion, axes_of_portrait, portrait, position_of, velocity_of
+from henon_ref.figures.motion import Motion, axes_of_portrait, mark_transitions, portrait, position_of, velocity_of
 from henon_ref.figures.time_series import MOST_SURFACES, over_time
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME

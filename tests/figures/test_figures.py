@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import re
-from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from xml.etree import ElementTree
@@ -98,31 +97,24 @@ def test_an_arc_is_as_smooth_as_its_samples():
     assert max(gaps) <= 1.01 * np.diff(motion.times).max()
 
 
-@dataclass(frozen=True)
-class Scored:
-    """A run's rows."""
-
-    run: RunRow
-    transitions: list[TransitionRow]
-
-
-def scored(solver: str, errors: dict[float, float | None], **run: object) -> Scored:
+def scored(solver: str, errors: dict[float, float | None], **run: object) -> tuple[RunRow, list[TransitionRow]]:
     """A run with an error [s] at each of some transition times [s]; None: it is missed."""
     names = ("made_up", "default", solver, 1e-12, None)
     rows = [TransitionRow(*names, 0, "stick", "s", "", "", t, None, None, e) for t, e in errors.items()]
     usual = {"verdict": "right", "status": "ok", "matched": 1}
     timed = {"wall_s": 1e-4, "wall_s_low": 1e-4, "wall_s_high": 1e-4, "max_time_error_s": 1e-9}
-    return Scored(RunRow("made_up", "default", solver, rtol=1e-12, **usual | timed | run), rows)
+    return RunRow("made_up", "default", solver, rtol=1e-12, **usual | timed | run), rows
 
 
 ERRORS = {1.0: -3e-12, 2.0: 1e-12, 3.0: None, 4.0: 5e-10, 5.0: 0.0}
 
 
 def test_errors_are_drawn_as_a_running_maximum():
-    times, errors = running_maximum(scored("henon", ERRORS))
-    assert times.tolist() == [1.0, 2.0, 4.0, 5.0]
-    assert errors.tolist() == [3e-12, 3e-12, 5e-10, 5e-10]
-    assert [values.size for values in running_maximum(scored("henon", {}))] == [0, 0]
+    curve = running_maximum(*scored("henon", ERRORS))
+    assert curve.times.tolist() == [1.0, 2.0, 4.0, 5.0]
+    assert curve.errors.tolist() == [3e-12, 3e-12, 5e-10, 5e-10]
+    empty = running_maximum(*scored("henon", {}))
+    assert empty.times.size == empty.errors.size == 0
 
 
 def test_a_curve_ends_where_nothing_later_is_matched():
@@ -135,13 +127,13 @@ def test_a_curve_ends_where_nothing_later_is_matched():
     assert [line.get_xdata()[-1] for line in steps] == [expected.end_time, at[2]]
     assert [line.get_xdata().tolist() for line in axes.lines if line.get_marker() == "+"] == [[at[2]]]
     assert "+: no later transition is matched" in figure.texts[0].get_text()
-    assert [text.get_text() for text in axes.texts] == ["henon 1e-12", "ida 1e-12 (failed)"]
+    assert [text.get_text() for text in axes.texts] == ["ida 1e-12 (failed)", "henon 1e-12"]
     assert "henon 1e-12 1.0e-12 s; ida 1e-12 (failed) 1.0e-11 s" in description_of(figure)[1]
 
 
 def test_markers_of_cost_mean_one_thing_each_and_times_have_units():
     _, expected, _ = moved("equations")
-    rows = [scored(solver, {}, wall_s=wall, **more).run for solver, wall, more in (
+    rows = [scored(solver, {}, wall_s=wall, **more)[0] for solver, wall, more in (
         ("henon", 1e-4, {}), ("mine", 2e-2, {}), ("yours", 3e-2, {"verdict": "solver defect", "wall_s_high": 1.0}),
     )]  # fmt: skip
     figure = draw_cost(rows[:2], expected)

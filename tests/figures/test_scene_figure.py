@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from itertools import combinations
+from itertools import combinations, pairwise
 from pathlib import Path
 
+import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
@@ -49,7 +50,12 @@ def words(text: str) -> list[str]:
     assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
     frame = figure.bbox
     assert all(frame.x0 <= box.x0 and box.x1 <= frame.x1 for box in boxes)
-    return [label.get_text() for label in axes.texts if label.get_text()]
+    labels = [label.get_window_extent() for label in axes.texts if label.get_text() not in ("", *scene.bodies)]
+    for line in axes.lines:  # no label stands over a symbol
+        points = axes.transData.transform(line.get_xydata())
+        points = np.concatenate([np.linspace(a, b, 50) for a, b in pairwise(points)])
+        assert not any(box.count_contains(points) for box in labels)
+    return [label.get_text().replace("\n", " ") for label in axes.texts if label.get_text()]
 
 
 def test_every_body_and_every_connection_is_drawn() -> None:
@@ -65,6 +71,13 @@ def test_every_body_and_every_connection_is_drawn() -> None:
         "torque",
     ]
     assert sorted(words(EXAMPLE)) == sorted(bodies + connections)
+
+
+def test_a_long_label_stands_beside_the_next_spring() -> None:
+    text = EXAMPLE.partition("    b: {mass: 1}\n")[0] + "    belt: {velocity: 1}\n    wall: fixed\n  connections:\n"
+    text += "    - spring: {between: [a, wall], stiffness: 1}\n"
+    text += "    - friction: {between: [a, belt], law: coulomb, force: 1, name: s_block_belt}\n"
+    assert "friction s_block_belt" in words(f"{text}initial: {{x_a: 0, v_a: 0}}\nuntil: 1\n")
 
 
 @pytest.mark.parametrize("name", ["stribeck_belt", "moving_belt", "static_belt"])

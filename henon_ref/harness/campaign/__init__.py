@@ -6,5 +6,5 @@ WORKERS_NEED = (
     "henon_ref.harness.campaign.truth_job",
 )
 """Modules that every worker of a comparison imports."""
-DRAWING_NEEDS = ("henon_ref.harness.report.figure_jobs", "scipy.optimize", "matplotlib.mathtext")
+DRAWING_NEEDS = ("henon_ref.harness.report.figure_jobs", "matplotlib.mathtext")
 """Modules that those import which draw figures."""

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from henon_ref.figures import style
 from henon_ref.figures.description import describe
@@ -25,17 +26,18 @@ TITLE = "Accuracy against time"
 def draw_cost(rows: Sequence[RunRow], expected: Expected, *, of: str = "") -> Figure | None:
     """Work-precision diagram: median wall time of a run over the worst error of a transition.
 
-    ``of`` is what the title names: a reading, where it is one of several.
-
-    Filled markers are runs that are right, hollow ones those that are not, whatever is wrong with them.
+    ``of`` is what the title names: a reading, where it is one of several. Filled markers are runs that are right,
+    hollow ones those that are not, whatever is wrong with them.
     """
-    floor = max(expected.radius, HALF_ULP * expected.time_unit)
-    ladders: dict[str, list[RunRow]] = {}
-    for row in rows:
-        if row.wall_s and row.max_time_error_s is not None:
-            ladders.setdefault(row.solver, []).append(row)
-    if sum(len(ladder) for ladder in ladders.values()) < 2:  # a single point compares with nothing
+    floor = max(expected.radius, HALF_ULP * expected.time_unit)  # less cannot be claimed
+    timed = [row for row in rows if row.wall_s and row.max_time_error_s is not None]
+    if len(timed) < 2:  # a single point compares with nothing
         return None
+    ladders = {
+        solver: [row for row in timed if row.solver == solver] for solver in dict.fromkeys(r.solver for r in timed)
+    }
+    points = {solver: _points(ladder, floor) for solver, ladder in ladders.items()}
+    tips = {solver: own[:, own[1].argmin()] for solver, own in points.items()}  # the most accurate run of each
     lines = style.lines_of(ladders)
     with style.figure(4.6) as figure:
         axes = figure.add_axes((0.1, 0.11, 0.645, 0.78))
@@ -43,23 +45,28 @@ def draw_cost(rows: Sequence[RunRow], expected: Expected, *, of: str = "") -> Fi
         axes.set_yscale("log")
         axes.set_autoscale_on(False)  # limits are set below; errors that are all the same have no scale of their own
         for solver, ladder in ladders.items():
-            _draw_ladder(axes, lines[solver], ladder, floor)
-        _set_limits(axes, ladders, floor)
+            _draw_ladder(axes, lines[solver], ladder, *points[solver])
+        _set_limits(axes, *np.hstack(list(points.values())))
         style.decades(axes.xaxis, style.time_text)
         style.decades(axes.yaxis)
-        ordered = sorted(ladders, key=lambda solver: -_tip(ladders[solver], floor)[1])
+        ordered = sorted(tips, key=lambda solver: -tips[solver][1])
         label_column(axes, [(solver, lines[solver]) for solver in ordered], x=1.045, gap=0.052)
         axes.set_xlabel("wall time of one run, median")
         axes.set_ylabel("worst error of a transition time [s]")
         axes.set_title(f"{TITLE}: {one_line(of)}" if of else TITLE, parse_math=False, pad=20)
-        _draw_legend(axes, [row for ladder in ladders.values() for row in ladder])
-        describe(figure, TITLE, _description(ladders, floor))
+        _draw_legend(axes, timed)
+        describe(figure, TITLE, _description(tips))
         return figure
 
 
-def _draw_ladder(axes: Axes, line: style.Line, ladder: Sequence[RunRow], floor: float) -> None:
-    x = np.array([number(row.wall_s) for row in ladder])
-    y = np.array([_error(row, floor) for row in ladder])
+def _points(rows: Sequence[RunRow], floor: float) -> NDArray[np.float64]:
+    """Wall times [s], and errors [s], none below what can be claimed."""
+    return np.array([(number(row.wall_s), max(number(row.max_time_error_s), floor)) for row in rows]).T
+
+
+def _draw_ladder(
+    axes: Axes, line: style.Line, ladder: Sequence[RunRow], x: NDArray[np.float64], y: NDArray[np.float64]
+) -> None:
     right = np.array([row.verdict == "right" for row in ladder])
     axes.plot(x[right], y[right], ls=line.dashes, color=line.colour, lw=line.width, zorder=2)
     low, high = [number(row.wall_s_low) for row in ladder], [number(row.wall_s_high) for row in ladder]
@@ -80,19 +87,13 @@ def _draw_legend(axes: Axes, rows: Sequence[RunRow]) -> None:
         handles.append(Line2D([], [], **marker, mfc="white", label=words))
     if any(number(row.wall_s_high) > number(row.wall_s_low) for row in rows):
         handles.append(Line2D([], [], color=style.GREY, lw=0.8, label="95 % interval of the median"))
-    if not handles:
-        return
-    axes.legend(
-        handles=handles, loc="lower left", bbox_to_anchor=(-0.02, 0.995), ncols=3, borderaxespad=0.1, handletextpad=0.5,
-        columnspacing=1.2,
-    )  # fmt: skip
+    if handles:
+        place: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (-0.02, 0.995), "borderaxespad": 0.1}
+        axes.legend(handles=handles, ncols=3, handletextpad=0.5, columnspacing=1.2, **place)
 
 
-def _set_limits(axes: Axes, ladders: Mapping[str, Sequence[RunRow]], floor: float) -> None:
+def _set_limits(axes: Axes, x: NDArray[np.float64], y: NDArray[np.float64]) -> None:
     """Room on all sides, and at least two decades of time, so that two of them are labelled."""
-    rows = [row for ladder in ladders.values() for row in ladder]
-    x = np.array([number(row.wall_s) for row in rows])
-    y = np.array([_error(row, floor) for row in rows])
     left, right = x.min() / 2.0, x.max() * 2.0
     if math.floor(math.log10(right)) - math.ceil(math.log10(left)) < 1:
         left, right = 10.0 ** math.floor(math.log10(left)), 10.0 ** math.ceil(math.log10(right))
@@ -100,21 +101,10 @@ def _set_limits(axes: Axes, ladders: Mapping[str, Sequence[RunRow]], floor: floa
     axes.set_ylim(10 ** np.floor(np.log10(y.min()) - 0.2), 10 ** np.ceil(np.log10(y.max()) + 0.2))
 
 
-def _tip(ladder: Sequence[RunRow], floor: float) -> tuple[float, float]:
-    """Wall time and error [s] of the most accurate run of a ladder."""
-    return min(((number(row.wall_s), _error(row, floor)) for row in ladder), key=lambda point: point[1])
-
-
-def _description(ladders: Mapping[str, Sequence[RunRow]], floor: float) -> str:
-    tips = {solver: _tip(ladder, floor) for solver, ladder in ladders.items()}
-    ordered = sorted(tips, key=lambda solver: tips[solver][0])
-    points = [f"{solver} {tips[solver][1]:.1e} s in {style.time_text(tips[solver][0])}" for solver in ordered]
+def _description(tips: Mapping[str, NDArray[np.float64]]) -> str:
+    ordered = sorted(tips.items(), key=lambda tip: float(tip[1][0]))
+    told = [f"{solver} {error:.1e} s in {style.time_text(wall)}" for solver, (wall, error) in ordered]
     return (
         "Work-precision diagram with logarithmic axes: across, the median wall time of one run; upward, the worst "
-        f"error of a transition time in seconds. The most accurate run of each solver: {'; '.join(points)}."
+        f"error of a transition time in seconds. The most accurate run of each solver: {'; '.join(told)}."
     )
-
-
-def _error(row: RunRow, floor: float) -> float:
-    """A row's error [s], not below what can be claimed."""
-    return max(number(row.max_time_error_s), floor)

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.figures import style
 from henon_ref.figures.description import describe
-from henon_ref.harness.figures.labels import label_ends
+from henon_ref.harness.figures.labels import label_column
 from henon_ref.harness.rows import RunRow, TransitionRow
 from henon_ref.harness.score.reference import Expected
 
@@ -27,90 +28,78 @@ ROOM = 2
 """Decades below the smallest error that a curve ends with: how it began is of less interest."""
 MARKERS = 6
 """Markers, roughly, of a curve."""
+Scored = tuple[RunRow, Sequence[TransitionRow]]
+"""A run and its transitions."""
 
 
-Curve = tuple[NDArray[np.float64], NDArray[np.float64]]
-"""Times [s], and errors [s] at them."""
+@dataclass(frozen=True)
+class Curve:
+    """A run's largest absolute error [s] up to each of its matched transitions, by their times [s]."""
 
-
-class ScoredRun(Protocol):
-    """A run's rows."""
-
-    @property
-    def run(self) -> RunRow:
-        """Its row of ``runs.csv``."""
-        ...
+    run: RunRow
+    times: NDArray[np.float64]
+    errors: NDArray[np.float64]
 
     @property
-    def transitions(self) -> Sequence[TransitionRow]:
-        """Its rows of ``transitions.csv``."""
-        ...
+    def last(self) -> float:
+        """The largest error of all; none where nothing but touches was matched."""
+        return float(self.errors[-1]) if self.errors.size else 0.0
+
+    @property
+    def label(self) -> str:
+        """Solver, setting, and what is wrong with a run that is not right."""
+        wrong = self.run.verdict if self.run.status == "ok" else self.run.status
+        words = f"{self.run.solver} {self.run.setting}"
+        return words if self.run.verdict == "right" else f"{words} ({wrong})"
 
 
-def tightest(records: Sequence[ScoredRun]) -> list[ScoredRun]:
-    """The last setting of every solver that matched at least one transition.
-
-    A run that the time limit stopped is left out: how far it came is the machine's doing.
-    """
-    best: dict[str, ScoredRun] = {}
-    for record in records:
-        if record.run.matched and record.run.status != "timeout":
-            best[record.run.solver] = record
-    return list(best.values())
-
-
-def draw_errors(records: Sequence[ScoredRun], expected: Expected) -> Figure | None:
-    """Running maximum of the absolute time error of matched transitions, over their times."""
-    chosen = tightest(records)
-    if not chosen or len(expected.transitions) == 0:
-        return None
-    curves = {record.run.solver: running_maximum(record) for record in chosen}
-    lines = style.lines_of(curves)
-    with style.figure(4.5) as figure:
-        axes = figure.add_axes((0.095, 0.165, 0.575, 0.745))
-        axes.set_yscale("log")
-        lowest, highest = _limits([errors for _, errors in curves.values()], expected)
-        axes.set_ylim(lowest, highest)
-        axes.set_xlim(expected.start, expected.end_time)
-        last = max((event.time for event in expected.transitions if event.kind != "graze"), default=expected.start)
-        for k, (solver, (times, errors)) in enumerate(curves.items()):
-            _draw(axes, lines[solver], times, np.maximum(errors, lowest), shift=k / len(curves), last=last)
-        _draw_floor(axes, expected, lowest)
-        notes = _notes(curves.values(), expected, lowest, last)
-        figure.text(0.02, 0.015, notes, va="bottom", fontsize=7.0, color=style.GREY)
-        style.decades(axes.yaxis)
-        names = [record.run.solver for record in chosen]
-        ends = [
-            (_label(record), max(_last(curves[name]), lowest), lines[name])
-            for name, record in zip(names, chosen, strict=True)
-        ]
-        label_ends(axes, ends, x=1.045, gap=0.055)
-        axes.set_xlabel("time of the transition [s]")
-        axes.set_ylabel("largest error of a transition time so far [s]")
-        axes.set_title(TITLE)
-        describe(figure, TITLE, _description(chosen, curves, expected))
-        return figure
-
-
-def running_maximum(record: ScoredRun) -> Curve:
-    """Times of a run's matched transitions [s], and the largest absolute error [s] up to each; touches left out."""
+def running_maximum(run: RunRow, transitions: Sequence[TransitionRow]) -> Curve:
+    """A run's curve; touches are left out."""
     pairs = [
         (row.reference_time_s, abs(row.time_error_s))
-        for row in record.transitions
+        for row in transitions
         if row.reference_time_s is not None and row.time_error_s is not None and row.kind != "graze"
     ]
     times, errors = np.array(pairs, dtype=float).reshape(-1, 2).T
-    return times, np.maximum.accumulate(errors)
+    return Curve(run, times, np.maximum.accumulate(errors))
 
 
-def _last(curve: Curve) -> float:
-    """The largest error of all; none where nothing but touches was matched."""
-    return float(curve[1][-1]) if curve[1].size else 0.0
+def draw_errors(runs: Sequence[Scored], expected: Expected) -> Figure | None:
+    """Running maximum of the absolute time error of matched transitions, over their times.
+
+    Of every solver the last setting that matched at least one transition. A run that the time limit stopped is left
+    out: how far it came is the machine's doing.
+    """
+    tightest = {run.solver: (run, own) for run, own in runs if run.matched and run.status != "timeout"}
+    if not tightest or not expected.transitions:
+        return None
+    curves = [running_maximum(*scored) for scored in tightest.values()]
+    lines = style.lines_of(tightest)
+    lowest, highest = _limits(curves, expected)
+    with style.figure(4.5) as figure:
+        axes = figure.add_axes((0.095, 0.165, 0.575, 0.745))
+        axes.set_yscale("log")
+        axes.set_ylim(lowest, highest)
+        axes.set_xlim(expected.start, expected.end_time)
+        last = max((event.time for event in expected.transitions if event.kind != "graze"), default=expected.start)
+        for k, curve in enumerate(curves):
+            _draw(axes, lines[curve.run.solver], curve, lowest, shift=k / len(curves), last=last)
+        _draw_floor(axes, expected, lowest)
+        notes = _notes(curves, expected, lowest, last)
+        figure.text(0.02, 0.015, notes, va="bottom", fontsize=7.0, color=style.GREY)
+        style.decades(axes.yaxis)
+        labels = [(curve.label, lines[curve.run.solver]) for curve in curves]
+        label_column(axes, labels, x=1.045, gap=0.055, ends=[max(curve.last, lowest) for curve in curves])
+        axes.set_xlabel("time of the transition [s]")
+        axes.set_ylabel("largest error of a transition time so far [s]")
+        axes.set_title(TITLE)
+        describe(figure, TITLE, _description(curves, expected))
+        return figure
 
 
-def _limits(curves: Sequence[NDArray[np.float64]], expected: Expected) -> tuple[float, float]:
+def _limits(curves: Sequence[Curve], expected: Expected) -> tuple[float, float]:
     """Whole decades around where the curves end, the lower end not below what can be seen or claimed."""
-    ends = np.array([errors[-1] for errors in curves if errors.size])
+    ends = np.array([curve.last for curve in curves if curve.errors.size])
     seen = ends[ends > max(LEAST, expected.radius)]
     if not seen.size:
         return LEAST, 1e-12
@@ -120,14 +109,13 @@ def _limits(curves: Sequence[NDArray[np.float64]], expected: Expected) -> tuple[
     return max(float(10 ** np.floor(np.log10(least))), LEAST), float(10 ** np.ceil(np.log10(seen.max()) + 0.1))
 
 
-def _draw(
-    axes: Axes, line: style.Line, times: NDArray[np.float64], shown: NDArray[np.float64], *, shift: float, last: float
-) -> None:
+def _draw(axes: Axes, line: style.Line, curve: Curve, lowest: float, *, shift: float, last: float) -> None:
     """One solver's curve: level from a transition to the next.
 
     It reaches the right edge where the truth's last transition is matched, else it ends in a cross. ``shift`` (of the
     markers' distance) keeps the markers of two solvers apart.
     """
+    times, shown = curve.times, np.maximum(curve.errors, lowest)
     if not times.size:
         return
     strong = line.width > style.THIN
@@ -145,23 +133,9 @@ def _draw(
         axes.plot(times[-1:], shown[-1:], "+", color=line.colour, ms=9.0, mew=1.6, zorder=5)
 
 
-def _label(record: ScoredRun) -> str:
-    """Solver, setting, and what is wrong with a run that is not right."""
-    rtol, step = record.run.rtol, record.run.step_s
-    setting = f"{rtol:.0e}".replace("e-0", "e-") if rtol is not None else f"h={step:g} s"
-    verdict, status = record.run.verdict, record.run.status
-    wrong = "" if verdict == "right" else f" ({verdict if status == 'ok' else status})"
-    return f"{record.run.solver} {setting}{wrong}"
-
-
-def _description(
-    records: Sequence[ScoredRun],
-    curves: Mapping[str, Curve],
-    expected: Expected,
-) -> str:
-    ends = {_label(record): _last(curves[record.run.solver]) for record in records}
-    ordered = sorted(ends, key=lambda label: ends[label])
-    words = [f"{label} {ends[label]:.1e} s" if ends[label] else f"{label} none" for label in ordered]
+def _description(curves: Sequence[Curve], expected: Expected) -> str:
+    ordered = sorted(curves, key=lambda curve: curve.last)
+    words = [f"{curve.label} {curve.last:.1e} s" if curve.last else f"{curve.label} none" for curve in ordered]
     return (
         f"Across, time from {expected.start:g} to {expected.end_time:g} s; upward, on a logarithmic axis, the largest "
         f"absolute error of a transition time up to then. At the end: {'; '.join(words)}."
@@ -180,13 +154,14 @@ def _draw_floor(axes: Axes, expected: Expected, lowest: float) -> None:
         axes.axhline(expected.radius, color=style.GREY, lw=0.8, ls="--")
 
 
-def _notes(curves: Collection[Curve], expected: Expected, lowest: float, last: float) -> str:
+def _notes(curves: Sequence[Curve], expected: Expected, lowest: float, last: float) -> str:
     """What is drawn besides the curves, two to a line."""
-    known = [
-        ("grey: below half a unit in the last place of t", np.spacing(abs(expected.end_time)) / 2 > lowest),
-        ("grey dashes: the truth's radius", expected.radius > lowest),
-        ("at the lower edge: less, or no error", any(e.size and e[0] < lowest for _, e in curves)),
-        ("+: no later transition is matched", any(t.size and t[-1] < last for t, _ in curves)),
-    ]
-    notes = [words for words, drawn in known if drawn]
+    some = [curve for curve in curves if curve.times.size]
+    known = {
+        "grey: below half a unit in the last place of t": np.spacing(abs(expected.end_time)) / 2 > lowest,
+        "grey dashes: the truth's radius": expected.radius > lowest,
+        "at the lower edge: less, or no error": any(curve.errors[0] < lowest for curve in some),
+        "+: no later transition is matched": any(curve.times[-1] < last for curve in some),
+    }
+    notes = [words for words, drawn in known.items() if drawn]
     return "\n".join(";   ".join(notes[k : k + 2]) for k in range(0, len(notes), 2))

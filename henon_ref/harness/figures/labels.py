@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from henon_ref.figures.style import Line
 from henon_ref.text import one_line
 
@@ -21,87 +19,37 @@ LETTER = 0.62
 """Width of a letter, rather more than it is on average [em]."""
 
 
-def spread(positions: Sequence[float], gap: float, low: float, high: float) -> list[float]:
-    """Move labels apart so that neighbours are at least ``gap`` apart, in their order and between two ends.
+def label_column(
+    axes: Axes, labels: Sequence[tuple[str, Line]], *, x: float, gap: float, ends: Sequence[float] = ()
+) -> None:
+    """Labels in a column right of the axes, from its top down.
 
-    No other way to do so moves them less (in the sum of squares): isotonic regression of what is left of each position
-    once the gaps below it are taken off.
-
-    Examples
-    --------
-    >>> spread([0.0, 0.1, 2.0], 1.0, 0.0, 3.0)
-    [0.0, 1.0, 2.0]
-    >>> spread([1.0, 1.0], 0.5, 0.0, 3.0)
-    [0.75, 1.25]
-    """
-    from scipy.optimize import isotonic_regression
-
-    order = np.argsort(np.asarray(positions, dtype=float), kind="stable")
-    steps = gap * np.arange(len(order))
-    # What each is above the ones below it, packed at the gap, may not fall: a least-squares fit under that order,
-    # which bounds on both ends only clip.
-    excess = isotonic_regression(np.asarray(positions, dtype=float)[order] - steps).x
-    placed = np.empty(len(order))
-    placed[order] = np.clip(excess, low, high - gap * (len(order) - 1)) + steps
-    return [float(value) for value in placed]
-
-
-def label_ends(axes: Axes, ends: Sequence[tuple[str, float, Line]], *, x: float, gap: float) -> None:
-    """Labels in a column right of the axes, each at the level at which its curve ends: they are the legend.
-
-    A thin line leads through the margin from the edge of the axes to each label; nothing is drawn across the curves.
-    Labels stand in the order of the curves' ends and within the axes' height, so that no two of these lines cross.
-
-    Parameters
-    ----------
-    axes : Axes
-        Its limits and scales are set.
-    ends : sequence of (str, float, Line)
-        Label, height at which the curve ends (in data), how it is drawn.
-    x : float
-        Where the column starts, as a fraction of the axes' width.
-    gap : float
-        Least distance of two labels, as a fraction of the axes' height.
+    The column begins at ``x``, as a fraction of the axes' width; labels are at least ``gap`` of its height apart, or
+    less where there are many. Where ``ends`` tells the heights (in data; limits and scales are set) at which their
+    curves end, labels stand in the order of these, as near to them as there is room, and a thin line leads to each
+    from there: in the margin, so that nothing is drawn across the curves, and none across another.
     """
     from matplotlib.lines import Line2D
 
-    to_axes = axes.transScale + axes.transLimits
-    left = axes.get_xlim()[0]
-    levels = [min(max(float(to_axes.transform((left, y))[1]), 0.0), 1.0) for _, y, _ in ends]
-    gap = min(gap, 1.0 / max(len(ends), 1))
-    heights = spread(levels, gap, gap / 2, 1.0 - gap / 2)
-    for (label, _, line), level, height in zip(ends, levels, heights, strict=True):
-        leader: dict[str, Any] = {
-            "lw": 0.5,
-            "alpha": 0.7,
-            "color": line.colour,
-            "transform": axes.transAxes,
-            "clip_on": False,
-        }
-        axes.add_artist(Line2D([1.005, x - 2 * _point(axes)], [level, height], zorder=1, **leader))
-        _label(axes, label, line, x, height)
-
-
-def label_column(axes: Axes, labels: Sequence[tuple[str, Line]], *, x: float, gap: float) -> None:
-    """Labels in a column right of the axes, from its top down; parameters as for :func:`label_ends`."""
-    gap = min(gap, 1.0 / max(len(labels), 1))
-    for k, (label, line) in enumerate(labels):
-        _label(axes, label, line, x, 1.0 - (k + 0.5) * gap)
-
-
-def _label(axes: Axes, label: str, line: Line, x: float, height: float) -> None:
-    """A label with a sample of its line."""
-    from matplotlib.lines import Line2D
-
-    point = _point(axes)
+    point, gap = _point(axes), min(gap, 1.0 / max(len(labels), 1))
     along = [x + part * SAMPLE * point for part in (0.0, 0.5, 1.0)]
-    drawn: dict[str, Any] = {"ls": line.dashes, "lw": line.width, "marker": line.marker, "ms": 4.0}
     place: dict[str, Any] = {"transform": axes.transAxes, "clip_on": False}
-    axes.add_artist(Line2D(along, [height] * 3, markevery=[1], color=line.colour, **drawn, **place))
-    text, size = _fitted(axes, one_line(label), x)
-    axes.text(
-        x + (SAMPLE + 4) * point, height, text, parse_math=False, va="center", fontsize=size, transform=axes.transAxes
-    )
+    order = sorted(range(len(labels)), key=lambda k: -ends[k]) if ends else range(len(labels))
+    level, height = 1.0, 1.0 + gap / 2
+    for row, k in enumerate(order):
+        label, line = labels[k]
+        if ends:
+            place_of_end = (axes.transScale + axes.transLimits).transform((axes.get_xlim()[0], ends[k]))
+            level = min(max(float(place_of_end[1]), 0.0), 1.0)
+        height = max(min(level, height - gap), (len(labels) - row - 0.5) * gap)  # the others still have room below
+        if ends:
+            way = [1.005, x - 2 * point], [level, height]
+            axes.add_artist(Line2D(*way, lw=0.5, alpha=0.7, color=line.colour, zorder=1, **place))
+        drawn: dict[str, Any] = {"ls": line.dashes, "lw": line.width, "marker": line.marker, "ms": 4.0}
+        axes.add_artist(Line2D(along, [height] * 3, markevery=[1], color=line.colour, **drawn, **place))
+        text, size = _fitted(axes, one_line(label), x)
+        at = x + (SAMPLE + 4) * point
+        axes.text(at, height, text, parse_math=False, va="center", fontsize=size, transform=axes.transAxes)
 
 
 def _fitted(axes: Axes, label: str, x: float) -> tuple[str, float]:

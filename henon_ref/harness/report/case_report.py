@@ -2,60 +2,81 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import tempfile
 from pathlib import Path
+from typing import Any
 
 from henon_ref.atomic_write import write_through
 from henon_ref.harness.campaign.comparison import Comparison
-from henon_ref.harness.report.folder import (
-    MANIFEST,
-    REPORT,
-    RUNS,
-    SAMPLES,
-    STICKS,
-    TRANSITIONS,
-    locked,
-    own_files,
-)
-from henon_ref.harness.report.html.case_file import CASE_FILE, case_text
-from henon_ref.harness.report.manifest import Provenance, manifest_text, samples_text
+from henon_ref.harness.report import folder as names
+from henon_ref.harness.report.folder import locked, own_files
+from henon_ref.harness.report.manifest import Provenance, manifest_text
 from henon_ref.harness.report.text.markdown import report_text
-from henon_ref.harness.rows import RunRow, StickRow, TransitionRow, rows_text
+from henon_ref.harness.rows import RunRow, StickRow, TransitionRow, csv_text, rows_text
+from henon_ref.text import one_line
+
+SAMPLE_COLUMNS = ("reading", "solver", "rtol", "step_s", "samples_ns")
+"""A row a timed run; its samples in nanoseconds, in their order, with blanks between them."""
 
 
 def report_files(comparison: Comparison, origin: Provenance) -> dict[str, bytes]:
     """Every file of one case's report, by name."""
     files: dict[str, bytes] = {
-        REPORT: report_text(comparison, origin).encode(),
-        RUNS: rows_text(RunRow, comparison.run_rows).encode(),
-        TRANSITIONS: rows_text(TransitionRow, comparison.transition_rows, comparison.states).encode(),
-        STICKS: rows_text(StickRow, comparison.stick_rows).encode(),
-        SAMPLES: samples_text(comparison).encode(),
-        CASE_FILE: case_text(comparison).encode(),
+        names.REPORT: report_text(comparison, origin).encode(),
+        names.RUNS: rows_text(RunRow, comparison.run_rows).encode(),
+        names.TRANSITIONS: rows_text(TransitionRow, comparison.transition_rows, comparison.states).encode(),
+        names.STICKS: rows_text(StickRow, comparison.stick_rows).encode(),
+        names.SAMPLES: samples_text(comparison).encode(),
+        names.CASE_FILE: json.dumps(case_content(comparison), indent=1).encode() + b"\n",
     }
     for result in comparison.readings:
         files.update(result.figures)
-    files[MANIFEST] = manifest_text(comparison, origin, [*files, MANIFEST]).encode()
+    files[names.MANIFEST] = manifest_text(comparison, origin, [*files, names.MANIFEST]).encode()
     return files
 
 
+def samples_text(comparison: Comparison) -> str:
+    """Raw timing samples of one case as CSV."""
+    rows = [
+        (*record.run.key[1:], " ".join(f"{round(sample * 1e9)}" for sample in record.samples))
+        for record in comparison.records
+        if record.samples
+    ]
+    return csv_text(SAMPLE_COLUMNS, rows)
+
+
+def case_content(comparison: Comparison) -> dict[str, Any]:
+    """What the page shows of a case besides its rows: tags, source, each reading's story and portrait."""
+    from henon_ref.figures.motion import motion_of
+    from henon_ref.harness.report.html.portrait import packed
+
+    stories, portraits = {}, {}
+    for result in comparison.readings:
+        reading, samples, expected = result.reading, result.samples, result.expected
+        if story := one_line(reading.story or ""):
+            stories[reading.name] = story
+        motion = motion_of(samples, expected.transitions) if samples is not None and expected is not None else None
+        if motion is not None:
+            portraits[reading.name] = packed(reading.problem.system, motion)
+    tags = dict.fromkeys(tag for result in comparison.readings for tag in result.reading.tags)
+    return {
+        "schema": names.SCHEMA,
+        "tags": list(map(one_line, tags)),
+        "source": one_line(comparison.case.source or ""),
+        "stories": stories,
+        "portraits": portraits,
+    }
+
+
 def write_report(comparison: Comparison, origin: Provenance, folder: Path) -> Path:
-    """Write one case's report into ``folder/<name>``.
+    """Write one case's report into ``folder/<name>``; its own file is returned.
 
     Everything is written into a folder beside it first; only then is each file moved to its place, and are the
-    files of an earlier report that this one does not have removed.
-
-    Returns
-    -------
-    Path
-        The report's own file.
-
-    Raises
-    ------
-    OSError
-        Where it cannot be written; what was there is then as it was.
+    files of an earlier report that this one does not have removed. Where it cannot be written (OSError), what was
+    there is as it was.
     """
     place = folder / comparison.case.name
     files = report_files(comparison, origin)
@@ -73,4 +94,4 @@ def write_report(comparison: Comparison, origin: Provenance, folder: Path) -> Pa
                 (place / name).unlink(missing_ok=True)
     finally:
         shutil.rmtree(waiting, ignore_errors=True)
-    return place / REPORT
+    return place / names.REPORT

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 DRAW_SECONDS = 120.0
 """Processor time that a reading's figures may take [s]."""
-PORTRAIT, MODES, ERRORS, COST, SCENE = "portrait", "modes", "errors", "cost", "scene"
+KINDS = ("scene", "portrait", "modes", "errors", "cost")
 """The figures of a reading, as their file names name them."""
 
 
@@ -41,27 +41,29 @@ class FigureJob(Job):
         return DRAW_SECONDS
 
     def run(self, state: WorkerState) -> dict[str, bytes]:
-        return {file_name(self.reading, kind): svg(drawn) for kind, drawn in self._figures().items()}
+        drawn = zip(KINDS, self._figures(), strict=True)
+        return {file_name(self.reading, kind): svg(figure) for kind, figure in drawn if figure is not None}
 
-    def _figures(self) -> dict[str, Figure]:
+    def _figures(self) -> list[Figure | None]:
+        """Those of KINDS; None where there is nothing to draw."""
         from henon_ref.figures.motion import draw_portrait, motion_of
         from henon_ref.figures.scene import draw_scene
         from henon_ref.figures.time_series import draw_modes
         from henon_ref.harness.figures.cost import draw_cost
         from henon_ref.harness.figures.errors import draw_errors
 
-        drawn: dict[str, Figure | None] = {}
-        if self.content.scene is not None:
-            drawn[SCENE] = draw_scene(self.content.scene)
-        if self.expected is None:
-            return {kind: figure for kind, figure in drawn.items() if figure is not None}
-        motion = motion_of(self.samples, self.expected.transitions) if self.samples is not None else None
-        if motion is not None:
-            drawn[PORTRAIT] = draw_portrait(self.content, motion)
-            drawn[MODES] = draw_modes(self.content, motion)
-        drawn[ERRORS] = draw_errors(self.records, self.expected)
-        drawn[COST] = draw_cost([record.run for record in self.records], self.expected)
-        return {kind: figure for kind, figure in drawn.items() if figure is not None}
+        reading, expected = self.content, self.expected
+        scene = draw_scene(reading.scene) if reading.scene is not None else None
+        if expected is None:
+            return [scene, *4 * [None]]
+        motion = motion_of(self.samples, expected.transitions) if self.samples is not None else None
+        return [
+            scene,
+            draw_portrait(reading, motion) if motion is not None else None,
+            draw_modes(reading, motion) if motion is not None else None,
+            draw_errors([(record.run, record.transitions) for record in self.records], expected),
+            draw_cost([record.run for record in self.records], expected),
+        ]
 
 
 def figure_job(result: ReadingResult, records: list[Record]) -> FigureJob:

@@ -28,15 +28,12 @@ except ImportError:  # Windows: nothing is locked there
 
 _LOG = logging.getLogger(__name__)
 
-REPORT, RUNS, TRANSITIONS, STICKS, MANIFEST = (
-    "report.md",
-    "runs.csv",
-    "transitions.csv",
-    "sticks.csv",
-    "manifest.json",
-)
+REPORT, MANIFEST = "report.md", "manifest.json"
+RUNS, TRANSITIONS, STICKS = "runs.csv", "transitions.csv", "sticks.csv"
 SAMPLES = "samples.csv"
 """Raw timing samples of a report's runs."""
+CASE_FILE, SCHEMA = "page.json", 1
+"""What the page shows of a case besides its rows, and the version of that."""
 ROWS = (TRANSITIONS, SAMPLES)
 """Files of a report that are too long to be kept in a repository."""
 INDEX, MATRIX = "README.md", "matrix.csv"
@@ -65,13 +62,7 @@ def remove_if_empty(folder: Path) -> None:
 
 
 def check_folder(folder: Path) -> None:
-    """See that files can be written into a folder, without leaving anything there.
-
-    Raises
-    ------
-    CaseError
-        Where they cannot.
-    """
+    """See that files can be written into a folder, without leaving anything there; else CaseError."""
     nearest = next((path for path in (folder, *folder.absolute().parents) if path.exists()), Path("/"))
     if not nearest.is_dir():
         raise CaseError(f"{nearest} is a file; --out needs a folder", file=None)
@@ -79,25 +70,16 @@ def check_folder(folder: Path) -> None:
         with tempfile.TemporaryFile(dir=nearest, prefix=".henon_ref."):
             pass
     except OSError as error:
-        raise CaseError(
-            f"cannot write into {nearest}: {error.strerror}; give --out a folder that can be written"
-        ) from error
+        words = f"cannot write into {nearest}: {error.strerror}; give --out a folder that can be written"
+        raise CaseError(words) from error
 
 
 def check_index(folder: Path) -> None:
-    """See that a folder's README.md, matrix and page may be replaced: there is none, or this package wrote it.
-
-    Raises
-    ------
-    CaseError
-        Where somebody else wrote it.
-    """
-    for name, beginning in _BEGINNINGS.items():
-        if (folder / name).exists() and not _begins(folder / name, beginning):
-            raise CaseError(
-                "was not written by henon_ref, so it is not replaced; give --out another folder",
-                file=str(folder / name),
-            )
+    """See that a folder's README.md, matrix and page may be replaced, CaseError where somebody else wrote one."""
+    for file, beginning in ((folder / name, beginning) for name, beginning in _BEGINNINGS.items()):
+        if file.exists() and not _begins(file, beginning):
+            words = "was not written by henon_ref, so it is not replaced; give --out another folder"
+            raise CaseError(words, file=str(file))
 
 
 def check_writable(folder: Path) -> None:
@@ -112,19 +94,19 @@ def own_files(folder: Path) -> set[str]:
         content = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
     except (FileNotFoundError, NotADirectoryError, RecursionError, ValueError):
         return set()
-    if not isinstance(content, dict) or content.get("case") != folder.name:
+    if (
+        not isinstance(content, dict)
+        or content.get("case") != folder.name
+        or not isinstance(content.get("files"), list)
+    ):
         return set()
-    names = content.get("files")
-    return {name for name in names if _is_beside(folder, name)} if isinstance(names, list) else set()
+    names = {name for name in content["files"] if isinstance(name, str) and Path(name).name == name}
+    return {name for name in names if os.path.isfile(folder / name)}
 
 
 def is_study(folder: Path) -> bool:
     """Whether this package wrote the README.md of a study's folder."""
     return _begins(folder / INDEX, _STUDY)
-
-
-def _is_beside(folder: Path, name: object) -> bool:
-    return isinstance(name, str) and Path(name).name == name and os.path.isfile(folder / name)
 
 
 def _begins(path: Path, beginning: re.Pattern[str]) -> bool:
@@ -177,24 +159,16 @@ UNSUPPORTED = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)
 
 
 class FolderLock:
-    """A lock on one folder, which is made if it is not there.
-
-    Raises
-    ------
-    BlockingIOError
-        Where another process (or another lock of this one) holds it; nothing has been changed then.
-    OSError
-        Where the folder or the file cannot be made.
-    """
+    """A lock on one folder, which is made if it is not there; BlockingIOError, and no change, where it is held."""
 
     def __init__(self, folder: Path) -> None:
         self.path = folder / LOCK
         self._made = [path for path in (folder, *folder.parents) if not path.exists()]
-        self._descriptor = self._opened()
+        self.descriptor = self._opened()
         _held.add(self)
         try:
-            os.ftruncate(self._descriptor, 0)
-            os.write(self._descriptor, f"{os.getpid()}\n".encode())
+            os.ftruncate(self.descriptor, 0)
+            os.write(self.descriptor, f"{os.getpid()}\n".encode())
         except OSError:
             self.release()
             raise
@@ -233,19 +207,16 @@ class FolderLock:
             self.path.unlink()
             for folder in self._made:
                 folder.rmdir()
-        os.close(self._descriptor)
-
-    def forget(self) -> None:
-        """In a fork of the holder: the lock is not this process's."""
-        os.close(self._descriptor)
+        os.close(self.descriptor)
 
 
 _held: WeakSet[FolderLock] = WeakSet()
 
 
 def _forget_all() -> None:
+    """In a fork of their holder: the locks are not this process's."""
     for lock in list(_held):
-        lock.forget()
+        os.close(lock.descriptor)
     _held.clear()
 
 
@@ -257,10 +228,7 @@ if hasattr(os, "register_at_fork"):
 def locked(folders: Iterable[Path], *, wait: bool = False) -> Iterator[None]:
     """Hold the locks of some folders; ``wait``: others hold them for a moment only.
 
-    Raises
-    ------
-    CaseError
-        Where another process holds one of them, with its id; nothing has been changed then.
+    Where another process holds one of them, CaseError names it, and nothing has been changed.
     """
     deadline = time.monotonic() + (PATIENCE if wait else 0.0)
     with ExitStack() as stack:
@@ -272,8 +240,8 @@ def locked(folders: Iterable[Path], *, wait: bool = False) -> Iterator[None]:
                     break
                 except BlockingIOError:
                     if time.monotonic() >= deadline:
-                        words = "wait for it, or give --out another folder"
-                        raise CaseError(f"{folder} is being written by another run{_holder(folder)}; {words}") from None
+                        words = f"{folder} is being written by another run{_holder(folder)}"
+                        raise CaseError(f"{words}; wait for it, or give --out another folder") from None
                 time.sleep(POLL)
         yield
 

@@ -2,34 +2,82 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from henon_ref.atomic_write import replace_file
-from henon_ref.harness.report.folder import INDEX, MATRIX, PAGE, check_index
-from henon_ref.harness.report.html.reports_page import page_text
-from henon_ref.harness.report.text.index import index_text
+from henon_ref.harness.report.folder import INDEX, MATRIX, PAGE, REPORT, check_index, without_dead_links
+from henon_ref.harness.report.html.content import content
+from henon_ref.harness.report.html.rendering import rendered
+from henon_ref.harness.report.text import choice
+from henon_ref.harness.report.text.markdown import environment
 from henon_ref.harness.report.text.matrix import MatrixRow, merged
 from henon_ref.harness.rows import rows_text
+from henon_ref.harness.score.kinds import CLOSE
+from henon_ref.harness.table import count
+
+SCRIPTS = ("page.js", "matrix.js", "run.js")
+FIRST = 9
+"""Digits that the page begins with."""
+MEAN_PARTS = round(1 / CLOSE)
+"""Roots are close within one of so many parts of their mean spacing."""
+PAGES = {
+    "price": "[Price list](price/README.md): what accuracy costs in time, from one transition to a million seconds",
+    "rivals": "[Times in turn](rivals/README.md): `henon` against heyoka and whichever other solver is the cheapest",
+    "atlas": "[Atlas](atlas/README.md): tolerance against distance from a graze, or between two roots of one step",
+    "restarts": "[How libraries are restarted](restarts/README.md) after an event: each way over all cases",
+    "causes": "[Causes](causes/README.md): what the libraries do by themselves, each shown by the library alone",
+    "paper": "[The paper](paper/README.md): every number and equation of the paper, computed again",
+}
+"""Folders of the studies, and how the index leads to them."""
 
 
 def write_folder_report(folder: Path) -> Path:
-    """Write the matrix of all reports in a folder, and what is made of it: the index and the page.
+    """Write the matrix of all reports in a folder, and what is made of it: the page and the index, which is returned.
 
-    The matrix keeps its rows of solvers and cases that no report there has (:func:`.text.matrix.merged`).
-
-    Returns
-    -------
-    Path
-        The index.
-
-    Raises
-    ------
-    CaseError
-        Where it would replace a file of somebody else's; nothing has been written then.
+    The matrix keeps its rows of solvers and cases that no report there has (:func:`.text.matrix.merged`). Where it
+    would replace a file of somebody else's, CaseError says so, and nothing has been written.
     """
     check_index(folder)
     rows = merged(folder)
     replace_file(folder / MATRIX, rows_text(MatrixRow, rows).encode())
-    replace_file(folder / PAGE, page_text(folder, rows).encode())
+    replace_file(folder / PAGE, page_text(rows, folder).encode())
     replace_file(folder / INDEX, index_text(rows, folder).encode())  # last: it links to what is there alone
     return folder / INDEX
+
+
+def index_text(rows: Sequence[MatrixRow], folder: Path) -> str:
+    """The index as markdown, of the rows of a folder's matrix; links lead only to what is there."""
+    text = (
+        environment()
+        .get_template("index.md.j2")
+        .render(
+            choice=choice.choice_table(rows).markdown,
+            often=choice.often_table(rows).markdown,
+            cases=choice.case_table([row for row in rows if (folder / row.case / REPORT).exists()]).markdown,
+            commits=choice.commits(rows),
+            mean_parts=MEAN_PARTS,
+            pages=[words for page, words in PAGES.items() if (folder / page / INDEX).exists()],
+        )
+    )
+    return without_dead_links(text, folder)
+
+
+def page_text(rows: Sequence[MatrixRow], folder: Path) -> str:
+    """The page as HTML, of the rows of a folder's matrix."""
+    data = content(folder, rows)
+    cases, readings = len({row.case for row in rows}), len({row.problem for row in rows})
+    files = {INDEX: "index (markdown)", MATRIX: "matrix (CSV)"}
+    studies = {f"{page}/{INDEX}": words.split("]")[0].strip("[").lower() for page, words in PAGES.items()}
+    return rendered(
+        "reports.html",
+        SCRIPTS,
+        data,
+        summary=f"{count(readings, 'reading')} of {count(cases, 'case')}, "
+        f"{count(len(data['solvers']), 'solver')}; {choice.commits(rows)}.",
+        choice=next(level for level in data["choice"] if level["digits"] == FIRST),
+        headings=list(zip(choice.HEADINGS, choice.SIDES, strict=True)),
+        mean_parts=MEAN_PARTS,
+        coverage=choice.coverage_words(rows),
+        files=files | {address: title for address, title in studies.items() if (folder / address).is_file()},
+    )

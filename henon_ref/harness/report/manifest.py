@@ -1,4 +1,4 @@
-"""The manifest, which holds what is needed to make a report again, and the raw timing samples, a file of their own."""
+"""The manifest of a report, which holds what is needed to make it again."""
 
 from __future__ import annotations
 
@@ -12,17 +12,12 @@ from henon_ref.errors import CaseError
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.comparison import Comparison
 from henon_ref.harness.campaign.results import ReadingResult
-from henon_ref.harness.rows import csv_text
 from henon_ref.harness.score.gate import Bounds, bounds_of
 from henon_ref.harness.score.kinds import kind_of
 from henon_ref.text import one_line
 from henon_ref.workers.machine import commit, machine
 
 SCHEMA = 1
-WIDTH = 120
-"""Characters up to which a value of a manifest stands on one line."""
-SAMPLE_COLUMNS = ("reading", "solver", "rtol", "step_s", "samples_ns")
-"""A row a timed run; its samples in nanoseconds, in their order, with blanks between them."""
 
 
 @dataclass(frozen=True)
@@ -77,17 +72,11 @@ def manifest_text(comparison: Comparison, origin: Provenance, files: Iterable[st
         "case_readings": [reading.name for reading in comparison.case.readings],
         "files": sorted(files),
     }
-    return json_text(content) + "\n"
+    return json.dumps(content, indent=1) + "\n"
 
 
 def read_bounds(manifest: Path) -> list[Bounds]:
-    """The bounds of a report's gate; none where it is of an earlier version, or has no manifest.
-
-    Raises
-    ------
-    CaseError
-        Where the file is no manifest.
-    """
+    """The bounds of a report's gate; none where it is of an earlier version, or has no manifest."""
     try:
         content = json.loads(manifest.read_text(encoding="utf-8"))
         return [Bounds(**own) for own in content.get("gate", ())]
@@ -95,40 +84,6 @@ def read_bounds(manifest: Path) -> list[Bounds]:
         return []
     except (AttributeError, OSError, RecursionError, TypeError, ValueError) as error:
         raise CaseError(f"cannot be read: {error}", file=str(manifest)) from error
-
-
-def json_text(value: object, indent: str = "") -> str:
-    """JSON of which whatever fits into one line stands on one.
-
-    Examples
-    --------
-    >>> print(json_text({"a": {"exact": "1/10", "value": 0.1}, "b": ["x" * 70, "y" * 70]}))
-    {
-     "a": {"exact": "1/10", "value": 0.1},
-     "b": [
-      "xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx",
-      "yyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyy"
-     ]
-    }
-    """
-    line = json.dumps(value)
-    if len(indent) + len(line) <= WIDTH or not isinstance(value, dict | list):
-        return line
-    deeper = indent + " "
-    if isinstance(value, dict):
-        parts = [f"{deeper}{json.dumps(key)}: {json_text(own, deeper)}" for key, own in value.items()]
-        return "{\n" + ",\n".join(parts) + f"\n{indent}}}"
-    return "[\n" + ",\n".join(deeper + json_text(own, deeper) for own in value) + f"\n{indent}]"
-
-
-def samples_text(comparison: Comparison) -> str:
-    """Raw timing samples of one case as CSV."""
-    rows = [
-        (*record.run.key[1:], " ".join(f"{round(sample * 1e9)}" for sample in record.samples))
-        for record in comparison.records
-        if record.samples
-    ]
-    return csv_text(SAMPLE_COLUMNS, rows)
 
 
 def _reading(result: ReadingResult) -> dict[str, Any]:

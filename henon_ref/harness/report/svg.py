@@ -29,9 +29,7 @@ _NAME = re.compile(rb' id="([mp][0-9a-f]{10})"')
 _PLACE = re.compile(rb' (?:x|y)="[^"]*"')
 _LONG = re.compile(rb"-?\d+\.\d{3,}(?![\d.e])")
 _PATH = re.compile(rb' d="([MLQCz\d\s.e-]*)"')
-_PART = re.compile(rb"[MLQCz]|[-\d.e]+")
-_SIZES = {b"M": 2, b"L": 2, b"Q": 4, b"C": 6}
-"""Numbers of a path's commands."""
+_COMMAND = re.compile(rb"([MLQCz])([-\d\s.e]*)")
 
 
 def svg(figure: Figure) -> bytes:
@@ -116,24 +114,16 @@ class _Piece:
 def _relative(path: bytes) -> bytes:
     """A path of absolute coordinates with each piece relative to its beginning, and no more points than are seen."""
     pieces: list[_Piece] = []
-    here, begin, command, values = (0, 0), (0, 0), b"", list[int]()
-    for part in _PART.findall(path):
-        if part == b"z":
-            pieces.append(_Piece(b"z", []))
+    here = begin = (0, 0)
+    for command, text in _COMMAND.findall(path):
+        values = list(map(_units, text.split()))
+        if command in b"Mz":
+            pieces.append(_Piece(command, values))
+            begin = (values[0], values[1]) if values else begin
             here = begin
-        elif part in _SIZES:
-            command = part
         else:
-            values.append(_units(part))
-            if len(values) < _SIZES[command]:
-                continue
-            end = values[-2], values[-1]
-            if command == b"M":
-                pieces.append(_Piece(b"M", values))
-                begin = end
-            else:
-                _add(pieces, command.lower(), [value - here[k % 2] for k, value in enumerate(values)])
-            here, values = end, []
+            _add(pieces, command.lower(), [value - here[k % 2] for k, value in enumerate(values)])
+            here = values[-2], values[-1]
     return _written(pieces)
 
 

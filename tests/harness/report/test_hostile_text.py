@@ -24,9 +24,9 @@ from henon_ref.harness.cli.compare import command
 from henon_ref.harness.figures.cost import draw_cost
 from henon_ref.harness.figures.errors import draw_errors
 from henon_ref.harness.report.case_report import write_report
-from henon_ref.harness.report.figure_jobs import svg
 from henon_ref.harness.report.folder_report import write_folder_report
 from henon_ref.harness.report.manifest import provenance
+from henon_ref.harness.report.svg import svg
 from henon_ref.harness.score.errors import score
 from henon_ref.workers.worker import Failure
 
@@ -67,7 +67,7 @@ def folder(tmp_path) -> Path:
     case = hostile()
     result = ReadingResult(case.readings[0], replace(statement(None, None), reason=EVIL, uncertified_because=EVIL))
     rows = records(case)
-    result.figures["default_errors.svg"] = svg(draw_errors(rows, expected()))
+    result.figures["default_errors.svg"] = svg(draw_errors([(row.run, row.transitions) for row in rows], expected()))
     result.figures["default_cost.svg"] = svg(draw_cost([row.run for row in rows], expected()))
     comparison = Comparison(case, [result], [*rows, made("henon", 1e-6, 1e-4)], Options())
     origin = provenance(f"python -m henon_ref.compare '{EVIL}\n\n# x\n.yaml'")

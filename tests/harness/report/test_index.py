@@ -44,7 +44,7 @@ WRONG = {"right": 0, "verdict": "solver defect", "status": "wrong", "digits": No
 
 def test_a_row_a_solver_sums_up_its_settings(tmp_path):
     write_report(usual(), ORIGIN, tmp_path)
-    rows = {own.solver: own for own in rows_of_report(tmp_path / "made_up" / "manifest.json")}
+    rows = {own.solver: own for own in rows_of_report(tmp_path / "made_up")[0]}
     assert list(rows) == ["henon", "heyoka", "scipy-rk45", "scipy-sign", "ida"]
     counts = {solver: [own.settings, own.judged, own.right] for solver, own in rows.items()}
     assert counts == {

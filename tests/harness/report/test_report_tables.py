@@ -4,23 +4,26 @@ from __future__ import annotations
 
 from dataclasses import replace
 from decimal import Decimal
+from pathlib import Path
 
 import pytest
 from fakes import TIMES, Reference, case, expected, found, trajectory
 from made_reports import ORIGIN, SWEEP, VALUES, cells, changed, compared, made, sweep, tables, usual
 
+from henon_ref.casefile.case import load_case
 from henon_ref.harness.campaign.comparison import Comparison
 from henon_ref.harness.campaign.results import ReadingResult
 from henon_ref.harness.campaign.rows import Outcome, record, scored
 from henon_ref.harness.campaign.settings import Setting
 from henon_ref.harness.report.text.markdown import MANY, report_text
 from henon_ref.harness.report.text.ranking import over_all
-from henon_ref.harness.report.text.tables import price_table, solver_table
+from henon_ref.harness.report.text.tables import price_table, solver_table, stick_table
 from henon_ref.harness.report.text.truth import no_truth, printed_times_table, published_table, truth_table
 from henon_ref.harness.rows import RunRow
 from henon_ref.trajectory import Transition
 
 RIGHT = "right"
+CASES = Path(__file__).parents[3] / "cases"
 
 
 def solvers(comparison: Comparison) -> dict[str, dict[str, str]]:
@@ -128,6 +131,19 @@ def test_a_solver_that_reports_no_touch_is_right_with_a_note():
     notes = {solver: (row[RIGHT], row["note"].partition(";")[0]) for solver, row in solvers(whole).items()}
     assert notes["`scipy-rk45`"] == ("1 of 1", "touches missed: 1")
     assert "touches" not in notes["`henon`"][1]
+
+
+@pytest.mark.parametrize(
+    ("file", "heading"), [("static_belt", "length in `x1` [m]"), ("rig_periodic", "length in `x1`")]
+)
+def test_a_length_has_a_unit_where_the_first_state_is_a_position_in_a_scene(file, heading):
+    reading = load_case(CASES / f"{file}.yaml").readings[0]
+    comparison = usual()
+    table = stick_table(
+        comparison.records, replace(comparison.readings[0], reading=replace(reading, measure_after=0.0))
+    )
+    assert table is not None
+    assert table.headings[-1] == heading
 
 
 def published(comparison: Comparison, *printed: str, measure_after: float = 1.0) -> dict[str, dict[str, str]]:

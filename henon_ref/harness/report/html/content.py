@@ -12,17 +12,15 @@ from pathlib import Path
 from typing import Any
 
 from henon_ref.baselines.causes import CAUSES
+from henon_ref.errors import CaseError
 from henon_ref.figures.style import Line, lines_of
 from henon_ref.harness import registry
-from henon_ref.harness.report.folder import MANIFEST, PAGE, RUNS
-from henon_ref.harness.report.html.case_file import read_case_file
-from henon_ref.harness.report.html.choice_content import choice_levels
+from henon_ref.harness.report.folder import CASE_FILE, PAGE, SCHEMA
 from henon_ref.harness.report.html.rendering import read_embedded, rounded
-from henon_ref.harness.report.projects import PROJECTS
-from henon_ref.harness.report.text.choice import UNKNOWN, by_kind
-from henon_ref.harness.report.text.matrix import MatrixRow, commits_of, solvers_of
-from henon_ref.harness.report.text.ranking import LEVELS, by_solver, floor, readings_of
-from henon_ref.harness.rows import RunRow, read_rows
+from henon_ref.harness.report.text.choice import UNKNOWN, by_kind, choice_levels
+from henon_ref.harness.report.text.matrix import MatrixRow, commits_of, mapping, read_report, solvers_of, wall_column
+from henon_ref.harness.report.text.ranking import LEVELS, by_solver, floor, grouped, readings_of
+from henon_ref.harness.rows import RunRow
 from henon_ref.text import one_line
 
 FORMAT = 2
@@ -34,36 +32,41 @@ FIELDS: Mapping[str, int] = {
     "spurious": 12, "missed_touches": 12, "status_reason": TEXT, "cause": TEXT, "verdict_basis": TEXT,
 }  # fmt: skip
 """What a run on the page is a list of, and the places of each number."""
-CELL = ("settings", "judged", "right", "status", "verdict", "digits", "wall_s", *(f"wall_{d}_s" for d in LEVELS))
+CELL = ("settings", "judged", "right", "status", "verdict", "digits", *map(wall_column, (None, *LEVELS)))
 """Columns of the matrix that a cell is a list of, behind its solver."""
 SHOWN_FILES = (".md", ".csv", ".svg")
+PROJECTS = {
+    "henon-ref": ("", "Taylor method with Hénon's landing, and the paper's own programs; this project"),
+    "heyoka": ("https://bluescarni.github.io/heyoka.py/", "Taylor integrator, compiled by LLVM, with event detection"),
+    "scikit-sundae": ("https://github.com/NREL/scikit-sundae", "CVODE and IDA of SUNDIALS, called from Python"),
+    "scipy": ("https://docs.scipy.org/doc/scipy/tutorial/integrate.html", "solve_ivp, what most people begin with"),
+    "sundials": ("https://computing.llnl.gov/projects/sundials", "CVODE from C, all callbacks compiled"),
+    "octave": ("https://octave.org", "ode45 of GNU Octave, written as for MATLAB"),
+    "siconos": (
+        "https://nonsmooth.gricad-pages.univ-grenoble-alpes.fr/siconos/",
+        "time stepping for nonsmooth systems",
+    ),
+    "diffrax": ("https://docs.kidger.site/diffrax/", "solvers for JAX, with events"),
+    "pydiffsol": ("https://github.com/martinjrobins/diffsol", "diffsol, solvers in Rust with their own language"),
+    "nosnoc": ("https://github.com/nosnoc/nosnoc_py", "time stepping with switch detection, by optimization"),
+}
+"""Package, or program, that solvers come from -> (address, line); no address for this one."""
 Details = dict[str, Any]
 """What is known of a case: title, words of its file, ``files`` beside its report, and ``readings`` by name, each with
 its portrait and, by solver, its runs."""
 
 
 def content(folder: Path, rows: Sequence[MatrixRow]) -> dict[str, Any]:
-    """The page's data.
-
-    Parameters
-    ----------
-    folder : Path
-        Of reports.
-    rows : sequence of MatrixRow
-        Of its matrix.
-    """
+    """The page's data, of a folder of reports and the rows of its matrix."""
     earlier, few = earlier_details(folder), few_readings(rows)
     solvers, kinds = sorted(solvers_of(rows), key=few.__contains__), list(by_kind(rows))
     lines = solver_lines(solvers)
-    cases: dict[str, list[tuple[str, list[MatrixRow]]]] = {}
-    for (case, reading), own in readings_of(rows).items():
-        cases.setdefault(case, []).append((reading, own))
     made = []
-    for case, readings in cases.items():
+    for case, own in grouped(rows, lambda row: row.case).items():
         details = updated(details_of(folder / case), earlier.get(case, {}))
         known = {key: value for key, value in details.items() if key != "readings"}
-        own_readings = [_reading(*one, details, solvers, kinds) for one in readings]
-        made.append({"name": case, "title": case, **known, "readings": own_readings})
+        readings = [_reading(cells, details, solvers, kinds) for cells in readings_of(own).values()]
+        made.append({"name": case, "title": case, **known, "readings": readings})
     return {
         "format": FORMAT,
         "fields": list(FIELDS),
@@ -78,8 +81,8 @@ def content(folder: Path, rows: Sequence[MatrixRow]) -> dict[str, Any]:
 
 def few_readings(rows: Sequence[MatrixRow]) -> set[str]:
     """The solvers that were run on less than half of the readings: they stand apart."""
-    runs, every = by_solver(rows), len(readings_of(rows))
-    return {solver for solver, own in runs.items() if 2 * len(own) < every}
+    every = len(readings_of(rows))
+    return {solver for solver, own in by_solver(rows).items() if 2 * len(own) < every}
 
 
 def _solver(name: str, line: Mapping[str, object], few: bool) -> Details:
@@ -89,12 +92,13 @@ def _solver(name: str, line: Mapping[str, object], few: bool) -> Details:
 
 
 def _reading(
-    reading: str, rows: Sequence[MatrixRow], details: Details, solvers: Sequence[str], kinds: Sequence[str]
+    rows: Sequence[MatrixRow], details: Details, solvers: Sequence[str], kinds: Sequence[str]
 ) -> dict[str, Any]:
-    own = details.get("readings", {}).get(reading, {})
+    """A reading with its cells, and the runs of the solvers that have one."""
+    own = details.get("readings", {}).get(rows[0].reading, {})
     runs, ran = own.get("runs", {}), {row.solver for row in rows}
     return {
-        "name": reading,
+        "name": rows[0].reading,
         "kind": kinds.index(rows[0].kind or UNKNOWN),
         "commit": ", ".join(commits_of(rows)),
         **{key: value for key, value in own.items() if key != "runs"},
@@ -113,38 +117,39 @@ def run_values(row: RunRow) -> list[Any]:
 
 
 def details_of(folder: Path) -> Details | None:
-    """What a case's folder says of it; None where there is no report in it."""
-    if not (folder / RUNS).exists() or not (folder / MANIFEST).exists():
-        return None
+    """What a case's folder says of it; None where there is no report in it that can be read."""
     try:
-        manifest = _mapping(json.loads((folder / MANIFEST).read_text(encoding="utf-8")))
-        rows = read_rows(RunRow, folder / RUNS)
-    except (OSError, RecursionError, ValueError):
+        manifest, rows = read_report(folder)
+    except CaseError:
         return None  # the index names it, and leaves it out
-    told, known = read_case_file(folder), _mapping(manifest.get("readings"))
+    words, known = _words_of(folder), mapping(manifest.get("readings"))
     return {
-        "title": one_line(str(manifest.get("title") or folder.name)),
-        **{key: told[key] for key in ("tags", "source") if told.get(key)},
+        "title": one_line(manifest["title"] or folder.name),
+        **{key: words[key] for key in ("tags", "source") if words.get(key)},
         "files": sorted(one_line(path.name) for path in folder.iterdir() if path.suffix in SHOWN_FILES),
         "readings": {
-            reading: _details_of(reading, _mapping(known.get(reading)), told, own)
+            reading: _details_of(reading, mapping(known.get(reading)), words, own)
             for (_, reading), own in readings_of(rows).items()
         },
     }
 
 
-def _mapping(value: object) -> Mapping[str, Any]:
-    """What should be one, in a file that somebody may have changed."""
-    return value if isinstance(value, dict) else {}
+def _words_of(folder: Path) -> Mapping[str, Any]:
+    """The content of the file that a report keeps for the page; empty where it has none, or one of another version."""
+    try:
+        words = mapping(json.loads((folder / CASE_FILE).read_text(encoding="utf-8")))
+    except (FileNotFoundError, RecursionError, ValueError):
+        return {}
+    return words if words.get("schema") == SCHEMA else {}
 
 
 def _details_of(reading: str, manifest: Mapping[str, Any], words: Mapping[str, Any], rows: Sequence[RunRow]) -> Details:
     """What its manifest, the words of the case's file and its rows say of a reading."""
-    truth = _mapping(manifest.get("truth"))
+    truth = mapping(manifest.get("truth"))
     told = {
         "title": one_line(str(manifest.get("title") or "")),
-        "story": _mapping(words.get("stories")).get(reading),
-        "portrait": _mapping(_mapping(words.get("portraits")).get(reading)) or None,
+        "story": mapping(words.get("stories")).get(reading),
+        "portrait": mapping(mapping(words.get("portraits")).get(reading)) or None,
         "unit": rounded(next((row.time_unit_s for row in rows if row.time_unit_s is not None), None), 6),
         "floor": rounded(max((floor(row) for row in rows), default=0.0), 2),
         "transitions": truth.get("transitions"),
@@ -158,15 +163,7 @@ def _details_of(reading: str, manifest: Mapping[str, Any], words: Mapping[str, A
 
 
 def updated(fresh: Details | None, earlier: Details) -> Details:
-    """What a case's folder says, and what an earlier page knows beside it: portraits, runs of other solvers.
-
-    Parameters
-    ----------
-    fresh : Details or None
-        Of a folder; None where it is gone.
-    earlier : Details
-        Of the page; empty where it does not know the case.
-    """
+    """What a case's folder says (None: it is gone), and what an earlier page knows: portraits, other solvers' runs."""
     if fresh is None:
         return earlier
     known = earlier.get("readings", {})
@@ -219,27 +216,28 @@ def solver_lines(solvers: Iterable[str]) -> dict[str, dict[str, object]]:
 def _drawn(line: Line) -> dict[str, object]:
     dashes = _DASHES[line.dashes] if isinstance(line.dashes, str) else line.dashes[1]
     return {
-        "light": towards(line.colour, "#000000", PAPER),
-        "dark": towards(line.colour, "#ffffff", NIGHT),
+        "light": towards(line.colour, 0.0, PAPER),
+        "dark": towards(line.colour, 1.0, NIGHT),
         "dashes": " ".join(f"{length:g}" for length in dashes),
         "marker": line.marker,
         "width": line.width,
     }
 
 
-def towards(colour: str, end: str, background: str) -> str:
-    """A colour, mixed with black or white until it is seen on a background.
+def towards(colour: str, end: float, background: str) -> str:
+    """A colour, mixed with black (0) or white (1) until it is seen on a background.
 
     Examples
     --------
-    >>> towards("#000000", "#ffffff", "#15181c"), towards("#0072b2", "#000000", "#ffffff")
+    >>> towards("#000000", 1.0, "#15181c"), towards("#0072b2", 0.0, "#ffffff")
     ('#666666', '#0072b2')
     """
     for share in range(0, 101, 2):
-        mixed = _mixed(colour, end, share / 100)
+        parts = ((1 - share / 100) * channel + share / 100 * end for channel in _channels(colour))
+        mixed = "#" + "".join(f"{round(255 * part):02x}" for part in parts)
         if contrast(mixed, background) >= SEEN:
-            return mixed
-    return end
+            break
+    return mixed
 
 
 def contrast(one: str, other: str) -> float:
@@ -259,11 +257,5 @@ def _luminance(colour: str) -> float:
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
 
 
-def _mixed(colour: str, end: str, share: float) -> str:
-    parts = zip(_channels(colour), _channels(end), strict=True)
-    return "#" + "".join(f"{round(255 * ((1 - share) * a + share * b)):02x}" for a, b in parts)
-
-
-def _channels(colour: str) -> tuple[float, float, float]:
-    red, green, blue = (int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5))
-    return red, green, blue
+def _channels(colour: str) -> list[float]:
+    return [int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)]

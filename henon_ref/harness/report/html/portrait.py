@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from base64 import b64encode
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.figures.curves import Curves
+from henon_ref.figures.motion import Motion, axes_of_portrait, limits_around, plane_of, surface_curves
+from henon_ref.modes.system import FilippovSystem
 
 CELLS = 4096
 """Steps of the grid across the portrait's limits; points may lie up to seven times that far outside."""
@@ -17,53 +17,49 @@ MOST_POINTS = 1500
 """Points of a portrait: where there would be more, they are thinned further."""
 THRESHOLD = 2.0
 """Steps of the grid by which a thinned curve may lie beside its points, as long as they are few enough."""
-
-
-def packed(curves: Curves) -> dict[str, Any]:
-    """A portrait as JSON.
-
-    ``pieces`` are (label, points), ``surfaces`` points; points are the base64 text of little-endian 16-bit integers
-    x, y, x, y, ..., of which 0 and ``CELLS`` are the limits.
-    """
-    threshold = THRESHOLD
-    pieces, surfaces = _thinned(curves, threshold)
-    while sum(len(points) for _, points in pieces) > MOST_POINTS and threshold < CELLS:
-        threshold *= 2
-        pieces, surfaces = _thinned(curves, threshold)
-    return {
-        "names": list(curves.names),
-        "limits": [[float(f"{value:.6g}") for value in pair] for pair in curves.limits],
-        "window": [float(f"{value:.12g}") for value in curves.window],
-        "pieces": [[label, _text(points)] for label, points in pieces],
-        "surfaces": [_text(points) for points in surfaces],
-    }
-
-
 Points = NDArray[np.float64]
 
 
-def _thinned(curves: Curves, threshold: float) -> tuple[list[tuple[str, Points]], list[Points]]:
-    low, high = np.array(curves.limits).T
+def packed(system: FilippovSystem, motion: Motion) -> dict[str, Any]:
+    """The portrait of a motion as JSON; of a system with one state, that state over time.
 
-    def on_grid(points: Points) -> Points:
-        scaled = (points - low) / (high - low) * CELLS
-        return _simplified(np.clip(scaled, -7 * CELLS, 7 * CELLS), threshold)
+    ``pieces`` are (label, points), in order of time, ``surfaces`` points; points are the base64 text of little-endian
+    16-bit integers x, y, x, y, ..., of which 0 and ``CELLS`` are the limits.
+    """
+    pair = axes_of_portrait(system)
+    x, y = pair or (0, 0)
+    points = np.column_stack([motion.states[:, x] if pair else motion.times, motion.states[:, y]])
+    limits = limits_around(points[:, 0]), limits_around(points[:, 1])
+    curves = [(label, points[piece]) for label, piece in plane_of(system, x, y).pieces(motion.modes)]
+    threshold = THRESHOLD
+    pieces = [(label, _on_grid(own, limits, threshold)) for label, own in curves]
+    while sum(len(own) for _, own in pieces) > MOST_POINTS and threshold < CELLS:
+        threshold *= 2
+        pieces = [(label, _on_grid(own, limits, threshold)) for label, own in curves]
+    surfaces = surface_curves(system, pair, limits) if pair else []
+    return {
+        "names": [system.state_names[x] if pair else "t", system.state_names[y]],
+        "limits": [[float(f"{value:.6g}") for value in own] for own in limits],
+        "window": [float(f"{value:.12g}") for value in motion.times[[0, -1]]],
+        "pieces": [[label, _text(own)] for label, own in pieces],
+        "surfaces": [_text(_on_grid(own, limits, threshold)) for own in surfaces],
+    }
 
-    return [(label, on_grid(p)) for label, p in curves.pieces], [on_grid(p) for p in curves.surfaces]
 
-
-def _simplified(points: Points, threshold: float) -> Points:
-    """A curve without the points that lie on the line between their neighbours."""
+def _on_grid(points: Points, limits: tuple[tuple[float, float], tuple[float, float]], threshold: float) -> Points:
+    """A curve in steps of the grid, without the points that lie on the line between their neighbours."""
     from matplotlib.path import Path
 
-    if len(points) < 3:
-        return points
-    path = Path(points)
+    low, high = np.array(limits).T
+    scaled = np.clip((points - low) / (high - low) * CELLS, -7 * CELLS, 7 * CELLS)
+    if len(scaled) < 3:
+        return scaled
+    path = Path(scaled)
     path.simplify_threshold = threshold
     cleaned = path.cleaned(simplify=True)
     kept = np.asarray(cleaned.vertices)[np.asarray(cleaned.codes) != Path.STOP]
-    return np.vstack([points[:1], kept[1:], points[-1:]])
+    return np.vstack([scaled[:1], kept[1:], scaled[-1:]])
 
 
-def _text(points: Sequence[Any] | Points) -> str:
-    return b64encode(np.rint(np.asarray(points)).astype("<i2").tobytes()).decode("ascii")
+def _text(points: Points) -> str:
+    return b64encode(np.rint(points).astype("<i2").tobytes()).decode("ascii")

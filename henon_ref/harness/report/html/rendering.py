@@ -10,57 +10,34 @@ import re
 import zlib
 from base64 import b64decode, b64encode
 from collections.abc import Sequence
-from functools import cache
 from importlib.resources import files
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from henon_ref.text import one_line
-
-if TYPE_CHECKING:
-    from jinja2 import Environment
 
 MOST_BYTES = 4 * 2**20
 """Bytes that a page may have: every solver and peer on every reading of the suite, with all its runs."""
 _BLOCK = re.compile(r'<script type="application/zlib" id="data">(.*?)</script>', re.DOTALL)
 
 
-def rendered(template: str, style: str, scripts: Sequence[str], data: Any, **context: Any) -> str:
-    """A page as text.
+def rendered(template: str, scripts: Sequence[str], data: Any, **context: Any) -> str:
+    """A page as text: a template and the scripts that draw the data, by their files' names among the templates.
 
-    Parameters
-    ----------
-    template : str
-        Name of its file among the templates.
-    style : str
-        CSS besides that of all pages.
-    scripts : sequence of str
-        Names of JavaScript files among the templates, in their order.
-    data
-        What the script draws, fit for JSON.
-    context
-        What else the template shows; all of it is escaped, but for style, script and data.
+    ``context`` is what else the template shows; all of it is escaped, but for style, script and data.
     """
-    code = "\n".join(source(name).strip() for name in scripts)
-    made = _environment().get_template(template)
-    return made.render(style=source("page.css") + style, script=code, data=embedded(data), **context).strip() + "\n"
-
-
-def source(name: str) -> str:
-    """The text of a file among the templates."""
-    return (files("henon_ref.harness.report.html") / "templates" / name).read_text(encoding="utf-8")
-
-
-@cache
-def _environment() -> Environment:
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
-    return Environment(
+    environment = Environment(
         loader=PackageLoader("henon_ref.harness.report.html"),
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
         autoescape=True,
     )
+    folder = files("henon_ref.harness.report.html") / "templates"
+    style, *code = ((folder / name).read_text(encoding="utf-8") for name in ("page.css", *scripts))
+    made = environment.get_template(template)
+    return made.render(style=style, script="\n".join(code), data=embedded(data), **context).strip() + "\n"
 
 
 def embedded(data: Any) -> str:

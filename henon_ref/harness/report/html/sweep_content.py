@@ -1,4 +1,4 @@
-"""What the page of a sweep's folder draws, as JSON: columns of the points and tables, packed, and a few runs.
+"""What the page of a sweep's folder draws, as JSON: columns of the points and tables, packed.
 
 It is made from the folder alone: ``sweep.yaml`` and the Parquet files.
 """
@@ -34,8 +34,7 @@ def kept_points(plan: Plan, bytes_a_point: int) -> NDArray[np.int64]:
     Of a grid some values of each axis are kept, so that it stays a grid.
     """
     most = max(POINT_BYTES // bytes_a_point, 1)
-    count = len(plan.points)
-    sizes = grid_sizes(plan)
+    count, sizes = len(plan.points), grid_sizes(plan)
     if count <= most:
         return np.arange(count)
     if not sizes:
@@ -63,45 +62,36 @@ def bytes_a_point(columns: Mapping[str, Any], swept: Sequence[str]) -> int:
 def point_columns(table: pd.DataFrame, swept: Sequence[str]) -> list[dict[str, Any]]:
     """The columns of the points that are kept: swept values in full, other numbers as single precision, texts."""
     made: list[dict[str, Any]] = []
-    for name in table.columns:
-        own = table[name]
+    for name, own in table.items():
         if name in swept:
-            made.append({"name": one_line(name), "kind": "double", "data": packed_numbers(own, "<f8")})
+            packed: dict[str, Any] = {"kind": "double", "data": packed_numbers(own, "<f8")}
         elif _is_number(own.dtype):
-            made.append({"name": one_line(name), "kind": "single", "data": packed_numbers(own, "<f4")})
+            packed = {"kind": "single", "data": packed_numbers(own, "<f4")}
         elif own.nunique() < MOST_WORDS:
             codes, words = pd.factorize(own.fillna(""), sort=True)
             texts = [one_line(str(word)) for word in words]
-            made.append({"name": one_line(name), "kind": "word", "words": texts, "data": packed_numbers(codes, "u1")})
+            packed = {"kind": "word", "words": texts, "data": packed_numbers(codes, "u1")}
+        else:
+            continue
+        made.append({"name": one_line(str(name)), **packed})
     return made
 
 
 def coloured(table: pd.DataFrame, swept: Sequence[str]) -> str:
     """What a map of two swept names shows first: a column of few texts, else one of numbers."""
-    others = [name for name in table.columns if name not in swept]
-    few = [name for name in others if not _is_number(table[name].dtype) and 1 < table[name].nunique() <= MOST_BASINS]
-    numbers = [name for name in others if _is_number(table[name].dtype) and table[name].nunique() > 1]
-    return str(one_line((few + numbers + [""])[0]))
+    others = {name: own for name, own in table.items() if name not in swept and own.nunique() > 1}
+    few = [name for name, own in others.items() if not _is_number(own.dtype) and own.nunique() <= MOST_BASINS]
+    numbers = [name for name, own in others.items() if _is_number(own.dtype)]
+    return one_line(str((few + numbers + [""])[0]))
 
 
 def frame_content(name: str, frame: pd.DataFrame, rows: int, kept: NDArray[np.int64], tables: int) -> dict[str, Any]:
-    """A table with several rows a point: those of the points that are kept, evenly thinned where they are many.
+    """A table with several rows a point (its column ``point``): those of kept points, thinned where they are many.
 
-    Parameters
-    ----------
-    name : str
-    frame : DataFrame
-        Its column ``point`` says which point each row belongs to.
-    rows : int
-        Of the whole table.
-    kept : ndarray of int
-        Numbers of the points that are kept, in order.
-    tables : int
-        Such tables of the sweep, which share the room.
+    ``rows`` are those of the whole table, of which ``frame`` may be a part; ``tables`` share the page's room.
     """
-    place = np.searchsorted(kept, frame["point"].to_numpy())
-    there = kept[np.minimum(place, len(kept) - 1)] == frame["point"].to_numpy()
-    own, place = frame[there], place[there]
+    own = frame[frame["point"].isin(kept)]
+    place = np.searchsorted(kept, own["point"].to_numpy())
     numbers = [column for column in own.columns if column != "point" and _is_number(own[column].dtype)]
     most = max(ROW_BYTES // (tables * (4 + 4 * len(numbers))), 1)
     stride = max(-(-len(own) // most), 1)
@@ -117,36 +107,24 @@ def frame_content(name: str, frame: pd.DataFrame, rows: int, kept: NDArray[np.in
 def observed_rows(table: pd.DataFrame) -> list[tuple[str, ...]]:
     """A row a column, over all points: how many have a value, least, median, greatest; of texts the shares."""
     made = []
-    for name in table.columns:
-        own = table[name]
-        there = own.notna()
-        count = f"{int(there.sum()):,}"
-        if _is_number(own.dtype):
-            values = own[there].to_numpy(dtype=float)
-            cells = [f"{v:.6g}" for v in (values.min(), np.median(values), values.max())] if values.size else [""] * 3
-            made.append((one_line(name), count, *cells, ""))
-        else:
+    for name, column in table.items():
+        own = column.dropna()
+        cells = ["", "", "", ""]
+        if not _is_number(own.dtype):
             shares = own.value_counts(normalize=True)
-            told = ", ".join(f"{one_line(str(word))} {share:.2%}" for word, share in shares.head(6).items())
-            more = f" and {len(shares) - 6} more" if len(shares) > 6 else ""
-            made.append((one_line(name), count, "", "", "", told + more))
+            cells[3] = ", ".join(f"{one_line(str(word))} {share:.2%}" for word, share in shares.head(6).items())
+            cells[3] += f" and {len(shares) - 6} more" if len(shares) > 6 else ""
+        elif len(own):
+            cells[:3] = (f"{value:.6g}" for value in (own.min(), own.median(), own.max()))
+        made.append((one_line(str(name)), f"{len(own):,}", *cells))
     return made
 
 
 def read_table(folder: Path, name: str = POINTS, *, most: int | None = None) -> pd.DataFrame:
-    """A table of a sweep's folder, its chunks in order.
-
-    Parameters
-    ----------
-    folder : Path
-    name : str
-    most : int, optional
-        Rows that are read: of more, every second, third ... one.
-    """
-    files = chunk_files(folder, name)
+    """A table of a sweep's folder, its chunks in order; of more than ``most`` rows every second, third ... one."""
     stride = max(-(-rows_of(folder, name) // most), 1) if most else 1
     parts, before = [], 0
-    for file in files:
+    for file in chunk_files(folder, name):
         part = pd.read_parquet(file)
         parts.append(part.iloc[-before % stride :: stride])
         before += len(part)

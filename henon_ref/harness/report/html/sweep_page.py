@@ -1,21 +1,30 @@
-"""The page of a sweep's folder, ``index.html``, made from what is in it."""
+"""The page of a sweep's folder, ``index.html``, made from what is in it.
+
+Beside the points it has the runs behind some of them, as portraits of their last part, and any point as a case file.
+"""
 
 from __future__ import annotations
 
+import io
 import json
 import logging
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from henon_ref.atomic_write import replace_file
-from henon_ref.harness.report.html.rendering import rendered, source
+from henon_ref.errors import HenonRefError
+from henon_ref.figures.motion import Motion
+from henon_ref.harness.report.html.portrait import packed
+from henon_ref.harness.report.html.rendering import rendered
 from henon_ref.harness.report.html.sweep_content import (
     MOST_READ,
     bytes_a_point,
     coloured,
     frame_content,
+    grid_sizes,
     kept_points,
     observed_rows,
     packed_numbers,
@@ -24,16 +33,18 @@ from henon_ref.harness.report.html.sweep_content import (
     rows_of,
     tables_of,
 )
-from henon_ref.harness.report.html.sweep_runs import NAME, PLACE, case_text, kept_runs, tolerance
-from henon_ref.harness.table import count
+from henon_ref.harness.table import count, setting
+from henon_ref.simulation.simulate import simulate
+from henon_ref.simulation.solution import Solution
 from henon_ref.sweeps.manifest import SWEEP_FILE
+from henon_ref.sweeps.plan import Plan
 from henon_ref.sweeps.storage import MANIFEST, PAGE
-from henon_ref.sweeps.sweep_file import load_sweep
+from henon_ref.sweeps.sweep_file import CASE_KEYS, load_sweep
 from henon_ref.text import one_line
 
 _LOG = logging.getLogger(__name__)
 
-SCRIPTS = ("dom.js", "numbers.js", "axes.js", "portrait.js", "sweep.js")
+SCRIPTS = ("page.js", "sweep.js")
 OBSERVED = (
     ("quantity", "l"), ("points with a value", "r"), ("least", "r"), ("median", "r"), ("greatest", "r"),
     ("values, of the points with one", "l"),
@@ -41,25 +52,20 @@ OBSERVED = (
 """Headings of the table of observations."""
 CHAINED = "Each point of a continuation starts where its neighbour ended, so that none is a run by itself."
 
+KEPT = 25
+"""Runs that the page keeps a portrait of."""
+SHOWN_TRANSITIONS = 40
+"""A portrait shows a run from its so many last transition on: where it ends up, not how it gets there."""
+MOST_STEPS = 20_000
+"""Steps of a run whose polynomials are kept for a portrait."""
+TIMES = 1500
+"""Times at which a run is looked at."""
+NAME, PLACE = "NAMEOFTHEPOINT", "VALUEOFTHEPOINT{}E"
+"""What stands in the case file's text for the point's name and values."""
+
 
 def write_sweep_page(folder: Path) -> Path | None:
-    """Write the page of a finished sweep; one of more than two million points has none.
-
-    Parameters
-    ----------
-    folder : Path
-        Of the sweep, with all its chunks.
-
-    Returns
-    -------
-    Path or None
-        The page.
-
-    Raises
-    ------
-    OSError
-        Where the folder cannot be read or written.
-    """
+    """Write the page of a finished sweep in its folder; one of more than two million points has none."""
     if rows_of(folder) > MOST_READ:
         _LOG.warning("%s has no page: it has more than %d points", folder, MOST_READ)
         return None
@@ -75,6 +81,7 @@ def write_sweep_page(folder: Path) -> Path | None:
         for name in names
     ]
     case, chained = case_text(plan, folder), plan.points.chain > 1
+    rtol = setting(plan.work.settings.rtol, None)
     shown = table.iloc[order]
     data: dict[str, Any] = {
         "format": 1,
@@ -91,16 +98,15 @@ def write_sweep_page(folder: Path) -> Path | None:
         "no_case": CHAINED if chained else "What is swept here stands in no case file.",
         "place_of_name": NAME,
         "places": [PLACE.format(k) for k in range(len(swept))],
-        "rtol": tolerance(plan),
+        "rtol": rtol,
     }
     page = rendered(
         "sweep.html",
-        source("sweep.css"),
         SCRIPTS,
         data,
         title=one_line(sweep.title),
         origin=one_line(sweep.source or ""),
-        summary=_summary(len(table), swept, tolerance(plan)),
+        summary=one_line(f"{len(table):,} points over {', '.join(swept)}; relative tolerance {rtol}."),
         drawn=_drawn(len(table), len(kept)),
         has_case=case is not None,
         headings=OBSERVED,
@@ -111,10 +117,6 @@ def write_sweep_page(folder: Path) -> Path | None:
     return folder / PAGE
 
 
-def _summary(points: int, swept: list[str], rtol: str) -> str:
-    return one_line(f"{points:,} points over {', '.join(swept)}; relative tolerance {rtol}.")
-
-
 def _drawn(points: int, kept: int) -> str:
     return f"All {count(points, 'point')}." if kept == points else f"{kept:,} of the {points:,} points, evenly chosen."
 
@@ -123,3 +125,73 @@ def _rerun(folder: Path) -> str:
     manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
     commit = str(manifest.get("commit") or "")[:12]
     return one_line(f"Made by henon_ref{' from commit ' + commit if commit else ''}.")
+
+
+def kept_runs(plan: Plan) -> list[dict[str, Any]]:
+    """Portraits of runs of points that are spread over all; of chains none, whose points start where others end."""
+    if plan.points.chain > 1:
+        return []
+    found = []
+    for number in _spread(plan):
+        run = _run(plan, number)
+        if run is not None and run.sol is not None and run.sol.end > run.sol.start:
+            portrait = packed(run.system.model, _last_part(run))
+            values = [float(value) for value in plan.points.values[number]]
+            found.append({"point": number, "values": values, "status": run.status, "portrait": portrait})
+    return found
+
+
+def _spread(plan: Plan) -> list[int]:
+    sizes, count = grid_sizes(plan), len(plan.points)
+    if not sizes:
+        return sorted(set(np.linspace(0, count - 1, min(KEPT, count)).astype(int).tolist()))
+    each = max(int(KEPT ** (1 / len(sizes)) + 1e-9), 1)
+    axes = [sorted(set(np.linspace(0, size - 1, min(each, size)).astype(int).tolist())) for size in sizes]
+    return [int(np.ravel_multi_index(place, sizes)) for place in product(*axes)]
+
+
+def _run(plan: Plan, number: int) -> Solution | None:
+    """A point's run with its polynomials; None where it cannot be had, or has too many steps for a picture."""
+    settings = plan.work.settings
+    values = dict(zip(plan.points.names, plan.points.values[number].tolist(), strict=True))
+    moved = {name: values.pop(name) for name in settings.system.state if name in values}
+    initial = {**settings.initial, **moved}
+    how: dict[str, Any] = {
+        "until": settings.until, "start": settings.start, "rtol": settings.rtol, "mode": settings.mode,
+        "max_steps": settings.max_steps, "parameters": values,
+    }  # fmt: skip
+    try:
+        first = simulate(settings.system, initial, dense_output=False, **how)
+        return simulate(settings.system, initial, **how) if first.counts.steps <= MOST_STEPS else None
+    except HenonRefError:  # the sweep's row says why
+        return None
+
+
+def _last_part(run: Solution) -> Motion:
+    assert run.sol is not None
+    at = run.transitions["time_s"].to_numpy(dtype=float)
+    begin = float(at[-SHOWN_TRANSITIONS]) if len(at) >= SHOWN_TRANSITIONS else run.sol.start
+    begin = begin if begin < run.sol.end else run.sol.start
+    return run.motion_at(np.union1d(np.linspace(begin, run.sol.end, TIMES), run.t[run.t >= begin]))
+
+
+def case_text(plan: Plan, folder: Path) -> str | None:
+    """The text of a case file with places for a point's name and values; None where no such file says the same."""
+    from ruamel.yaml import YAML
+
+    content = YAML(typ="safe", pure=True).load((folder / SWEEP_FILE).read_text(encoding="utf-8"))
+    made = {key: content[key] for key in CASE_KEYS if key in content} | {"name": NAME}
+    parameters = (made.get("system") or made.get("scene") or {}).get("parameters") or {}
+    if plan.points.chain > 1:
+        return None
+    for k, name in enumerate(plan.points.names):
+        place = made["initial"] if name in plan.work.settings.system.state else parameters
+        if name not in place:
+            return None
+        place[name] = PLACE.format(k)
+    buffer = io.StringIO()
+    yaml = YAML(typ="safe", pure=True)
+    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
+    yaml.width = 120
+    yaml.dump(made, buffer)
+    return buffer.getvalue()

@@ -6,8 +6,8 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from xml.etree import ElementTree
 
-from henon_ref.harness.report.text.ranking import by_solver, right
-from henon_ref.harness.rows import RunRow, csv_field
+from henon_ref.harness.report.text.ranking import grouped, right
+from henon_ref.harness.rows import RunRow, csv_field, number
 from henon_ref.harness.score.gate import Demand, Gate
 from henon_ref.harness.score.row_result import Kind, RowResult
 from henon_ref.harness.table import Table, digits, listing, setting
@@ -87,12 +87,10 @@ def junit_xml(results: Results) -> bytes:
     is ``skipped``, and says so.
     """
     root = ElementTree.Element("testsuites", {"name": "henon_ref", **_counts(results)})
-    for case in dict.fromkeys(row.case for row, _ in results):
-        own = [(row, result) for row, result in results if row.case == case]
+    for case, own in grouped(results, lambda pair: pair[0].case).items():
         skipped = sum(_ELEMENTS.get(result.kind) == "skipped" for _, result in own)
-        suite = ElementTree.SubElement(
-            root, "testsuite", {"name": short_line(case), "skipped": str(skipped)} | _counts(own)
-        )
+        names = {"name": short_line(case), "skipped": str(skipped)}
+        suite = ElementTree.SubElement(root, "testsuite", names | _counts(own))
         for row, result in own:
             _test_case(suite, row, result)
     ElementTree.indent(root)
@@ -127,34 +125,25 @@ def _test_case(suite: ElementTree.Element, row: RunRow, result: RowResult) -> No
 
 
 def step_summary(rows: Results, lines: Sequence[str]) -> str:
-    """A table of the solvers, one of the rows that fail, and what else was told, as markdown.
-
-    Parameters
-    ----------
-    rows : sequence of (RunRow, RowResult)
-    lines : sequence of str
-        Messages of the command: what is not met, what got worse, what is expected or mended.
-    """
+    """A table of the solvers, one of the rows that fail, and the command's other messages, as markdown."""
     failing = [(row, result) for row, result in rows if result.kind in ("failure", "error")]
     parts = ["## henon_ref", _solvers(rows).markdown]
     if failing:
         parts += ["### Failures", _failures(failing[:MOST_ROWS]).markdown]
     if len(failing) > MOST_ROWS:
         parts.append(f"{len(failing) - MOST_ROWS} more are in `runs.csv`.")
-    if lines:
-        told = [f"- {markdown(line)}" for line in lines[:MOST_ROWS]]
-        parts.append("\n".join([*told, *([f"- and {len(lines) - MOST_ROWS} more"] if len(lines) > MOST_ROWS else [])]))
-    return "\n\n".join(parts) + "\n"
+    told = [f"- {markdown(line)}" for line in lines[:MOST_ROWS]]
+    told += [f"- and {len(lines) - MOST_ROWS} more"] if len(lines) > MOST_ROWS else []
+    return "\n\n".join([*parts, *(["\n".join(told)] if told else [])]) + "\n"
 
 
 def _solvers(rows: Results) -> Table:
-    results = {row.key: result.kind for row, result in rows}
     table = []
-    for solver, own in by_solver([row for row, _ in rows]).items():
-        kinds = Counter(results[row.key] for row in own)
-        best = max((row.digits for row in right(own) if row.digits is not None), default=None)
+    for solver, own in grouped(rows, lambda pair: pair[0].solver).items():
+        kinds = Counter(result.kind for _, result in own)
+        best = max((row.digits for row in right([row for row, _ in own])), default=None, key=number)
         counts = (kinds["passed"], kinds["failure"] + kinds["error"], kinds["known"], kinds["skipped"])
-        table.append((code(solver), *map(str, counts), "" if best is None else digits(best)))
+        table.append((code(solver), *map(str, counts), digits(best)))
     headings = ("solver", "right", "fail", "fail as expected", "not run or not decidable", "most digits")
     return Table(headings, "lrrrrr", table)
 

@@ -1,40 +1,22 @@
-"""The report of a case as markdown: blocks of text, figures and tables, all of it taken from the comparison."""
+"""The report of a case as markdown: a template, and what it shows of the comparison."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from henon_ref.casefile.case import DEFAULT_READING
 from henon_ref.harness.campaign.comparison import Comparison
 from henon_ref.harness.campaign.options import MOST_DRAWN
 from henon_ref.harness.campaign.results import ReadingResult
-from henon_ref.harness.report.figure_jobs import COST, ERRORS, MODES, PORTRAIT, SCENE, file_name
+from henon_ref.harness.report.figure_jobs import KINDS, file_name
 from henon_ref.harness.report.manifest import Provenance
+from henon_ref.harness.report.text import tables, truth
 from henon_ref.harness.report.text.gate import gate_table
-from henon_ref.harness.report.text.model import model_blocks, parameters
+from henon_ref.harness.report.text.model import model_text, parameters
 from henon_ref.harness.report.text.ranking import over_all
-from henon_ref.harness.report.text.tables import (
-    KEY,
-    MARK,
-    digits_table,
-    price_table,
-    reason_table,
-    run_table,
-    samples_of,
-    solver_table,
-    stick_table,
-    whole_table,
-)
-from henon_ref.harness.report.text.truth import (
-    no_truth,
-    orbit_table,
-    printed_times_table,
-    published_table,
-    truth_table,
-)
-from henon_ref.harness.rows import RunRow
 from henon_ref.harness.table import Table, listing
 from henon_ref.text import link, markdown, paragraphs
 
@@ -43,46 +25,13 @@ if TYPE_CHECKING:
 
 MANY = 4
 """Readings from which on a report begins with tables over all of them, and each one's tables stand in its section."""
-NOTES = {
-    "matched, missed, spurious": "Transitions are matched with the truth by order and mode (kind, surface, modes "
-    "before and after) before any error is taken, so that one missed transition counts once; touches that change no "
-    "mode count apart.",
-    "digits": "−log₁₀ of the worst error of a transition time in seconds{unit}, never more than the truth's radius and "
-    "double precision allow.",
-    "time": "Median of repeated runs in one process after one run as a warm-up, with the interquartile range, or the "
-    "number of runs where they are fewer than three: a slow run is not repeated, nor is one that is not right.",
-    "times as long": "The time over the shortest one in the table.",
-    "compile": "Compilation, code generation and other one-time work. What is kept on disk (machine code of `henon`, C "
-    "programs) comes from there once it has been made.",
-    "right, verdict": "Of the library with its default way of being restarted on the surface after an event; "
-    "`--solvers heyoka@offset` tries another one.",
-    "steps, right-hand sides, event functions": "Steps, and evaluations of right-hand sides and of event functions, as "
-    "each solver's docstring counts them.",
-}
-"""What the columns of the tables mean."""
-EXPLAINED = "The most accurate right run of each solver, and at how many of its settings it is right."
-"""Below a table of solvers that has several."""
-WHOLE = (
-    "Right: in how many of {judged} readings{without}, at one and the same setting. Digits: the fewest in any reading "
-    "that is right; time: of all readings, where all are right."
-)
-LEGEND = f"{MARK}: the samples scatter by more than a tenth of their median."
-WHOLE_LEGEND = f"{MARK}: the ranges of all readings' samples add up to more than a tenth of it."
-"""Below a table with a time that is marked so."""
-CAPTIONS = {
-    COST: "Worst error of a transition time against the wall time of a run",
-    ERRORS: "Largest error of a transition time so far, each solver at its tightest setting",
-    PORTRAIT: "Phase portrait in the measured window; sticks lie on the surface",
-    MODES: "Distance from the surface over time, the modes shaded",
-    SCENE: "Bodies and what connects them",
-}
-Blocks = list[str]
-"""Paragraphs, tables and figures; an empty one is left out."""
+_EMPTY = re.compile(r"\n{3,}")
+"""Blank lines around what a template leaves out."""
 
 
 @cache
 def environment() -> Environment:
-    """The environment of the templates: of the index, and of the studies' pages."""
+    """The environment of the templates: of reports, of the index, and of the studies' pages."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     return Environment(
@@ -97,119 +46,79 @@ def environment() -> Environment:
 def report_text(comparison: Comparison, origin: Provenance) -> str:
     """The report of one case."""
     case, results = comparison.case, comparison.readings
-    single = [result.reading.name for result in results] == [DEFAULT_READING]
-    many, written = len(results) >= MANY and bool(judged(comparison)), _Written()
-    blocks = [f"# {markdown(case.title)}"]
-    if many:
-        blocks += _whole(comparison)
-    for result in () if many else results:
-        blocks += [] if single else [_title(comparison, result, f"[{result.reading.name}](#{result.reading.name})")]
-        blocks += _head(comparison, result)
-    if not many and len({record.run.solver for record in comparison.records}) > 1:
-        blocks.append(EXPLAINED)
-    for result in results:
-        blocks += [] if single else [f"## {result.reading.name}"]
-        blocks += [_title(comparison, result), *_head(comparison, result)] if many else []
-        blocks += _reading_section(comparison, result, written, "##" if single else "###")
-    blocks += _section("## Gate", [_text(gate_table(comparison.gate))])
-    blocks += _section("## How to read this", _notes(comparison, origin))
-    return "\n\n".join(filter(None, blocks)) + "\n"
-
-
-def judged(comparison: Comparison) -> list[tuple[str, list[RunRow]]]:
-    """The readings that have a truth, by name, and their rows."""
-    return [
-        (result.reading.name, [record.run for record in comparison.of_reading(result.reading.name)])
-        for result in comparison.readings
-        if result.expected is not None
-    ]
-
-
-def _whole(comparison: Comparison) -> Blocks:
-    """In how many readings each solver is right at one setting, what the cheapest that is right in all costs; who is
-    right where."""
-    readings = judged(comparison)
-    whole, others = over_all([rows for _, rows in readings]), len(comparison.readings) - len(readings)
-    prices = price_table(whole)
-    without = f", {others} more without a truth" if others else ""
-    blocks = [whole_table(whole, len(readings)).markdown, WHOLE.format(judged=len(readings), without=without)]
-    if prices is not None:
-        words = "The cheapest setting that reaches so many digits in every reading, and its time for all of them:"
-        blocks += [words, prices.markdown]
-    blocks.append(WHOLE_LEGEND if any(MARK in block for block in blocks) else "")
-    return [*blocks, *_section("## All readings", [KEY, digits_table(readings).markdown])]
-
-
-def _title(comparison: Comparison, result: ReadingResult, place: str = "") -> str:
-    title = "" if result.reading.title == comparison.case.title else markdown(result.reading.title)
-    return ": ".join(filter(None, (place, title)))
-
-
-def _head(comparison: Comparison, result: ReadingResult) -> Blocks:
-    """The table that a reading is summed up in."""
-    return [*_marked(solver_table(comparison.of_reading(result.reading.name)), LEGEND), no_truth(result)]
-
-
-class _Written:
-    """Models and stories that the report has already: none is written twice."""
-
-    def __init__(self) -> None:
-        self.models: dict[str, str] = {}
-        self.stories: set[str] = {""}
-
-
-def _reading_section(comparison: Comparison, result: ReadingResult, written: _Written, level: str) -> Blocks:
-    """The section of one reading: its figures and tables."""
-    records = comparison.of_reading(result.reading.name)
-    rows = [record.run for record in records]
-    figures, prices = _figures(result), _marked(price_table(rows, samples_of(records)), LEGEND)
-    return [
-        *(figures.get(kind, "") for kind in (COST, ERRORS, PORTRAIT)),
-        _figures_note(comparison, result),
-        _text(published_table(records, result)),
-        _text(printed_times_table(result)),
-        *_section(f"{level} Cheapest solver for so many digits", prices),
-        *_section(f"{level} Sticks", [_text(stick_table(records, result))]),
-        *_section(f"{level} Periodic orbit", [_text(orbit_table(result))]),
-        *_section(f"{level} Every run", [run_table(records).markdown, _text(reason_table(rows))]),
-        *_section(f"{level} Truth", [truth_table(result, rows).markdown]),
-        *_section(f"{level} Model", _model_section(result, written, figures)),
-        figures.get(MODES, ""),
-    ]
-
-
-def _model_section(result: ReadingResult, written: _Written, figures: dict[str, str]) -> Blocks:
-    reading = result.reading
-    story, model = paragraphs(reading.story or ""), "\n\n".join(model_blocks(result))
-    same = written.models.setdefault(model, reading.name)
-    blocks = ["" if story in written.stories else story]
-    written.stories.add(story)
-    if same == reading.name:
-        blocks += [figures.get(SCENE, ""), model]
-    else:
-        blocks.append(f"The equations are those of [{same}](#{same}).")
-    return [*blocks, f"Values: {', '.join(parameters(result))}."]
-
-
-def _section(heading: str, blocks: Sequence[str]) -> Blocks:
-    """A heading with what stands below it; nothing where that is nothing."""
-    kept = list(filter(None, blocks))
-    return [heading, *kept] if kept else []
+    models: dict[str, str] = {}
+    stories = {""}
+    text = (
+        environment()
+        .get_template("report.md.j2")
+        .render(
+            title=markdown(case.title),
+            single=[result.reading.name for result in results] == [DEFAULT_READING],
+            compared=len({row.solver for row in comparison.run_rows}) > 1,
+            whole=_whole(comparison),
+            readings=[_reading(comparison, result, models, stories) for result in results],
+            gate=_text(gate_table(comparison.gate)),
+            mark=tables.MARK,
+            origin=origin,
+            **_origin(comparison, origin),
+        )
+    )
+    return _EMPTY.sub("\n\n", text).strip() + "\n"
 
 
 def _text(table: Table | None) -> str:
     return "" if table is None else table.markdown
 
 
-def _marked(table: Table | None, legend: str) -> Blocks:
-    """A table, with its legend where one of its times is marked."""
-    return [] if table is None else [table.markdown, legend if MARK in table.markdown else ""]
+def _whole(comparison: Comparison) -> Mapping[str, Any] | None:
+    """Of many readings who is right in how many, what the cheapest that is right in all costs, who is right where."""
+    readings = {
+        result.reading.name: [record.run for record in comparison.of_reading(result.reading.name)]
+        for result in comparison.readings
+        if result.expected is not None
+    }
+    if len(comparison.readings) < MANY or not readings:
+        return None
+    whole = over_all(list(readings.values()))
+    return {
+        "judged": len(readings),
+        "others": len(comparison.readings) - len(readings),
+        "solvers": tables.whole_table(whole, len(readings)).markdown,
+        "prices": _text(tables.price_table(whole)),
+        "digits": tables.digits_table(readings).markdown,
+    }
 
 
-def _figures(result: ReadingResult) -> dict[str, str]:
-    """The figures that were drawn, by kind."""
-    names = {kind: file_name(result.reading.name, kind) for kind in CAPTIONS}
-    return {kind: f"![{CAPTIONS[kind]}]({name})" for kind, name in names.items() if name in result.figures}
+def _reading(
+    comparison: Comparison, result: ReadingResult, models: dict[str, str], stories: set[str]
+) -> Mapping[str, Any]:
+    """What a report shows of a reading; models and stories that it has already are not told again."""
+    reading, records = result.reading, comparison.of_reading(result.reading.name)
+    rows = [record.run for record in records]
+    story, model = paragraphs(reading.story or ""), model_text(result)
+    same, told = models.setdefault(model, reading.name), story in stories
+    stories.add(story)
+    names = {kind: file_name(reading.name, kind) for kind in KINDS}
+    return {
+        "name": reading.name,
+        "title": "" if reading.title == comparison.case.title else markdown(reading.title),
+        "solvers": tables.solver_table(records).markdown,
+        "no_truth": truth.no_truth(result),
+        "figures": {kind: name for kind, name in names.items() if name in result.figures},
+        "figures_note": _figures_note(comparison, result),
+        "published": _text(truth.published_table(records, result)),
+        "printed_times": _text(truth.printed_times_table(result)),
+        "prices": _text(tables.price_table(rows, tables.samples_of(records))),
+        "sticks": _text(tables.stick_table(records, result)),
+        "orbit": _text(truth.orbit_table(result)),
+        "runs": tables.run_table(records).markdown,
+        "reasons": _text(tables.reason_table(rows)),
+        "truth": truth.truth_table(result, rows).markdown,
+        "story": "" if told else story,
+        "model": model,
+        "same_model": "" if same == reading.name else same,
+        "parameters": ", ".join(parameters(result)),
+    }
 
 
 def _figures_note(comparison: Comparison, result: ReadingResult) -> str:
@@ -222,22 +131,14 @@ def _figures_note(comparison: Comparison, result: ReadingResult) -> str:
     return ""
 
 
-def _notes(comparison: Comparison, origin: Provenance) -> Blocks:
-    """What the columns mean, and where all of it comes from."""
+def _origin(comparison: Comparison, origin: Provenance) -> Mapping[str, str]:
+    """Units of time that digits are counted in where they are not seconds, source, and versions of what ran."""
     units = {result.expected.time_unit for result in comparison.readings if result.expected is not None} - {1.0}
-    unit = f" (here in units of {listing([f'{unit:g} s' for unit in sorted(units)])})" if units else ""
-    rows = [(column, meaning.format(unit=unit)) for column, meaning in NOTES.items()]
     links = dict.fromkeys(link(own) for result in comparison.readings for own in result.reading.links)
-    source, where = markdown(comparison.case.source or "").rstrip("."), f" ({', '.join(links)})" if links else ""
-    ran = {record.run.solver: record.run.library_version or "" for record in comparison.records}
-    versions = listing([markdown(f"{package} {version}") for package, version in origin.packages(ran).items()])
-    commit = f", from commit {origin.commit[:12]}" if origin.commit else ""
-    return [
-        Table(("column", "meaning"), "ll", rows).markdown,
-        f"Source: {source}{where}." if source else "",
-        "Made by",
-        f"    {origin.rerun}",
-        f"with {versions}, on {origin.machine_text}{commit}. Exact parameter values and all versions are in "
-        "[manifest.json](manifest.json); every number is in [runs.csv](runs.csv), and in `transitions.csv`, "
-        "`sticks.csv` and (timing samples) `samples.csv`, which are written beside it.",
-    ]
+    source = markdown(comparison.case.source or "").rstrip(".")
+    ran = {row.solver: row.library_version or "" for row in comparison.run_rows}
+    return {
+        "unit": f" (here in units of {listing([f'{unit:g} s' for unit in sorted(units)])})" if units else "",
+        "source": source + (f" ({', '.join(links)})" if source and links else ""),
+        "versions": listing([markdown(f"{name} {version}") for name, version in origin.packages(ran).items()]),
+    }

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from typing import Any
 from henon_ref.errors import CaseError
 from henon_ref.harness import registry
 from henon_ref.harness.report.folder import MANIFEST, MATRIX, RUNS
-from henon_ref.harness.report.text.ranking import best_of, by_solver, reaching, readings_of
+from henon_ref.harness.report.text.ranking import LEVELS, best_of, by_solver, grouped, reaching, readings_of
 from henon_ref.harness.rows import NOT_RUN, AnyRow, Row, RunRow, TableError, read_rows
 from henon_ref.text import message
 
@@ -60,13 +60,19 @@ class MatrixRow(Row):
 
     def wall(self, digits: int | None) -> float | None:
         """Shortest time to so many digits [s]; None: of any right run."""
-        times = {None: self.wall_s, 3: self.wall_3_s, 6: self.wall_6_s, 9: self.wall_9_s, 12: self.wall_12_s}
-        return times[digits]
+        found: float | None = getattr(self, wall_column(digits))
+        return found
+
+
+def wall_column(digits: int | None) -> str:
+    """The column with the times to so many digits, one of LEVELS; None: of any right run."""
+    return f"wall_{digits}_s" if digits else "wall_s"
 
 
 def summary(rows: Sequence[RunRow], *, kind: str | None = None, commit: str = "") -> MatrixRow:
     """What the settings of one solver on one reading come to; at least one."""
     best, right = best_of(rows), [row for row in rows if row.verdict == "right"]
+    walls = {wall_column(digits): _shortest(reaching(rows, digits)) for digits in LEVELS}
     return MatrixRow(
         best.case,
         best.reading,
@@ -79,11 +85,8 @@ def summary(rows: Sequence[RunRow], *, kind: str | None = None, commit: str = ""
         verdict=best.verdict,
         digits=None if best.digits is None else math.floor(best.digits * 1000) / 1000,
         wall_s=_shortest(right),
-        wall_3_s=_shortest(reaching(rows, 3)),
-        wall_6_s=_shortest(reaching(rows, 6)),
-        wall_9_s=_shortest(reaching(rows, 9)),
-        wall_12_s=_shortest(reaching(rows, 12)),
         commit=commit,
+        **walls,
     )
 
 
@@ -99,23 +102,32 @@ def solvers_of(rows: Iterable[MatrixRow | RunRow]) -> list[str]:
     return order + sorted(present - set(order))
 
 
-def rows_of_report(manifest: Path) -> list[MatrixRow]:
-    """The matrix's rows of one case, from the folder of its report.
+def commits_of(rows: Sequence[MatrixRow]) -> list[str]:
+    """The commits of the program that made some rows of the matrix, each once, in the rows' order."""
+    return list(dict.fromkeys(row.commit for row in rows if row.commit))
 
-    Raises
-    ------
-    CaseError
-        Where manifest or runs are not what this package writes.
-    """
-    content, runs = _content(manifest), _rows(RunRow, manifest.with_name(RUNS), "list of runs")
-    commit, readings = _text(content.get("commit")) or "", content.get("readings")
-    commit = commit.rstrip("+")[:SHORT] + ("+" if commit.endswith("+") else "")  # the mark of files that differed
-    case = manifest.parent.name
-    return [
-        replace(summary(own, kind=_kind(readings, reading), commit=commit), case=case)
-        for (_, reading), rows in readings_of(runs).items()
-        for own in by_solver(rows).values()
-    ]
+
+def read_report(folder: Path) -> tuple[Mapping[str, Any], list[RunRow]]:
+    """The manifest and the runs in the folder of a case's report; CaseError where they are not this package's."""
+    file = folder / MANIFEST
+    try:
+        content = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, RecursionError, ValueError) as error:
+        raise CaseError(f"cannot be read: {error}", file=str(file)) from error
+    if not isinstance(mapping(content).get("title"), str):
+        raise CaseError("is no manifest of a report: it names no title", file=str(file))
+    return content, _rows(RunRow, folder / RUNS, "list of runs")
+
+
+def mapping(value: object) -> Mapping[str, Any]:
+    """What should be one, in a file that somebody may have changed."""
+    return value if isinstance(value, dict) else {}
+
+
+def read_matrix(folder: Path) -> list[MatrixRow]:
+    """The rows of a folder's matrix; none where it has none, CaseError where it is not this package's."""
+    file = folder / MATRIX
+    return _rows(MatrixRow, file, "matrix") if file.exists() else []
 
 
 def _rows(kind: type[AnyRow], file: Path, what: str) -> list[AnyRow]:
@@ -127,75 +139,42 @@ def _rows(kind: type[AnyRow], file: Path, what: str) -> list[AnyRow]:
         raise CaseError(f"is no {what} of this package: {error}", file=str(file)) from error
 
 
-def _content(manifest: Path) -> dict[str, Any]:
-    try:
-        content = json.loads(manifest.read_text(encoding="utf-8"))
-    except (OSError, RecursionError, ValueError) as error:
-        raise CaseError(f"cannot be read: {error}", file=str(manifest)) from error
-    if not isinstance(content, dict) or not isinstance(content.get("title"), str):
-        raise CaseError("is no manifest of a report: it names no title", file=str(manifest))
-    return content
-
-
-def _kind(readings: object, reading: str) -> str | None:
-    """The kind that a manifest gives a reading; those of earlier versions give none."""
-    own = readings.get(reading) if isinstance(readings, dict) else None
-    return _text(own.get("kind")) if isinstance(own, dict) else None
-
-
-def _text(value: object) -> str | None:
-    return value if isinstance(value, str) and value else None
-
-
-def read_matrix(folder: Path) -> list[MatrixRow]:
-    """The rows of a folder's matrix; none where it has none.
-
-    Raises
-    ------
-    CaseError
-        Where it is not what this package writes.
-    """
-    file = folder / MATRIX
-    return _rows(MatrixRow, file, "matrix") if file.exists() else []
+def rows_of_report(folder: Path) -> tuple[list[MatrixRow], list[str]]:
+    """The matrix's rows of one case, from the folder of its report, and all readings that the case has."""
+    manifest, runs = read_report(folder)
+    commit, readings = str(manifest.get("commit") or ""), mapping(manifest.get("readings"))
+    commit = commit.rstrip("+")[:SHORT] + ("+" if commit.endswith("+") else "")  # the mark of files that differed
+    kinds = {reading: mapping(own).get("kind") for reading, own in readings.items()}  # earlier versions give none
+    rows = [
+        replace(summary(own, kind=kinds.get(reading) or None, commit=commit), case=folder.name)
+        for (_, reading), rows in readings_of(runs).items()
+        for own in by_solver(rows).values()
+    ]
+    named = manifest.get("case_readings", manifest.get("readings"))  # an earlier version names those that it ran
+    return rows, list(map(str, named)) if isinstance(named, list | dict) else []
 
 
 def merged(folder: Path) -> list[MatrixRow]:
     """The matrix's rows by case, reading and solver: of the reports in a folder, and earlier ones of its matrix.
 
     An earlier row stays where the case has no report there, and where the report's comparison did not run the solver.
-    A report that cannot be read is named, and left out.
-
-    Raises
-    ------
-    CaseError
-        Where the matrix is not what this package writes.
+    A report that cannot be read is named, and left out; a matrix that cannot be read is an error.
     """
-    cases: dict[str, list[MatrixRow]] = {}
-    for row in read_matrix(folder):
-        cases.setdefault(row.case, []).append(row)
-    for manifest in sorted(folder.glob(f"*/{MANIFEST}")):
-        if manifest.with_name(RUNS).exists():
-            try:
-                fresh, content = rows_of_report(manifest), _content(manifest)
-            except CaseError as error:
-                print(message(f"left out of the index: {error}"), file=sys.stderr)
-                continue
-            # All readings of the case, of whatever solvers; an earlier version's report names those that it has.
-            readings = content.get("case_readings", content.get("readings"))
-            case, named = manifest.parent.name, readings if isinstance(readings, list | dict) else ()
-            cases[case] = updated(cases.get(case, []), fresh, list(map(str, named)))
+    cases = grouped(read_matrix(folder), lambda row: row.case)
+    for report in sorted(file.parent for file in folder.glob(f"*/{MANIFEST}") if file.with_name(RUNS).exists()):
+        try:
+            fresh, readings = rows_of_report(report)
+        except CaseError as error:
+            print(message(f"left out of the index: {error}"), file=sys.stderr)
+            continue
+        cases[report.name] = updated(cases.get(report.name, []), fresh, readings)
     return [row for case in sorted(cases) for row in cases[case]]
 
 
 def updated(earlier: Sequence[MatrixRow], fresh: Sequence[MatrixRow], readings: Collection[str]) -> list[MatrixRow]:
-    """The rows of one case after a comparison of some of its solvers.
+    """The rows of one case after a comparison of some of its solvers; ``readings`` are those that it has now.
 
-    Parameters
-    ----------
-    earlier, fresh : sequence of MatrixRow
-        Of the matrix; the kinds of the fresh ones hold for all.
-    readings : collection of str
-        Those that the case has now; earlier rows of others go.
+    The kinds of the fresh rows hold for all. Earlier rows of other readings go.
     """
     ran = {(row.reading, row.solver) for row in fresh}
     rows = [*fresh, *(row for row in earlier if (row.reading, row.solver) not in ran and row.reading in readings)]
@@ -203,8 +182,3 @@ def updated(earlier: Sequence[MatrixRow], fresh: Sequence[MatrixRow], readings: 
     rows = [replace(row, kind=kinds.get(row.problem)) for row in rows]
     places, solvers = {reading: k for k, reading in enumerate(readings)}, solvers_of(rows)
     return sorted(rows, key=lambda row: (places.get(row.reading, len(places)), solvers.index(row.solver)))
-
-
-def commits_of(rows: Sequence[MatrixRow]) -> list[str]:
-    """The commits of the program that made some rows of the matrix, each once, in the rows' order."""
-    return list(dict.fromkeys(row.commit for row in rows if row.commit))

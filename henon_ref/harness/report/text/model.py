@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import log2
+from typing import NamedTuple
 
 import sympy as sp
 
 from henon_ref.casefile.assembly import Scene
 from henon_ref.errors import ModelError
 from henon_ref.harness.campaign.results import ReadingResult
+from henon_ref.harness.report.text.ranking import grouped
 from henon_ref.harness.table import Table
 from henon_ref.integrator.prepared_run import order_for
 from henon_ref.modes.kinks import continuous
@@ -29,8 +30,7 @@ MOST_MODES = 9
 """Modes whose equations are printed."""
 
 
-@dataclass(frozen=True)
-class ModeText:
+class ModeText(NamedTuple):
     """One mode's equations."""
 
     title: str
@@ -40,7 +40,7 @@ class ModeText:
     """LaTeX of equivalent signs and of what ends a sliding mode."""
 
 
-def model_blocks(result: ReadingResult) -> list[str]:
+def model_text(result: ReadingResult) -> str:
     """All of it but the values: readings that differ in these alone have the same."""
     system, effects = result.reading.problem.system, effect_table(result)
     blocks = ["Effects built, and no others:", effects[0].markdown, effects[1]] if effects else []
@@ -49,7 +49,7 @@ def model_blocks(result: ReadingResult) -> list[str]:
     for mode in modes_of(result):
         text = mode_equations(system, mode)
         blocks += [f"{text.title}:", _displayed(text.equations), _listed(text.notes)]
-    return list(filter(None, blocks))
+    return "\n\n".join(filter(None, blocks))
 
 
 def _displayed(formula: str) -> str:
@@ -62,13 +62,14 @@ def _listed(lines: Sequence[str]) -> str:
 
 def as_written(system: FilippovSystem) -> list[str]:
     """What :func:`general_form` leaves out, as the case file has it, in markdown."""
-    pairs = [(f"{x.name}' = ", x, f) for x, f in zip(system.states, system.field, strict=True)]
-    pairs += [(f"{s.name} = sign of ", s, h) for s, h in zip(system.signs, system.surfaces, strict=True)]
+    parts = [(f"{x.name}' = ", x, f) for x, f in zip(system.states, system.field, strict=True)]
+    parts += [(f"{s.name} = sign of ", s, h) for s, h in zip(system.signs, system.surfaces, strict=True)]
     every = not few([*system.field, *system.surfaces])
-    left_out = [
-        (start, system.written.get(x, "(too long to be printed)")) for start, x, e in pairs if every or not printable(e)
+    return [
+        f"`{start}{' '.join(system.written.get(x, '(too long to be printed)').split())}`"
+        for start, x, expression in parts
+        if every or not printable(expression)
     ]
-    return [f"`{start}{' '.join(text.split())}`" for start, text in left_out]
 
 
 def kink_notes(system: FilippovSystem) -> list[str]:
@@ -102,13 +103,10 @@ def reset_notes(system: FilippovSystem) -> list[str]:
 
 def modes_of(result: ReadingResult) -> list[Mode]:
     """The modes that the exact run visits, or all of a single surface."""
-    system = result.reading.problem.system
-    visited: dict[Mode, None] = {}
-    for event in result.expected.transitions if result.expected else ():
-        visited.setdefault(tuple(event.from_mode))
-        visited.setdefault(tuple(event.to_mode))
-    if len(system.surfaces) == 1:
+    if len(result.reading.problem.system.surfaces) == 1:
         return [(-1,), (0,), (1,)]
+    events = result.expected.transitions if result.expected else ()
+    visited = dict.fromkeys(tuple(mode) for event in events for mode in (event.from_mode, event.to_mode))
     return list(visited)[:MOST_MODES]
 
 
@@ -119,45 +117,40 @@ def mode_equations(system: FilippovSystem, mode: Mode) -> ModeText:
         equations = system.equations(mode)
     except ModelError as error:
         return ModeText(title, "", [markdown(str(error))])
-    shown = [*equations.field, *equations.equivalent_signs.values()]
-    shown += [guard.expression for guard in equations.guards if guard.kind == "release"]
+    releases = [guard for guard in equations.guards if guard.kind == "release"]
+    shown = [*equations.field, *equations.equivalent_signs.values(), *(guard.expression for guard in releases)]
     if not (few(shown) and all(map(printable, shown))):
         return ModeText(title, "", ["its equations are too long to be printed"])
+    signs = [symbol(sign.name) for sign in system.signs]
+    notes = [f"equivalent sign ${signs[k]} = {latex(value)}$" for k, value in equations.equivalent_signs.items()]
+    for guard in releases:
+        sides = ", ".join(f"{signs[i]} = {side:+d}" for i, side in guard.cut or ((guard.index, guard.to_sign),))
+        notes.append(f"left to ${sides}$ where ${latex(guard.expression)}$ falls through 0")
+    held = "entered wherever the surface is reached with these positive, whatever the slip fields do"
+    notes += [held for index, entry in enumerate(mode) if entry == 0 and system.held_inside(index)]
     lines = [derivative(x, f) for x, f in zip(system.states, equations.field, strict=True)]
-    notes = []
-    for index, value in equations.equivalent_signs.items():
-        notes.append(f"equivalent sign ${symbol(system.signs[index].name)} = {latex(value)}$")
-    for guard in equations.guards:
-        if guard.kind == "release":
-            sides = guard.cut or ((guard.index, guard.to_sign),)
-            left = ", ".join(f"{symbol(system.signs[i].name)} = {side:+d}" for i, side in sides)
-            notes.append(f"left to ${left}$ where ${latex(guard.expression)}$ falls through 0")
-    for index, entry in enumerate(mode):
-        if entry == 0 and system.held_inside(index):
-            notes.append("entered wherever the surface is reached with these positive, whatever the slip fields do")
     return ModeText(title, aligned(lines), notes)
 
 
 def parameters(result: ReadingResult) -> list[str]:
     """``name = exact value (decimal)`` of every parameter, the start and the horizon, as LaTeX."""
     problem = result.reading.problem
-    pairs = [(symbol(s.name), value) for s, value in problem.system.parameters.items()]
     start = f"({latex(problem.start)})" if problem.start != 0 else "(0)"
-    pairs += [
-        (f"{symbol(x.name)}{start}", value) for x, value in zip(problem.system.states, problem.initial, strict=True)
-    ]
-    pairs.append((f"{symbol(TIME.name)}_{{\\mathrm{{end}}}}", problem.until))
-    return [f"${name} = {_value(value)}$" for name, value in pairs]
+    values = {symbol(s.name): value for s, value in problem.system.parameters.items()}
+    initial = zip(problem.system.states, problem.initial, strict=True)
+    values |= {f"{symbol(x.name)}{start}": value for x, value in initial}
+    values[f"{symbol(TIME.name)}_{{\\mathrm{{end}}}}"] = problem.until
+    return [f"${name} = {_value(value)}$" for name, value in values.items()]
 
 
 def _value(value: sp.Expr) -> str:
     """An exact number, with its decimals where they are not plain to see."""
+    decimal = float(value)
     if size(value, MOST_OPERATIONS) > MOST_OPERATIONS:
-        return f"{float(value):.10g}"
-    if value.is_Rational:
-        decimal = float(value)
-        return f"{decimal:g}" if sp.Rational(f"{decimal:g}") == value else f"{latex(value)} \\approx {decimal:.10g}"
-    return f"{latex(value)} \\approx {float(value):.10g}"
+        return f"{decimal:.10g}"
+    if value.is_Rational and sp.Rational(f"{decimal:g}") == value:
+        return f"{decimal:g}"
+    return f"{latex(value)} \\approx {decimal:.10g}"
 
 
 MOST_ROWS = 24
@@ -189,9 +182,7 @@ def _effects(scene: Scene) -> list[tuple[str, list[int]]]:
     """Label and connections of every row."""
     if len(scene.connections) <= MOST_ROWS:
         return [(connection.label, [number]) for number, connection in enumerate(scene.connections)]
-    kinds: dict[str, list[int]] = {}
-    for number, connection in enumerate(scene.connections):
-        kinds.setdefault(connection.kind, []).append(number)
+    kinds = grouped(range(len(scene.connections)), lambda number: scene.connections[number].kind)
     return [(f"{kind} ({len(numbers)} of them)", numbers) for kind, numbers in kinds.items()]
 
 

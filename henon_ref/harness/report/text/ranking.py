@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from operator import attrgetter
+from typing import TypeVar
 
 from henon_ref.harness.rows import NOT_RUN, RunRow, number
 from henon_ref.harness.score.reference import HALF_ULP
@@ -14,38 +15,30 @@ LEVELS = (3, 6, 9, 12)
 """Digits that prices are given for."""
 AS_GOOD = 0.3
 """Digits that two solvers may differ by and still count as equally accurate (a factor of two)."""
-
-
-class _Named(Protocol):
-    """A row of one solver on one reading."""
-
-    @property
-    def problem(self) -> tuple[str, str]: ...
-    @property
-    def solver(self) -> str: ...
-
-
-R = TypeVar("R", bound=_Named)
+R = TypeVar("R")
+K = TypeVar("K", bound=Hashable)
 AnyRun = TypeVar("AnyRun", bound=RunRow)
 
 
-def readings_of(rows: Iterable[R]) -> dict[tuple[str, str], list[R]]:
-    """Rows by case and reading, in their order."""
-    found: dict[tuple[str, str], list[R]] = {}
+def grouped(rows: Iterable[R], key: Callable[[R], K]) -> dict[K, list[R]]:
+    """Rows by some key of theirs, in their order."""
+    found: dict[K, list[R]] = {}
     for row in rows:
-        found.setdefault(row.problem, []).append(row)
+        found.setdefault(key(row), []).append(row)
     return found
+
+
+def readings_of(rows: Iterable[R]) -> dict[tuple[str, str], list[R]]:
+    """Rows of runs, or of a matrix, by case and reading."""
+    return grouped(rows, attrgetter("problem"))
 
 
 def by_solver(rows: Iterable[R]) -> dict[str, list[R]]:
-    """Rows of each solver, in order."""
-    found: dict[str, list[R]] = {}
-    for row in rows:
-        found.setdefault(row.solver, []).append(row)
-    return found
+    """Rows of runs, or of a matrix, by solver."""
+    return grouped(rows, attrgetter("solver"))
 
 
-def right(rows: Sequence[RunRow]) -> list[RunRow]:
+def right(rows: Sequence[AnyRun]) -> list[AnyRun]:
     """Rows whose sequence and end are right and whose accuracy is known."""
     return [row for row in rows if row.verdict == "right" and row.digits is not None]
 
@@ -53,6 +46,12 @@ def right(rows: Sequence[RunRow]) -> list[RunRow]:
 def reaching(rows: Sequence[RunRow], digits: int) -> list[RunRow]:
     """Right rows that reach so many digits, and were timed."""
     return [row for row in right(rows) if number(row.digits) >= digits and row.wall_s is not None]
+
+
+def cheapest(rows: Sequence[RunRow], digits: int) -> tuple[RunRow | None, RunRow | None]:
+    """The cheapest right row that reaches so many digits, and the cheapest one of any other solver."""
+    able = sorted(reaching(rows, digits), key=_price)
+    return next(iter(able), None), next((row for row in able if row.solver != able[0].solver), None)
 
 
 def most_accurate(rows: Sequence[AnyRun]) -> AnyRun | None:
@@ -63,8 +62,7 @@ def most_accurate(rows: Sequence[AnyRun]) -> AnyRun | None:
 
 def best_of(rows: Sequence[RunRow]) -> RunRow:
     """The row that a summary shows of one solver: the right one with the most digits, else the last one."""
-    candidates = right(rows)
-    return max(candidates, key=lambda row: number(row.digits)) if candidates else rows[-1]
+    return max(right(rows), key=lambda row: number(row.digits), default=rows[-1])
 
 
 @dataclass(frozen=True)
@@ -81,11 +79,9 @@ class WholeRow(RunRow):
 
 def over_all(readings: Sequence[Sequence[RunRow]]) -> list[WholeRow]:
     """A row for every solver and setting, over all readings of a case."""
-    own: dict[tuple[str, float | None, float | None], list[RunRow]] = {}
-    for row in (row for rows in readings for row in rows):
-        own.setdefault((row.solver, row.rtol, row.step_s), []).append(row)
+    every = grouped((row for rows in readings for row in rows), lambda row: (row.solver, row.rtol, row.step_s))
     found = []
-    for (solver, rtol, step), rows in own.items():
+    for (solver, rtol, step), rows in every.items():
         good = [row for row in rows if row.verdict == "right"]
         found.append(
             WholeRow(
@@ -109,27 +105,6 @@ def best_setting(rows: Sequence[WholeRow]) -> WholeRow:
     """Of a solver's settings that are right in most readings the most accurate; among those as good, the cheapest."""
     most = max(row.right_in for row in rows)
     return most_accurate([row for row in rows if row.right_in == most]) or rows[-1]
-
-
-@dataclass(frozen=True)
-class Price:
-    """The cheapest way to so many digits, and the next solver's."""
-
-    digits: int
-    row: RunRow | None
-    next_row: RunRow | None
-    """The cheapest row of another solver."""
-
-
-def prices(rows: Sequence[RunRow], levels: Sequence[int] = LEVELS) -> list[Price]:
-    """For each level, the cheapest right row that reaches it, and the cheapest of any other solver."""
-    found = []
-    for level in levels:
-        able = sorted(reaching(rows, level), key=_price)
-        first = able[0] if able else None
-        others = [row for row in able if first is not None and row.solver != first.solver]
-        found.append(Price(level, first, others[0] if others else None))
-    return found
 
 
 def floor(row: RunRow) -> float:

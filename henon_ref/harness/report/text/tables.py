@@ -9,7 +9,17 @@ from henon_ref.harness.campaign.results import ReadingResult
 from henon_ref.harness.campaign.rows import Record
 from henon_ref.harness.campaign.timing import UNSTABLE
 from henon_ref.harness.report.text.matrix import UNJUDGED, MatrixRow, solvers_of, summary
-from henon_ref.harness.report.text.ranking import WholeRow, best_setting, by_solver, floor, most_accurate, prices, right
+from henon_ref.harness.report.text.ranking import (
+    LEVELS,
+    WholeRow,
+    best_setting,
+    by_solver,
+    cheapest,
+    floor,
+    grouped,
+    most_accurate,
+    right,
+)
 from henon_ref.harness.rows import NOT_RUN, Key, RunRow, StickRow, number
 from henon_ref.harness.table import Table, count, digits, duration, error, significant
 from henon_ref.text import code, markdown
@@ -38,14 +48,16 @@ def solver_table(records: Sequence[Record]) -> Table:
     Times are set against the shortest one in the table, where several solvers have one. Solvers that are right come
     first, the fastest of them at the top; then those that are not, and those that did not run.
     """
-    samples, solvers = samples_of(records), by_solver([record.run for record in records])
+    samples, solvers = samples_of(records), by_solver(record.run for record in records)
     best = {solver: _best(own) for solver, own in solvers.items()}
     walls = {solver: row.wall_s for solver, row in best.items() if row is not None and row.wall_s}
-    lines = []
-    for solver in sorted(solvers, key=lambda solver: (_rank(best[solver], solvers[solver]), walls.get(solver, 0.0))):
-        row, own = best[solver], solvers[solver]
-        time = timed(row, samples) if row is not None and solver in walls else ""
-        lines.append(_solver_line(solver, row, walls, time, _right_at(own), _note(own, row)))
+    ranked = sorted(solvers, key=lambda solver: (_rank(best[solver], solvers[solver]), walls.get(solver, 0.0)))
+    lines = [
+        _solver_line(
+            solver, best[solver], walls, samples, _right_at(solvers[solver]), _note(solvers[solver], best[solver])
+        )
+        for solver in ranked
+    ]
     return Table(SOLVERS, "lrrrrrl", lines)
 
 
@@ -63,17 +75,18 @@ def whole_table(whole: Sequence[WholeRow], judged: int) -> Table:
         row, most = best[solver], best[solver].right_in
         others = [own.setting for own in solvers[solver] if own.right_in == most and own.key != row.key]
         note = f"in as many at {', '.join(others)}" if most and others else ""
-        time = timed(row) if solver in walls else ""
-        lines.append(_solver_line(solver, row if most else None, walls, time, f"{most} of {judged}", note))
+        lines.append(_solver_line(solver, row if most else None, walls, {}, f"{most} of {judged}", note))
     return Table(SOLVERS, "lrrrrrl", lines)
 
 
 def _solver_line(
-    solver: str, row: RunRow | None, walls: Mapping[str, float], time: str, at: str, note: str
+    solver: str, row: RunRow | None, walls: Mapping[str, float], samples: Samples, at: str, note: str
 ) -> tuple[str, ...]:
-    reached = "" if row is None or row.digits is None else digits(row.digits)
+    if row is None:
+        return code(solver), "", "", "", "", at, note
+    time = timed(row, samples) if solver in walls else ""
     longer = significant(walls[solver] / min(walls.values())) if solver in walls and len(walls) > 1 else ""
-    return code(solver), reached, time, longer, "" if row is None else row.setting, at, note
+    return code(solver), digits(row.digits), time, longer, row.setting, at, note
 
 
 def _best(rows: Sequence[RunRow]) -> RunRow | None:
@@ -103,11 +116,8 @@ def _note(rows: Sequence[RunRow], best: RunRow | None) -> str:
     """What became of the runs that are not right, and what the best one lacks."""
     if rows[-1].status in NOT_RUN:
         return markdown(rows[-1].status_reason or "").rstrip(".")
-    notes: dict[str, list[str]] = {}
-    for row in rows:
-        if row.verdict not in ("right", None):
-            notes.setdefault(_ending(row), []).append(row.setting)
-    phrases = [f"{ending} at {', '.join(at)}" for ending, at in notes.items()]
+    notes = grouped((row for row in rows if row.verdict not in ("right", None)), _ending)
+    phrases = [f"{ending} at {', '.join(row.setting for row in own)}" for ending, own in notes.items()]
     if best is not None and best.missed_touches:
         phrases.append(f"touches missed: {best.missed_touches}")
     if best is not None and best.undecided_after_s is not None:
@@ -126,37 +136,31 @@ def _ending(row: RunRow) -> str:
 
 def price_table(rows: Sequence[RunRow], samples: Samples | None = None) -> Table | None:
     """The cheapest solver for so many digits, and what the next one costs; None where fewer than two solvers ran."""
-    ran = {row.solver for row in rows if row.status not in NOT_RUN}
-    if len(ran) < 2 or all(price.row is None for price in prices(rows)):
+    found, ran = {level: cheapest(rows, level) for level in LEVELS}, {r.solver for r in rows if r.status not in NOT_RUN}
+    if len(ran) < 2 or not any(first for first, _ in found.values()):
         return None
     lines = []
-    for price in prices(rows):
-        first, other, ratio = price.row, price.next_row, ""
-        cells = ["none" if first is None else "", "", "", "" if first is None else "none", "", ""]
-        if first is not None:
-            cells[:3] = code(first.solver), first.setting, timed(first, samples)
+    for level, (first, other) in found.items():
+        cells, ratio = [*_priced(first, samples), *(_priced(other, samples) if first else ("", "", ""))], ""
         if first is not None and other is not None:
-            cells[3:] = code(other.solver), other.setting, timed(other, samples)
             ratio = significant(number(other.wall_s) / number(first.wall_s), 3)
-        lines.append((f"{price.digits}", *cells, ratio))
+        lines.append((f"{level}", *cells, ratio))
     headings = ("digits", "cheapest", "setting", "time", "next", "setting", "time", "times as long")
     return Table(headings, "rlrrlrrr", lines)
 
 
-KEY = (
-    "Decimal digits of the worst transition time at the most accurate setting with the right sequence. "
-    "`ok`: right, nothing to time. `*`: not right at another setting. `–`: the solver cannot do this problem, `·`: not "
-    "installed; otherwise how its last run ended, or why that is not judged."
-)
-"""What the cells of a table of digits mean."""
+def _priced(row: RunRow | None, samples: Samples | None) -> tuple[str, str, str]:
+    return ("none", "", "") if row is None else (code(row.solver), row.setting, timed(row, samples))
+
+
 _MARKS = {"unsupported": "–", "unavailable": "·"}
 
 
-def digits_table(readings: Sequence[tuple[str, Sequence[RunRow]]]) -> Table:
-    """Digits that each solver reaches on each reading, or what became of it; readings by name, with their rows."""
-    solvers = solvers_of(row for _, rows in readings for row in rows)
+def digits_table(readings: Mapping[str, Sequence[RunRow]]) -> Table:
+    """Digits that each solver reaches on each reading, or what became of it."""
+    solvers = solvers_of(row for rows in readings.values() for row in rows)
     lines = []
-    for reading, rows in readings:
+    for reading, rows in readings.items():
         own = {solver: _digits(summary(runs)) for solver, runs in by_solver(rows).items()}
         transitions = next((row.reference_transitions for row in rows if row.reference_transitions is not None), None)
         lines.append((f"[{reading}](#{reading})", _count(transitions), *(own.get(solver, "") for solver in solvers)))
@@ -165,7 +169,7 @@ def digits_table(readings: Sequence[tuple[str, Sequence[RunRow]]]) -> Table:
 
 def _digits(row: MatrixRow) -> str:
     if row.right:
-        reached = "ok" if row.digits is None else digits(row.digits)
+        reached = digits(row.digits) or "ok"
         return reached if row.right == row.settings else f"{reached} *"
     if row.verdict in UNDECIDED:
         return str(row.verdict)
@@ -177,10 +181,7 @@ def _digits(row: MatrixRow) -> str:
 def run_table(records: Sequence[Record]) -> Table:
     """Every run that could be made: what was found, how well, at what cost."""
     lines = []
-    for record in records:
-        row = record.run
-        if row.status in NOT_RUN:
-            continue
+    for row, samples in ((record.run, record.samples) for record in records if record.run.status not in NOT_RUN):
         lines.append(
             (
                 code(row.solver),
@@ -189,9 +190,9 @@ def run_table(records: Sequence[Record]) -> Table:
                 _count(row.matched),
                 "" if row.missed is None else f"{row.missed} / {row.spurious}",
                 error(row.max_time_error_s, floor(row)),
-                "" if row.digits is None else digits(row.digits),
+                digits(row.digits),
                 error(row.max_stick_error_s, floor(row)),
-                _wall(row, record.samples),
+                _wall(row, samples),
                 duration(row.compile_s),
                 *map(_count, (row.steps, row.rhs_evaluations, row.event_evaluations)),
             )
@@ -249,23 +250,31 @@ def reason_table(rows: Sequence[RunRow]) -> Table | None:
 
 def stick_table(records: Sequence[Record], result: ReadingResult) -> Table | None:
     """The sticks of the measured window: the truth's, and how near the most accurate right run comes to them."""
-    expected, reading = result.expected, result.reading
+    expected, reading, system = result.expected, result.reading, result.reading.problem.system
     exact = sticks(expected.transitions, start=expected.start, after=reading.measure_after) if expected else []
     if not exact:
         return None
     able = [record for record in records if record.sticks and right([record.run])]
     best = max(able, key=lambda record: number(record.run.digits), default=None)
     own: dict[int, StickRow] = {row.index: row for row in best.sticks} if best else {}
-    names = reading.problem.system
     headings = ["stick", "surface", "begins at [s]", "exact duration [s]"]
     if best is not None:
-        headings += [f"error of {code(best.run.solver)} [s]", f"length [unit of {code(names.state_names[0])}]"]
+        length = f"length in {code(system.state_names[0])}{_unit(result)}"
+        headings += [f"error of {code(best.run.solver)} [s]", length]
     rows = []
     for index, stick in enumerate(exact[:MOST_STICKS]):
-        cells = [f"{index}", names.sign_names[stick.surface], f"{stick.start:.9f}", f"{stick.duration:.13f}"]
+        cells = [f"{index}", system.sign_names[stick.surface], f"{stick.start:.9f}", f"{stick.duration:.13f}"]
         if best is not None:
             row = own.get(index)
             cells.append("" if row is None else error(row.error_s))
             cells.append("" if row is None or row.length is None else f"{row.length:.9f}")
         rows.append(tuple(cells))
     return Table(tuple(headings), "rl" + "r" * (len(headings) - 2), rows)
+
+
+def _unit(result: ReadingResult) -> str:
+    """The unit of the first state, where it is the position of a body of a scene."""
+    bodies = result.reading.scene.bodies.values() if result.reading.scene else ()
+    first = result.reading.problem.system.states[0]
+    kind = next((body.kind for body in bodies if body.states and body.states[0] == first), "")
+    return {"mass": " [m]", "rotor": " [rad]"}.get(kind, "")

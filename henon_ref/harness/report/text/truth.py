@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterable, Sequence
 from decimal import Decimal
 
-from henon_ref.casefile.expected import Orbit
 from henon_ref.harness.campaign.results import ReadingResult
 from henon_ref.harness.campaign.rows import Record
 from henon_ref.harness.rows import RunRow, StickRow, number
@@ -30,8 +29,9 @@ def truth_table(result: ReadingResult, runs: Iterable[RunRow] = ()) -> Table:
     if expected is None:
         return Table(HEADINGS, "lll", [("exact run", "none, nothing is scored", _reason(result))])
     touches = sum(event.kind == "graze" for event in expected.transitions)
+    ended = "the truth ends there" if expected.partial else ""
     rows = [
-        ("exact run", _end(expected), _note("the truth ends there" if expected.partial else "", _reason(result))),
+        ("exact run", _end(expected), "; ".join(filter(None, (ended, _reason(result))))),
         ("transitions", f"{len(expected.transitions) - touches}", ""),
         ("touches", f"{touches}", "a surface is met and not crossed" if touches else ""),
         ("certified", *_certified(result, expected)),
@@ -88,10 +88,6 @@ def _certified(result: ReadingResult, expected: Expected) -> tuple[str, str]:
     return (f"{statement.proven} of {number}" if statement.proven else "no"), why
 
 
-def _note(*parts: str) -> str:
-    return "; ".join(part for part in parts if part)
-
-
 MOST_RUNS = 3
 """Runs that a table names of those with the printed digits."""
 
@@ -99,19 +95,20 @@ MOST_RUNS = 3
 def published_table(records: Sequence[Record], result: ReadingResult) -> Table | None:
     """A row a printed stick duration: the exact run's last stick of that kind, and the runs with the printed digits."""
     reading, expected = result.reading, result.expected
-    if reading.published is None or not reading.published.stick_durations or expected is None:
+    printed = reading.published.stick_durations if reading.published is not None else ()
+    if not printed or expected is None:
         return None
-    printed = reading.published.stick_durations
     exact = _last_sticks(expected, printed, reading.measure_after)
-    runs = [record for record in records if _has_printed_digits(record, printed)]
+    runs = [record for record in records if _has_printed_digits(record, printed)][:MOST_RUNS]
     lines = []
     for value in printed:
-        own = exact.get(value)
-        cells = (f"{value}", "", "", "", _why_none(exact, expected, reading.measure_after))
-        if own is not None:
-            holds = "yes" if printed_alike(own, value) else "no"
-            cells = (f"{value}", significant(own, 11), error(float(value) - own), holds, "")
-        lines.append((*cells[:4], "; ".join(_shown(record, value, printed) for record in runs[:MOST_RUNS]), cells[4]))
+        cells, note = ("", "", ""), ""
+        if value in exact:
+            holds = "yes" if printed_alike(exact[value], value) else "no"
+            cells = significant(exact[value], 11), error(float(value) - exact[value]), holds
+        else:
+            note = _why_none(exact, expected, reading.measure_after)
+        lines.append((f"{value}", *cells, "; ".join(_shown(record, value, printed) for record in runs), note))
     headings = ("printed [s]", "exact, last [s]", "printed − exact [s]", "digits hold", "runs that give them", "note")
     return Table(headings, "rrrlll", lines)
 
@@ -119,11 +116,11 @@ def published_table(records: Sequence[Record], result: ReadingResult) -> Table |
 def printed_times_table(result: ReadingResult) -> Table | None:
     """A row a printed time of a transition, beside the exact transition that is nearest to it."""
     reading, expected = result.reading, result.expected
-    if reading.published is None or not reading.published.transition_times or expected is None:
+    printed = reading.published.transition_times if reading.published is not None else ()
+    if not printed or expected is None:
         return None
-    names = reading.problem.system.sign_names
-    lines = []
-    for value in reading.published.transition_times:
+    names, lines = reading.problem.system.sign_names, []
+    for value in printed:
         own = min(expected.transitions, key=lambda event: abs(event.time - float(value)), default=None)
         if own is None:
             lines.append((f"{value}", "none", "", "", ""))
@@ -160,21 +157,20 @@ def _closest(value: float, printed: Sequence[Decimal]) -> Decimal:
     return min(printed, key=lambda candidate: abs(float(candidate) - value))
 
 
-def _compared(record: Record) -> list[StickRow]:
-    """The sticks of a run that have a printed duration."""
-    return [row for row in record.sticks if row.duration_s is not None and row.published_s is not None]
+def _compared(record: Record, printed: Sequence[Decimal]) -> list[tuple[Decimal, StickRow]]:
+    """The sticks of a run that have a printed duration, each with that."""
+    own = [row for row in record.sticks if row.duration_s is not None and row.published_s is not None]
+    return [(_closest(number(row.published_s), printed), row) for row in own]
 
 
 def _has_printed_digits(record: Record, printed: Sequence[Decimal]) -> bool:
-    own = _compared(record)
-    return bool(own) and all(
-        printed_alike(number(row.duration_s), _closest(number(row.published_s), printed)) for row in own
-    )
+    own = _compared(record, printed)
+    return bool(own) and all(printed_alike(number(row.duration_s), value) for value, row in own)
 
 
 def _shown(record: Record, value: Decimal, printed: Sequence[Decimal]) -> str:
     """A run with its duration [s] and length of the sticks of one kind."""
-    own = [row for row in _compared(record) if _closest(number(row.published_s), printed) == value]
+    own = [row for partner, row in _compared(record, printed) if partner == value]
     cells = [code(record.run.solver), record.run.setting]
     for label, known in (("duration", [row.duration_s for row in own]), ("length", [row.length for row in own])):
         values = dict.fromkeys(f"{value:.5f}" for value in known if value is not None)
@@ -183,40 +179,23 @@ def _shown(record: Record, value: Decimal, printed: Sequence[Decimal]) -> str:
 
 
 def orbit_table(result: ReadingResult) -> Table | None:
-    """The periodic orbit that a case names, and how far the exact run's last period is from it."""
+    """The periodic orbit that a case names, and how far the last sticks and crossings of the exact run are from it."""
     orbit, expected = result.reading.orbit, result.expected
     if orbit is None or expected is None or not (orbit.sticks or orbit.crossings):
         return None
-    lines = [("period", significant(float(orbit.period), 11), "")]
-    lines += _stick_rows(orbit, expected, result.reading.measure_after)
-    lines += _crossing_rows(orbit, expected)
-    return Table(("periodic orbit", "named [s]", "exact run, last − named [s]"), "lrr", lines)
-
-
-def _stick_rows(orbit: Orbit, expected: Expected, after: float) -> list[tuple[str, str, str]]:
-    """How far the last stick of each kind is from the orbit's."""
-    found = [stick.duration for stick in sticks(expected.transitions, start=expected.start, after=after)]
-    named = [float(value) for value in orbit.sticks]
-    last = dict(zip(published_partners(found, named), found, strict=True))  # of each kind the last one
-    return [
-        ("stick", f"{value}", error(last[own] - own) if own in last else "none")
-        for value, own in zip(orbit.sticks, named, strict=True)
-    ]
-
-
-def _crossing_rows(orbit: Orbit, expected: Expected) -> list[tuple[str, str, str]]:
-    """How far the last crossings are from the orbit's, modulo the period."""
+    found = [s.duration for s in sticks(expected.transitions, start=expected.start, after=result.reading.measure_after)]
+    partners = published_partners(found, [float(value) for value in orbit.sticks])
+    last = dict(zip(partners, found, strict=True))  # of each kind the last one
     period = float(orbit.period)
-    times = [event.time for event in expected.transitions if event.kind == "crossing"]
-    last = times[-len(orbit.crossings) :] if orbit.crossings else []
-    return [
-        (
-            "crossing, modulo the period",
-            f"{value}",
-            error(min((math.remainder(time - float(value), period) for time in last), key=abs)) if last else "none",
-        )
-        for value in orbit.crossings
-    ]
+    times = [event.time for event in expected.transitions if event.kind == "crossing"][-len(orbit.crossings) :]
+    lines = [("period", significant(period, 11), "")]
+    for value in orbit.sticks:
+        own = last.get(float(value))
+        lines.append(("stick", f"{value}", "none" if own is None else error(own - float(value))))
+    for value in orbit.crossings:
+        apart = min((math.remainder(time - float(value), period) for time in times), key=abs, default=None)
+        lines.append(("crossing, modulo the period", f"{value}", "none" if apart is None else error(apart)))
+    return Table(("periodic orbit", "named [s]", "exact run, last − named [s]"), "lrr", lines)
 
 
 def printed_alike(value: float, printed: Decimal) -> bool:

@@ -51,7 +51,7 @@ def draw_ladder(rows: Sequence[RunRow], count: str) -> Figure:
                 if is_time:
                     _draw_bars(axes, line, ladders[solver])
                 tips[solver] = min(error for _, error in points)
-        style.decades(axes.xaxis, style.time_text if is_time else None)
+        style.decades(axes.xaxis, style.time_text if is_time else style.power_of_ten)
         style.decades(axes.yaxis)
         ordered = sorted(tips, key=lambda solver: -tips[solver])
         label_column(axes, [(solver, lines[solver]) for solver in ordered], x=1.045, gap=0.05)

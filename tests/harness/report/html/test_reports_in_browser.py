@@ -17,7 +17,7 @@ from test_reports_page import SHOWN
 
 from henon_ref.harness.report.case_report import write_report
 from henon_ref.harness.report.folder_report import write_folder_report
-from henon_ref.harness.report.html.choice_content import choice_rows
+from henon_ref.harness.report.text.choice import choice_rows
 from henon_ref.harness.report.text.matrix import read_matrix
 from henon_ref.harness.report.text.ranking import LEVELS
 

@@ -17,19 +17,20 @@ from fakes import CASE, case
 from html_pages import RUNS, comparison, made_folder, two_readings
 from made_reports import ORIGIN, changed
 
+import henon_ref
 from henon_ref.errors import CaseError
-from henon_ref.figures.curves import Curves
+from henon_ref.figures.motion import Motion
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.options import MOST_DRAWN
 from henon_ref.harness.cli.check import page_differences
 from henon_ref.harness.report.case_report import write_report
-from henon_ref.harness.report.folder_report import write_folder_report
-from henon_ref.harness.report.html.choice_content import choice_rows
+from henon_ref.harness.report.folder_report import page_text, write_folder_report
 from henon_ref.harness.report.html.content import (
     CELL,
     FIELDS,
     NIGHT,
     PAPER,
+    PROJECTS,
     SEEN,
     contrast,
     few_readings,
@@ -39,9 +40,7 @@ from henon_ref.harness.report.html.content import (
 from henon_ref.harness.report.html.portrait import CELLS, MOST_POINTS
 from henon_ref.harness.report.html.portrait import packed as packed_portrait
 from henon_ref.harness.report.html.rendering import MOST_BYTES, embedded, read_embedded
-from henon_ref.harness.report.html.reports_page import page_text
-from henon_ref.harness.report.projects import PROJECTS
-from henon_ref.harness.report.text.choice import choice_table
+from henon_ref.harness.report.text.choice import choice_rows, choice_table
 from henon_ref.harness.report.text.matrix import MatrixRow, read_matrix
 from henon_ref.harness.rows import RunRow, read_rows
 
@@ -120,13 +119,17 @@ def test_a_run_has_what_is_shown_of_it_and_no_more_digits() -> None:
 def test_a_portrait_has_few_points_none_of_which_lies_beside_the_curve() -> None:
     angle = np.linspace(0, 40 * np.pi, 20_000)
     points = np.column_stack([np.cos(angle), 3 * np.sin(angle)]) * np.exp(-angle / 100)[:, None]
-    made = packed_portrait(Curves(("x", "v"), ((-1.0, 1.0), (-3.0, 3.0)), (0.0, 1.0), [("slip", points)], []))
+    system = henon_ref.System(state=["x", "v"], field=["v", "-x - s"], surfaces={"s": "v - 9"}).model
+    made = packed_portrait(system, Motion(angle, points, ((1,),) * len(angle)))
+    assert made["names"] == ["x", "v"]
     (piece,) = made["pieces"]
-    kept = np.frombuffer(b64decode(piece[1]), dtype="<i2").reshape(-1, 2) / CELLS * [2.0, 6.0] - [1.0, 3.0]
+    low, high = np.array(made["limits"]).T
+    size = high - low
+    kept = np.frombuffer(b64decode(piece[1]), dtype="<i2").reshape(-1, 2) / CELLS * size + low
     assert 40 < len(kept) <= MOST_POINTS
     for point in kept[:: len(kept) // 40]:
-        assert np.min(np.hypot(*((points - point) / [2.0, 6.0]).T)) < 0.02
-    ends = np.abs((kept[[0, -1]] - points[[0, -1]]) / [2.0, 6.0])
+        assert np.min(np.hypot(*((points - point) / size).T)) < 0.02
+    ends = np.abs((kept[[0, -1]] - points[[0, -1]]) / size)
     assert ends.max() < 1 / CELLS
 
 
@@ -313,7 +316,7 @@ def test_the_page_of_the_whole_suite_is_small(tmp_path: Path) -> None:
     """Every row of the committed matrix, each with the three runs that its solver may have had."""
     rows = read_matrix(ROOT / "reports")
     assert len({row.case for row in rows}) > 60
-    bare = len(page_text(tmp_path, rows))
+    bare = len(page_text(rows, tmp_path))
     run = {"status": "failed", "verdict": "solver defect", "digits": 11.123456789}
     run |= dict.fromkeys(set(FIELDS) - set(run) - {"setting"}, 1.2345678e-12)
     own = (

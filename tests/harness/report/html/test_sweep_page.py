@@ -19,8 +19,7 @@ from henon_ref.harness.cli.sweep import program
 from henon_ref.harness.report.html import sweep_content, sweep_page
 from henon_ref.harness.report.html.rendering import MOST_BYTES, read_embedded
 from henon_ref.harness.report.html.sweep_content import frame_content, kept_points, read_table, rows_of
-from henon_ref.harness.report.html.sweep_page import write_sweep_page
-from henon_ref.harness.report.html.sweep_runs import KEPT
+from henon_ref.harness.report.html.sweep_page import KEPT, write_sweep_page
 from henon_ref.sweeps.plan import planned
 
 EVIL = "</script><img src=//evil.example/x.png>{{ 7*7 }}"

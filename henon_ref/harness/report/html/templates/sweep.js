@@ -1,10 +1,7 @@
 // The page of a sweep's folder: a diagram of its points or section points, and the run behind each point.
 
-/** Bytes of base64 text as an array of numbers. */
-function numbersOf(text, kind) {
-  const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
-  return new kind(bytes.buffer);
-}
+/** Base64 text as an array of numbers. */
+const numbersOf = (text, kind) => new kind(bytesOf(text).buffer);
 
 /** Columns of the points: numbers, or texts as numbers of words. */
 const COLUMNS = new Map(DATA.columns.map((column) => {
@@ -96,7 +93,7 @@ function drawAll() {
 /** A colour an entry, and the key to them; shares are of the points that are drawn. */
 function colours(own) {
   const column = COLUMNS.get(control("colour"));
-  const ink = getComputedStyle(document.documentElement).getPropertyValue("--point-ink") || "#0072b2";
+  const ink = getComputedStyle(document.body).color;
   if (!column) {
     byId("colour-key").replaceChildren();
     return () => ink;
