@@ -9,10 +9,9 @@ from typing import Any
 import sympy as sp
 
 from henon_ref.errors import ModelError
-from henon_ref.integrator.constants import ModeConstants
+from henon_ref.integrator.constants import ModeConstants, ParameterPrograms
 from henon_ref.integrator.mode_table import ModeTable
 from henon_ref.integrator.pairs import exact_expression, pair_of_exact, three_of
-from henon_ref.integrator.parameter_programs import ParameterPrograms
 from henon_ref.integrator.records import WorkspacePool
 from henon_ref.integrator.start import Start, begin
 from henon_ref.modes.problem import Problem

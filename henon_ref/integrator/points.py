@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from henon_ref.errors import ModelError
+from henon_ref.integrator.constants import LoopData
 from henon_ref.integrator.entries import numbered, words_of, written
 from henon_ref.integrator.integrator import Integrator
 from henon_ref.integrator.pairs import decimal_pairs, exact_expression, threes
-from henon_ref.integrator.parameter_programs import LoopData, loop_data
 from henon_ref.integrator.records import CHUNK, HENON, TRANSITION_PLACES, Workspace, transition_dtype
 from henon_ref.integrator.run import Run
 from henon_ref.integrator.start import MOST_STEPS, Start, out_of_steps, row_at_start
@@ -259,10 +259,9 @@ class _Part:
         points.states = doubles(runs.states[self.part])
         tries, code, data = TRIES, kernel.PAUSE, None
         while code != kernel.DONE:
-            with table.readers:
-                if data is None or data.compiled is not table.compiled:
-                    tries, data = TRIES, self._constants(points)
-                code = kernel.run_points(self._progress, points, data.tables, self._buffer(self.kept))
+            if data is None or data.compiled is not table.compiled:
+                tries, data = TRIES, self._constants(points)
+            code = kernel.run_points(self._progress, points, data.tables, self._buffer(self.kept))
             if code == kernel.ASIDE:
                 yield from self._in_python(int(progress["point"]) - 1)
                 tries -= 1
@@ -322,12 +321,11 @@ class _Part:
     def _constants(self, points: Any) -> LoopData:
         """The modes that are compiled now with the constants of all points, or of the first where all have the same."""
         program = self.runs.integrator.programs.loop()
-        numbers, normals = program.numbers(
+        numbers = program.numbers(
             self.values, lambda point: [exact_expression(v) for v in self.runs.exact(self.first + point).values]
         )
-        each = len(numbers) > 1
-        points.numbers_step, points.normals_step = numbers[0].size if each else 0, normals[0].size if each else 0
-        return loop_data(self.runs.integrator.mode_table, program.compiled, numbers, normals)
+        points.numbers_step = numbers.shape[1] if len(numbers) > 1 else 0
+        return program.of(numbers)
 
     def _handed_out(self) -> Iterator[NDArray[Any]]:
         """Transitions of the points that are done; those of one that is at work move to the begin of the buffer."""

@@ -182,11 +182,10 @@ class Run(State):
         if refused is not None:
             unasked = self.samples is _NO_SAMPLES
             return refused if unasked else refused._replace(samples=self._sampled_states(), sample_modes=())
-        with self.integrator.mode_table.readers:
-            data = self.start.constants.latest
-            if data.compiled is not self.integrator.mode_table.compiled:
-                data = self.start.constants.update()
-            code = kernel.advance(self.workspace.run, data.tables, self._sampled, len(self.samples))
+        data = self.start.constants.latest
+        if data.compiled is not self.integrator.mode_table.compiled:
+            data = self.start.constants.update()
+        code = kernel.advance(self.workspace.run, data.tables, self._sampled, len(self.samples))
         if code == kernel.HORIZON or code == kernel.STOPPED:
             return self._end("ok", "")
         if code == kernel.BLOCK_FULL and not stop:

@@ -8,7 +8,7 @@ from fractions import Fraction
 import pytest
 import sympy as sp
 
-from henon_ref.integrator.parameter_programs import sign_function
+from henon_ref.integrator.constant_program import sign_function
 
 X, V, B = sp.symbols("x v b", real=True)
 
