@@ -10,7 +10,8 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, reduce
-from itertools import groupby
+from itertools import chain, groupby
+from struct import Struct
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from flint import arb, fmpq
 from numpy.typing import NDArray
 
 from henon_ref.errors import ModelError
+from henon_ref.integrator.pairs import Three
 from henon_ref.kernel.shared import LEVELS, doubles, ffi, integers, kernel
 from henon_ref.modes.exact_numbers import double_double
 from henon_ref.precision import working_precision
@@ -39,11 +41,7 @@ BITS = 256
 """Of python-flint's balls where a function is evaluated, and where a sign is asked for."""
 DIGITS = 90
 """Of numbers that are no rational ones, where a program is run in balls."""
-CLEAR = 1e-9
-"""Part of the size of its terms that a sum is larger than where its sign is beyond rounding: a thousand terms of a
-thousand factors each are off by less."""
-MOST_TERMS = 100
-"""Terms of one polynomial, and polynomials: more are left to others."""
+_DOUBLES, _INTEGERS = ffi.typeof("double[]"), ffi.typeof("int64_t[]")
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,8 +80,8 @@ class ConstantProgram:
         return [(other, np.array(list(group), dtype=np.int64)) for other, group in grouped]
 
     def compiled(self, sources: NDArray[np.int64]) -> tuple[Any, int, Any] | None:
-        """The program as a ``struct program`` of ``kernel.h``, the doubles that :func:`point_tables` puts down, and what
-        it points to; None where it holds functions.
+        """The program as a ``struct program`` of ``kernel.h``, the doubles that its ``point_tables`` puts down, and what
+        that points to; None where it holds functions.
 
         ``sources``: what is put at each place.
         """
@@ -96,6 +94,23 @@ class ConstantProgram:
         made.count, made.width, made.inputs = len(operations), len(self._registers), self.inputs
         made.results, made.places = len(self.outputs), sources.size
         return made, self._registers.size + 1 + 2 * len(self.outputs) + sources.size, kept
+
+    @cached_property
+    def _one_point(self) -> tuple[Any, Callable[..., bytes], Any] | None:
+        made = self.compiled(np.zeros(0, dtype=np.int64))
+        return None if made is None else (made[0], Struct(f"{3 * self.inputs}d").pack, made[2])
+
+    def clear_signs(self, point: Sequence[Three]) -> list[int]:
+        """Signs of the expressions at a point: 0 of one that is exactly zero, UNCLEAR_SIGN of one that may be zero."""
+        signs = ffi.new(_INTEGERS, len(self.outputs))
+        if self._one_point is None:
+            registers = doubles(self.registers(np.array(point).reshape(1, -1, 3)))
+            kernel.signs_of(registers, len(self._registers), 1, integers(self.places), len(self.outputs), signs)
+        else:
+            program, pack, _ = self._one_point
+            registers = ffi.new(_DOUBLES, self._registers.size)
+            kernel.point_signs(program, pack(*chain.from_iterable(point)), registers, signs)
+        return list(signs)
 
     def registers(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Run at some points.
@@ -292,52 +307,3 @@ class ProgramWriter:
             self._made[key] = self._register()
             self._operations.append((what, self._made[key], i, j))
         return self._made[key]
-
-
-def sign_function(
-    symbols: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]
-) -> Callable[..., tuple[int, ...] | None] | None:
-    """What gives the signs of some expressions at a point; None where one of them is no short sum of products.
-
-    Parameters
-    ----------
-    symbols : sequence of Symbol
-        What the function takes, as floats that are off by no more than rounding.
-    expressions : sequence of Expr
-
-    Returns
-    -------
-    callable or None
-        It returns None where a sign is not beyond rounding.
-    """
-    if len(expressions) > MOST_TERMS:
-        return None
-    sums = [sp.Add.make_args(sp.expand(e)) for e in expressions]
-    if any(len(terms) > MOST_TERMS or not all(map(_is_product, terms)) for terms in sums):
-        return None
-    values_at = sp.lambdify(symbols, [_value_and_size(terms) for terms in sums], "math")
-
-    def signs(*point: float) -> tuple[int, ...] | None:
-        found = []
-        try:
-            values = values_at(*point)
-        except ArithmeticError:
-            return None
-        for value, size in values:
-            if not abs(value) > CLEAR * size:  # nor where they are not finite
-                return None
-            found.append(1 if value > 0.0 else -1)
-        return tuple(found)
-
-    return signs
-
-
-def _value_and_size(terms: Sequence[sp.Expr]) -> tuple[sp.Expr, sp.Expr]:
-    """A sum, and that of the sizes of its terms, as they are to be evaluated."""
-    return sp.Add(*terms, evaluate=False), sp.Add(*(sp.Abs(term, evaluate=False) for term in terms), evaluate=False)
-
-
-def _is_product(term: sp.Expr) -> bool:
-    """Whether a term is a product of rational numbers and whole powers of symbols."""
-    factors = (factor.as_base_exp() for factor in sp.Mul.make_args(term))
-    return all((base.is_Rational or base.is_Symbol) and exponent.is_Integer for base, exponent in factors)

@@ -13,7 +13,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.integrator.constant_program import ConstantProgram, ProgramWriter, constant_program, sign_function
+from henon_ref.integrator.constant_program import ConstantProgram, ProgramWriter, constant_program
 from henon_ref.integrator.mode_table import CompiledModes, ModeTable
 from henon_ref.integrator.pairs import Pair, Three, three_of
 from henon_ref.jit.processor_time import compiling
@@ -23,7 +23,6 @@ from henon_ref.precision import one_at_a_time
 from henon_ref.taylor.tape import TIME
 
 if TYPE_CHECKING:
-    from henon_ref.integrator.jump import Jumps
     from henon_ref.integrator.precise_modes import PreciseModes
     from henon_ref.integrator.shared_tapes import SharedTapes
     from henon_ref.modes.mode_evaluation import ModeEvaluation
@@ -87,9 +86,7 @@ class LoopProgram:
         """Memory that :meth:`numbers` takes for each point."""
         return 8 * (self.program.places_a_point + self._sources.size)
 
-    def numbers(
-        self, values: NDArray[np.float64], exact: Callable[[int], Sequence[sp.Expr]]
-    ) -> NDArray[np.float64]:
+    def numbers(self, values: NDArray[np.float64], exact: Callable[[int], Sequence[sp.Expr]]) -> NDArray[np.float64]:
         """Those of some points, a row each.
 
         Parameters
@@ -156,22 +153,11 @@ class ParameterPrograms:
         return made
 
     @cached_property
-    def _start(self) -> tuple[tuple[sp.Symbol, ...], tuple[sp.Expr, ...]]:
-        """Time, states and parameters; surfaces, then ``valid`` expressions."""
-        system = self.system
-        return (TIME, *system.states, *self.parameters), (*system.surfaces, *system.valid)
-
-    @cached_property
-    def signs_in_doubles(self) -> Callable[..., tuple[int, ...] | None] | None:
-        """Signs at a start by :func:`sign_function`."""
-        with one_at_a_time():
-            return sign_function(*self._start)
-
-    @cached_property
     def start(self) -> ConstantProgram:
         """Surfaces, then ``valid`` expressions, in time, states and parameters."""
         with one_at_a_time():
-            return constant_program(*self._start)
+            symbols = (TIME, *self.system.states, *self.parameters)
+            return constant_program(symbols, (*self.system.surfaces, *self.system.valid))
 
     def start_signs(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
         """Signs of the surfaces, then of the ``valid`` expressions, at some points; UNCLEAR_SIGN where it is not clear.
@@ -240,16 +226,8 @@ class ModeConstants:
         return program.of(numbers), bool(np.isfinite(numbers).all())
 
     def signs(self, t: Pair, x: Sequence[Pair]) -> Sequence[int]:
-        """Signs of the surfaces, then of the ``valid`` expressions, at a point; UNCLEAR_SIGN where one is not clear.
-
-        By a bound in doubles where all of them are short sums of products, else by one in double-double.
-        """
-        in_doubles = self.programs.signs_in_doubles
-        if in_doubles is not None:
-            return in_doubles(t[0], *[high for high, _ in x], *self.doubles) or (kernel.UNCLEAR_SIGN,)
-        point = np.array([[*(three_of(pair) for pair in (t, *x)), *self.values]])
-        signs: list[int] = self.programs.start_signs(point)[0].tolist()
-        return signs
+        """Signs of the surfaces, then of the ``valid`` expressions, at a point; UNCLEAR_SIGN where one is not clear."""
+        return self.programs.start.clear_signs([*map(three_of, (t, *x)), *self.values])
 
     def exact_signs(self, point: Sequence[Any]) -> list[int | None]:
         """The same at a point of exact numbers; None where there is no value (see :meth:`ConstantProgram.signs`)."""
@@ -266,11 +244,4 @@ class ModeConstants:
         from henon_ref.integrator.precise_modes import PreciseModes  # most runs have no use for it
 
         shared, values = self.programs.shared_tapes, tuple(self.exact())
-        return PreciseModes(self.programs.system, self.in_doubles, lambda: shared.in_balls(values))
-
-    @cached_property
-    def jumps(self) -> Jumps:
-        """The resets' maps, in multiprecision."""
-        from henon_ref.integrator.jump import Jumps
-
-        return Jumps(self.precise)
+        return PreciseModes(self.in_doubles, lambda: shared.in_balls(values))

@@ -12,7 +12,7 @@ from henon_ref.errors import ModelError
 from henon_ref.integrator.constants import ModeConstants, ParameterPrograms
 from henon_ref.integrator.mode_table import ModeTable
 from henon_ref.integrator.pairs import exact_expression, pair_of_exact, three_of
-from henon_ref.integrator.records import WorkspacePool
+from henon_ref.integrator.records import Workspace
 from henon_ref.integrator.start import Start, begin
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem
@@ -35,6 +35,11 @@ class Integrator:
     order : int
         Order of the Taylor method.
 
+    Attributes
+    ----------
+    free : list of Workspace
+        Memory of runs that nobody has: see :meth:`workspace`.
+
     Raises
     ------
     UnsupportedError
@@ -47,13 +52,19 @@ class Integrator:
         self.mode_table = ModeTable(system, order)
         self.constants = lru_cache(maxsize=KEPT_VALUES)(self._constants)
         """The compiled modes' constants at values of :attr:`parameters`."""
+        self.free: list[Workspace] = []
 
-    @cached_property
-    def workspaces(self) -> WorkspacePool:
-        """Memory of runs."""
-        table = self.mode_table
-        sizes = len(self.system.states), table.most_guards, self.order, table.contacts, table.row_length
-        return WorkspacePool(*sizes)
+    def workspace(self) -> Workspace:
+        """Memory of a run, which gives it back to :attr:`free`; making some takes as long as a short run.
+
+        (To take it from a list, or give it back, is one operation, which is a thread's alone.)
+        """
+        try:
+            return self.free.pop()
+        except IndexError:
+            table = self.mode_table
+            sizes = len(self.system.states), table.most_guards, self.order, table.contacts, table.row_length
+            return Workspace.of(*sizes)
 
     @property
     def parameters(self) -> tuple[sp.Symbol, ...]:

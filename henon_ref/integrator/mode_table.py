@@ -13,7 +13,6 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.errors import ModelError
-from henon_ref.integrator.entries import packed, unpacked
 from henon_ref.integrator.mode_code import (
     ModeCode,
     NormalVelocities,
@@ -22,7 +21,7 @@ from henon_ref.integrator.mode_code import (
     normal_velocities,
     switched_mode_code,
 )
-from henon_ref.integrator.records import mode_dtype
+from henon_ref.integrator.records import mode_dtype, packed, unpacked
 from henon_ref.jit.processor_time import compiling
 from henon_ref.kernel.shared import kernel
 from henon_ref.modes.attraction import EXHAUSTIVE
@@ -93,7 +92,7 @@ class DistinctConstants:
 class ModeTable:
     """Grows a row for each mode that is asked for, from any thread.
 
-    Where all modes have one set of equations a mode is no row but a number (:mod:`henon_ref.integrator.entries`): the
+    Where all modes have one set of equations a mode is no row but a number (:mod:`henon_ref.integrator.records`): the
     table has three rows, of the modes in which every entry is the same, and the loop puts all others together from
     these.
 

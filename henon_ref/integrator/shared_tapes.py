@@ -73,14 +73,18 @@ class SharedTapes:
             return build_tape(names, (), expressions)
 
 
-class _InDoubles:
-    def __init__(self, shared: SharedTapes, values: tuple[float, ...]) -> None:
+class _AtValues:
+    """Tapes of a system at parameter values (:class:`henon_ref.modes.mode_evaluation.Tapes`)."""
+
+    def __init__(self, shared: SharedTapes, values: tuple[Any, ...]) -> None:
         self.mode, self._shared, self._values = shared.mode, shared, values
 
+
+class _InDoubles(_AtValues):
     def constants(self, tape: Tape) -> list[Any]:
         program = self._shared.constants(tape)
         registers = program.registers(np.array([self._values]))[0]
-        found: list[float] = registers[list(program.outputs), 0].tolist()
+        found: list[float] = registers[program.places, 0].tolist()
         return found
 
     def function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
@@ -88,10 +92,7 @@ class _InDoubles:
         return lambda *point: function(*point, *values)
 
 
-class _InBalls:
-    def __init__(self, shared: SharedTapes, values: tuple[sp.Expr, ...]) -> None:
-        self.mode, self._shared, self._values = shared.mode, shared, values
-
+class _InBalls(_AtValues):
     def constants(self, tape: Tape) -> list[Any]:
         return [ball.mid() for ball in self._shared.constants(tape).balls(self._values)]
 

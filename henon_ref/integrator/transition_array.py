@@ -8,8 +8,14 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.integrator.entries import numbered, words_of
-from henon_ref.integrator.records import LANDINGS, TRANSITION, TRANSITION_PLACES, transition_dtype
+from henon_ref.integrator.records import (
+    LANDINGS,
+    TRANSITION,
+    TRANSITION_PLACES,
+    numbered,
+    transition_dtype,
+    words_of,
+)
 from henon_ref.modes.kinks import HiddenKinks
 from henon_ref.modes.mode import Mode
 from henon_ref.trajectory import Kind, Transition
@@ -29,7 +35,7 @@ class TransitionArray(Sequence[Transition]):
         Modes by the numbers that the records hold.
     contacts : int, optional
         Where modes are entries of so many contacts: behind each state stand the words of the mode before and after
-        (:mod:`henon_ref.integrator.entries`), which become numbers, and modes, when somebody asks.
+        (:mod:`henon_ref.integrator.records`), which become numbers, and modes, when somebody asks.
     """
 
     __slots__ = ("_made_of", "_numbered")

@@ -162,10 +162,18 @@ HENON_EXPORT void run_operations(const int64_t *operations, int64_t count, doubl
     }
 }
 
+/* Run a program at one point. inputs: (inputs, 3), as registers hold them. */
+static void run_at(const struct program *program, const char *inputs, struct bounded *registers)
+{
+    memcpy(registers, program->registers, (size_t)program->width * sizeof(struct bounded));
+    memcpy(registers, inputs, (size_t)program->inputs * sizeof(struct bounded));
+    run_operations(program->operations, program->count, (double *)registers, program->width, 1);
+}
+
 /* The compiled modes at parameter values: the constants of all modes, and behind them those of the normal velocities,
  * by a program that is run at one point. Null where a constant is not finite, or has lost digits.
  *
- * inputs: (inputs, 3), as registers hold them. block: room for a struct tables, the registers, a zero and the constants,
+ * block: room for a struct tables, the registers, a zero and the constants,
  * each followed by what its rounding lost, and for their places.
  */
 HENON_EXPORT struct tables *point_tables(const struct tables *template, const struct program *program,
@@ -174,9 +182,7 @@ HENON_EXPORT struct tables *point_tables(const struct tables *template, const st
     struct tables *tables = (struct tables *)block;
     struct bounded *own = (struct bounded *)(tables + 1);
     double *numbers = (double *)(own + program->width), *out = numbers + 1 + 2 * program->results;
-    memcpy(own, program->registers, (size_t)program->width * sizeof(struct bounded));
-    memcpy(own, inputs, (size_t)program->inputs * sizeof(struct bounded));
-    run_operations(program->operations, program->count, (double *)own, program->width, 1);
+    run_at(program, inputs, own);
     numbers[0] = 0.0;
     for (int64_t k = 0; k < program->results; k++) {
         struct bounded number = own[program->outputs[k]];
@@ -212,6 +218,13 @@ HENON_EXPORT void signs_of(const double *registers, int64_t width, int64_t point
             signs[point * count + k] = sign;
         }
     }
+}
+
+/* The same of a program's expressions at one point. registers: room for them. */
+HENON_EXPORT void point_signs(const struct program *program, const char *inputs, double *registers, int64_t *signs)
+{
+    run_at(program, inputs, (struct bounded *)registers);
+    signs_of(registers, program->width, 1, program->outputs, program->results, signs);
 }
 
 #endif

@@ -13,9 +13,8 @@ import sympy as sp
 from often import daily
 
 import henon_ref as hr
-from henon_ref.integrator.entries import numbered, packed, read, unpacked, words_of, written
 from henon_ref.integrator.integrator import Integrator
-from henon_ref.integrator.records import HENON, mode_dtype, places
+from henon_ref.integrator.records import HENON, mode_dtype, numbered, packed, places, read, unpacked, words_of, written
 from henon_ref.integrator.run import Run
 from henon_ref.kernel.shared import ffi, kernel
 from henon_ref.modes.problem import Problem

@@ -105,6 +105,7 @@ def test_constants_of_a_point_are_the_same_made_at_once(name: str, monkeypatch: 
     for mode in (first, replaced(first, 0, -1)):
         integrator.mode_table.row(mode)
     values = tuple(float(system.parameters[symbol]) for symbol in integrator.parameters)
+
     def constants(*, at_once: bool) -> ModeConstants:
         with monkeypatch.context() as patch:
             if not at_once:
