@@ -10,9 +10,9 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, reduce
-from itertools import chain, groupby
+from itertools import groupby
 from struct import Struct
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import sympy as sp
@@ -20,7 +20,6 @@ from flint import arb, fmpq
 from numpy.typing import NDArray
 
 from henon_ref.errors import ModelError
-from henon_ref.integrator.pairs import Three
 from henon_ref.kernel.shared import LEVELS, doubles, ffi, integers, kernel
 from henon_ref.modes.exact_numbers import double_double
 from henon_ref.precision import working_precision
@@ -42,6 +41,21 @@ BITS = 256
 DIGITS = 90
 """Of numbers that are no rational ones, where a program is run in balls."""
 _DOUBLES, _INTEGERS = ffi.typeof("double[]"), ffi.typeof("int64_t[]")
+_ARRAYS = _INTEGERS, _DOUBLES, _INTEGERS, _INTEGERS
+"""Of a ``struct program``."""
+
+
+class CompiledProgram(NamedTuple):
+    """A program as compiled code takes it, for one point."""
+
+    program: Any
+    """A ``struct program``."""
+    pack: Callable[..., bytes]
+    """Makes its inputs of the pairs of all, one after the other."""
+    room: int
+    """Doubles that a run needs."""
+    memory: Any
+    """What the program points to."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,46 +93,52 @@ class ConstantProgram:
         grouped = groupby(self.operations, key=lambda operation: operation[0] >= FUNCTION)
         return [(other, np.array(list(group), dtype=np.int64)) for other, group in grouped]
 
-    def compiled(self, sources: NDArray[np.int64]) -> tuple[Any, int, Any] | None:
-        """The program as a ``struct program`` of ``kernel.h``, the doubles that its ``point_tables`` puts down, and what
-        that points to; None where it holds functions.
+    def compiled(self, sources: Sequence[int] | NDArray[np.int64] = ()) -> CompiledProgram | None:
+        """The program as compiled code takes it; None where it holds functions. ``sources``: what is put at each place.
 
-        ``sources``: what is put at each place.
+        See ``point_tables`` and ``point_signs`` of ``kernel.h``.
         """
         if any(other for other, _ in self._stages):
             return None
         operations = self._stages[0][1] if self._stages else np.zeros((0, 4), dtype=np.int64)
-        kept = integers(operations), doubles(self._registers), integers(self.places), integers(sources)
+        arrays = operations, self._registers, self.places, np.array(sources, dtype=np.int64)
         made = ffi.new("struct program *")
-        made.operations, made.registers, made.outputs, made.sources = kept
+        made.operations, made.registers, made.outputs, made.sources = map(ffi.from_buffer, _ARRAYS, arrays)
         made.count, made.width, made.inputs = len(operations), len(self._registers), self.inputs
-        made.results, made.places = len(self.outputs), sources.size
-        return made, self._registers.size + 1 + 2 * len(self.outputs) + sources.size, kept
+        made.results, made.places = len(self.outputs), len(sources)
+        room = self._registers.size + 1 + 2 * len(self.outputs) + len(sources)
+        return CompiledProgram(made, Struct(f"{2 * self.inputs}d").pack, room, arrays)
 
     @cached_property
-    def _one_point(self) -> tuple[Any, Callable[..., bytes], Any] | None:
-        made = self.compiled(np.zeros(0, dtype=np.int64))
-        return None if made is None else (made[0], Struct(f"{3 * self.inputs}d").pack, made[2])
+    def _alone(self) -> CompiledProgram | None:
+        return self.compiled()
 
-    def clear_signs(self, point: Sequence[Three]) -> list[int]:
-        """Signs of the expressions at a point: 0 of one that is exactly zero, UNCLEAR_SIGN of one that may be zero."""
-        signs = ffi.new(_INTEGERS, len(self.outputs))
-        if self._one_point is None:
-            registers = doubles(self.registers(np.array(point).reshape(1, -1, 3)))
-            kernel.signs_of(registers, len(self._registers), 1, integers(self.places), len(self.outputs), signs)
-        else:
-            program, pack, _ = self._one_point
-            registers = ffi.new(_DOUBLES, self._registers.size)
-            kernel.point_signs(program, pack(*chain.from_iterable(point)), registers, signs)
-        return list(signs)
+    def clear_signs(self, *point: float) -> list[int]:
+        """Signs of the expressions at a point: 0 of one that is exactly zero, UNCLEAR_SIGN of one that may be zero.
+
+        ``point``: of each input a pair.
+        """
+        if self._alone is None:
+            found: list[int] = self.signs_at(np.array(point).reshape(1, -1, 2))[0].tolist()
+            return found
+        program, pack, room, _ = self._alone
+        block = ffi.new(_DOUBLES, room)
+        return ffi.unpack(kernel.point_signs(program, pack(*point), block), len(self.outputs))
+
+    def signs_at(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
+        """The same at some points, shape (points, inputs, 2)."""
+        registers, signs = self.registers(points), np.empty((len(points), len(self.outputs)), dtype=np.int64)
+        width, count = registers.shape[1], len(self.outputs)
+        kernel.signs_of(doubles(registers), width, len(points), integers(self.places), count, integers(signs))
+        return signs
 
     def registers(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Run at some points.
 
         Parameters
         ----------
-        values : ndarray, shape (points, inputs) or (points, inputs, 3)
-            Doubles, taken as exact; or each number as two doubles, and a bound of their error.
+        values : ndarray, shape (points, inputs) or (points, inputs, 2)
+            Doubles, taken as exact; or each number as two (:mod:`henon_ref.integrator.pairs`).
 
         Returns
         -------
@@ -130,7 +150,8 @@ class ConstantProgram:
         if values.ndim == 2:
             found[:, : self.inputs, 0] = values
         else:
-            found[:, : self.inputs] = values
+            found[:, : self.inputs, :2] = values
+            found[:, : self.inputs, 2] = np.where(values[..., 1] != 0.0, ROUNDING * np.abs(values[..., 0]), 0.0)
         for other, operations in self._stages:
             if other:
                 for operation in operations.tolist():

@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
-from struct import Struct
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -15,7 +14,7 @@ from numpy.typing import NDArray
 
 from henon_ref.integrator.constant_program import ConstantProgram, ProgramWriter, constant_program
 from henon_ref.integrator.mode_table import CompiledModes, ModeTable
-from henon_ref.integrator.pairs import Pair, Three, three_of
+from henon_ref.integrator.pairs import Pair
 from henon_ref.jit.processor_time import compiling
 from henon_ref.kernel.shared import doubles, ffi, integers, kernel
 from henon_ref.modes.system import FilippovSystem
@@ -70,15 +69,17 @@ class LoopProgram:
         self._template = ffi.new("struct tables *")
         _describe(self._template, table, compiled)
         self._at_once = self.program.compiled(self._sources)
-        self._pack = Struct(f"{3 * self.program.inputs}d").pack
 
-    def at(self, values: Sequence[Three]) -> LoopData | None:
-        """Those of one point, at once; None where a constant holds functions, is not finite, or its terms cancel."""
+    def at(self, values: Sequence[float]) -> LoopData | None:
+        """Those of one point, at once; None where a constant holds functions, is not finite, or its terms cancel.
+
+        ``values``: of each parameter a pair.
+        """
         if self._at_once is None:
             return None
-        program, size, _ = self._at_once
-        block = ffi.new(_BLOCK, TABLES + size)
-        tables = kernel.point_tables(self._template, program, self._pack(*chain.from_iterable(values)), block)
+        program, pack, room, _ = self._at_once
+        block = ffi.new(_BLOCK, TABLES + room)
+        tables = kernel.point_tables(self._template, program, pack(*values), block)
         return LoopData(self.compiled, block, tables) if tables else None
 
     @property
@@ -91,7 +92,7 @@ class LoopProgram:
 
         Parameters
         ----------
-        values : ndarray, shape (points, parameters, 3)
+        values : ndarray, shape (points, parameters, 2)
         exact : callable
             The exact values of a point, by its number.
         """
@@ -159,20 +160,6 @@ class ParameterPrograms:
             symbols = (TIME, *self.system.states, *self.parameters)
             return constant_program(symbols, (*self.system.surfaces, *self.system.valid))
 
-    def start_signs(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Signs of the surfaces, then of the ``valid`` expressions, at some points; UNCLEAR_SIGN where it is not clear.
-
-        Parameters
-        ----------
-        points : ndarray, shape (points, 1 + n + parameters, 3)
-            Time, state, parameter values (see :func:`henon_ref.integrator.pairs.threes`).
-        """
-        registers, places = self.start.registers(points), self.start.places
-        signs = np.empty((len(points), len(places)), dtype=np.int64)
-        width = registers.shape[1]
-        kernel.signs_of(doubles(registers), width, len(points), integers(places), len(places), integers(signs))
-        return signs
-
     @cached_property
     def shared_tapes(self) -> SharedTapes:
         """What decides modes in Python, for all parameter values."""
@@ -197,15 +184,14 @@ class ModeConstants:
     """A system's compiled modes at given parameter values."""
 
     programs: ParameterPrograms
-    values: tuple[Three, ...]
-    """Of the programs' parameters, in their order (see :mod:`henon_ref.integrator.pairs`)."""
+    values: tuple[Pair, ...]
+    """Of the programs' parameters, in their order."""
     exact: Callable[[], Sequence[sp.Expr]]
     """Gives them as exact numbers, for what double-double does not decide."""
 
     def __post_init__(self) -> None:
         self.table, self.no_zeros = self.programs.table, self.programs.no_zeros
-        self.doubles = tuple([high for high, _, _ in self.values])
-        """The values, each rounded to double."""
+        self._flat = tuple(chain.from_iterable(self.values))
         self.latest, self.is_finite = self._made()
         """For the modes that were compiled when it was last asked for, replaced as a whole by :meth:`update`; whether
         the constants of those that were compiled first are finite."""
@@ -219,15 +205,15 @@ class ModeConstants:
 
     def _made(self) -> tuple[LoopData, bool]:
         program = self.programs.loop()
-        made = program.at(self.values)
+        made = program.at(self._flat)
         if made is not None:
             return made, True
-        numbers = program.numbers(np.array(self.values).reshape(1, -1, 3), lambda _: self.exact())
+        numbers = program.numbers(np.array(self._flat).reshape(1, -1, 2), lambda _: self.exact())
         return program.of(numbers), bool(np.isfinite(numbers).all())
 
     def signs(self, t: Pair, x: Sequence[Pair]) -> Sequence[int]:
         """Signs of the surfaces, then of the ``valid`` expressions, at a point; UNCLEAR_SIGN where one is not clear."""
-        return self.programs.start.clear_signs([*map(three_of, (t, *x)), *self.values])
+        return self.programs.start.clear_signs(*t, *chain.from_iterable(x), *self._flat)
 
     def exact_signs(self, point: Sequence[Any]) -> list[int | None]:
         """The same at a point of exact numbers; None where there is no value (see :meth:`ConstantProgram.signs`)."""
@@ -236,7 +222,7 @@ class ModeConstants:
     @cached_property
     def in_doubles(self) -> ModeEvaluation:
         """The modes in double precision."""
-        return self.programs.shared_tapes.in_doubles(self.doubles)
+        return self.programs.shared_tapes.in_doubles(self._flat[::2])
 
     @cached_property
     def precise(self) -> PreciseModes:

@@ -11,7 +11,7 @@ import sympy as sp
 from henon_ref.errors import ModelError
 from henon_ref.integrator.constants import ModeConstants, ParameterPrograms
 from henon_ref.integrator.mode_table import ModeTable
-from henon_ref.integrator.pairs import exact_expression, pair_of_exact, three_of
+from henon_ref.integrator.pairs import exact_expression, pair_of_exact
 from henon_ref.integrator.records import Workspace
 from henon_ref.integrator.start import Start, begin
 from henon_ref.modes.problem import Problem
@@ -80,8 +80,7 @@ class Integrator:
         own, exact = self.system.parameters, list(map(exact_expression, values))
         if own and exact != [own[symbol] for symbol in self.parameters]:
             raise ModelError("an integrator of a system with values of its parameters runs that system alone")
-        threes = tuple(three_of(pair_of_exact(v)) for v in values)
-        return ModeConstants(self.programs, threes, lambda: exact)
+        return ModeConstants(self.programs, tuple(map(pair_of_exact, values)), lambda: exact)
 
     def start(self, problem: Problem, **settings: Any) -> Start:
         """:meth:`begin` from a problem of this system, in exact numbers, with values of all parameters."""

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from henon_ref.errors import ModelError
 from henon_ref.integrator.constants import LoopData
 from henon_ref.integrator.integrator import Integrator
-from henon_ref.integrator.pairs import decimal_pairs, exact_expression, threes
+from henon_ref.integrator.pairs import decimal_pairs, exact_expression
 from henon_ref.integrator.records import (
     CHUNK,
     TRANSITION_PLACES,
@@ -130,7 +130,7 @@ class PointRuns:
         if integrator.system.parameters:
             raise ModelError("an integrator of a system with values of its parameters runs that system alone")
         self.integrator, self.keep, self._exact, self._settings = integrator, keep, exact, settings
-        self.values = threes(_pairs(values, 2))
+        self.values = _pairs(values, 2)
         self.initial = _pairs(initial, 2)
         points, n = self.initial.shape[:2]
         self.times = np.empty((points, 2, 2))
@@ -232,7 +232,7 @@ class _Part:
         rows, surfaces = self._rows()
         times = runs.times[self.part].reshape(-1, 4)
         initial = np.ascontiguousarray(runs.initial[self.part].transpose(0, 2, 1)).reshape(len(times), -1)
-        template = replace(runs.start(self.first), zeros=runs.integrator.programs.no_zeros).written
+        template = replace(runs.start(self.first), zeros=runs.integrator.programs.no_zeros).keep()
         points = ffi.new("struct points *")
         points.count, points.block, points.start = len(times), doubles(workspace.block), doubles(template)
         points.times, points.initial = doubles(times), doubles(initial)
@@ -286,9 +286,9 @@ class _Part:
         Where it is on one, the row is that of the mode below it; -1 where the start is not clear.
         """
         runs, integrator = self.runs, self.runs.integrator
-        points = threes(np.concatenate([runs.times[self.part, :1], runs.initial[self.part]], axis=1))
+        points = np.concatenate([runs.times[self.part, :1], runs.initial[self.part]], axis=1)
         values = np.broadcast_to(self.values, (len(points), *self.values.shape[1:]))
-        signs = integrator.programs.start_signs(np.concatenate([points, values], axis=1))
+        signs = integrator.programs.start.signs_at(np.concatenate([points, values], axis=1))
         contacts = integrator.mode_table.contacts
         rows, surfaces = np.full((len(points), max(self.words, 1)), -1), np.full(len(points), -1)
         modes, places = np.unique(signs, axis=0, return_inverse=True)

@@ -69,6 +69,7 @@ def prepared_run(
     integrator = Integrator(problem.system, order_for(error))
     # A deadline bounds it, not a number of steps.
     start = replace(integrator.start(problem, tolerance=error, landing=landing), most_steps=NO_LIMIT)
+    start.keep()
     run = partial(_run, integrator, start, sample_times, deadline)
     # What a system without kinks has no use for is no call of its run: these are some percent of a short one.
     return partial(_run_with_kinks, run, problem.system) if problem.system.kinks else run

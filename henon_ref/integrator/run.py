@@ -87,7 +87,7 @@ class Run(State):
         self.workspace = workspace = integrator.workspace()
         self.integrator, self.start, self.deadline = integrator, start, deadline
         self.scalars, self.state = workspace.run, workspace.state
-        self.state[...] = start.written
+        start.write(self.state, workspace.memory)
         if block != CHUNK:
             self.scalars.transition_capacity = block
         self.samples, self._sampled = _NO_SAMPLES, ffi.NULL
@@ -218,7 +218,7 @@ class Run(State):
         counts = _tuple(Counts, counted)
         if self.decisions is not _NO_DECISIONS:
             counts.decisions = self.decisions
-        end, x = state.item(0), doubles_of(len(start.x)).unpack_from(state.data, _STATE)
+        end, x = state.item(0), doubles_of(len(start.x)).unpack_from(self.workspace.memory, _STATE)
         since = self.below_rounding_since() if below else ()
         own = self.mode if self.integrator.mode_table.contacts else self.integrator.mode_table.modes[mode]
         fields = status, transitions, end, x, own, reason, counts, 0.0, samples, sample_modes, since

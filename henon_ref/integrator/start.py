@@ -8,8 +8,8 @@ velocities; every other mode from :mod:`henon_ref.modes.selection`.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from dataclasses import dataclass, field
+from functools import lru_cache
 from struct import Struct
 from typing import Any, cast
 
@@ -70,28 +70,41 @@ class Start:
     most_steps: int = MOST_STEPS
     """Steps after which the run ends with status ``failed``."""
 
-    @cached_property
-    def written(self) -> NDArray[np.float64]:
-        """What a run begins with: ``struct run`` of ``kernel.h``, then vectors."""
-        table, guards = self.constants.table, len(self.zeros)
-        contacts, limits = table.contacts, (self.stop_falling, self.stop_rising, self.most_steps)
-        sizes = len(self.x), guards, self.order, contacts, table.row_length
-        state = _template(sizes, self.landing, self.tolerance, *limits).copy()
-        memory = state.data
+    kept: NDArray[np.float64] | None = field(default=None, init=False)
+    """What :meth:`write` writes, of a start of many runs."""
+
+    def write(self, state: NDArray[np.float64], memory: memoryview) -> None:
+        """Write what a run begins with (``struct run`` of ``kernel.h``, then vectors) into an array, and its memory."""
+        if self.kept is not None:
+            state[...] = self.kept
+            return
+        table, x, zeros = self.constants.table, self.x, self.zeros
+        sizes = len(x), len(zeros), self.order, table.contacts, table.row_length
+        limits = self.stop_falling, self.stop_rising, self.most_steps
+        state[...] = _template(*sizes, self.landing, self.tolerance, *limits)
         (time, low), until = self.time, self.until
         length = (until[0] - time) + (until[1] - low)
         _BEGIN.pack_into(memory, _BEGIN_PLACE, time, low, length if length > 1e-280 else 1e-280, time)
         _HORIZON.pack_into(memory, _HORIZON_PLACE, *until)
-        if contacts:
-            last = len(state) - guards
-            state[last - words_of(contacts) : last].view(np.int64)[:] = written(self.row, contacts)
+        if table.contacts:
+            last = len(state) - len(zeros)
+            state[last - words_of(table.contacts) : last].view(np.int64)[:] = written(self.row, table.contacts)
         else:
             _MODE.pack_into(memory, _MODE_PLACE, self.row)
-        high, rest = zip(*self.x, strict=True)
+        high, rest = zip(*x, strict=True)
         doubles_of(2 * len(high)).pack_into(memory, 8 * STATE_PLACE, *high, *rest)
-        if any(self.zeros):
+        if any(zeros):
             first = STATE_PLACE + 3 * len(high)
-            state[first : first + guards].view(np.int64)[:] = self.zeros
+            state[first : first + len(zeros)].view(np.int64)[:] = zeros
+
+    def keep(self) -> NDArray[np.float64]:
+        """Write it once for many runs; the array."""
+        table = self.constants.table
+        state = np.empty(
+            places(len(self.x), len(self.zeros), self.order, table.contacts, table.row_length).end_of_state
+        )
+        self.write(state, state.data)
+        self.kept = state
         return state
 
 
@@ -103,16 +116,23 @@ def doubles_of(count: int) -> Struct:
 
 @lru_cache(maxsize=64)
 def _template(
-    sizes: tuple[int, ...], method: int, tolerance: float, stop_falling: int, stop_rising: int, most_steps: int
+    states: int,
+    guards: int,
+    order: int,
+    contacts: int,
+    constants: int,
+    method: int,
+    tolerance: float,
+    *limits: int,
 ) -> NDArray[np.float64]:
     """What is the same for many starts. (To put each field in its place takes several microseconds.)"""
-    state = np.zeros(places(*sizes).end_of_state)
+    state = np.zeros(places(states, guards, order, contacts, constants).end_of_state)
     run = ffi.cast("struct run *", doubles(state))
-    run.states, run.guards, run.order, run.contacts, run.constants = sizes
+    run.states, run.guards, run.order, run.contacts, run.constants = states, guards, order, contacts, constants
     state[len(state) - run.guards :] = np.inf
     run.event_time, run.tolerance, run.method = -np.inf, tolerance, method
     run.rest_part, run.more_digits, run.stepped_mode, run.transition_capacity = REMAINING, 1, -1, CHUNK
-    run.stop_falling, run.stop_rising, run.most_steps = stop_falling, stop_rising, most_steps
+    run.stop_falling, run.stop_rising, run.most_steps = limits
     return state
 
 

@@ -162,19 +162,23 @@ HENON_EXPORT void run_operations(const int64_t *operations, int64_t count, doubl
     }
 }
 
-/* Run a program at one point. inputs: (inputs, 3), as registers hold them. */
+/* Run a program at one point. inputs: pairs; of one that is no double alone what it leaves is rounded. */
 static void run_at(const struct program *program, const char *inputs, struct bounded *registers)
 {
     memcpy(registers, program->registers, (size_t)program->width * sizeof(struct bounded));
-    memcpy(registers, inputs, (size_t)program->inputs * sizeof(struct bounded));
+    for (int64_t k = 0; k < program->inputs; k++) {
+        struct pair own;
+        memcpy(&own, inputs + k * (int64_t)sizeof own, sizeof own);
+        registers[k] = (struct bounded){own.high, own.low, own.low != 0.0 ? OPERATION_ERROR * fabs(own.high) : 0.0};
+    }
     run_operations(program->operations, program->count, (double *)registers, program->width, 1);
 }
 
 /* The compiled modes at parameter values: the constants of all modes, and behind them those of the normal velocities,
  * by a program that is run at one point. Null where a constant is not finite, or has lost digits.
  *
- * block: room for a struct tables, the registers, a zero and the constants,
- * each followed by what its rounding lost, and for their places.
+ * block: room for a struct tables, the registers, a zero and the constants, each followed by what its rounding lost, and
+ * for their places.
  */
 HENON_EXPORT struct tables *point_tables(const struct tables *template, const struct program *program,
                                          const char *inputs, double *block)
@@ -220,11 +224,13 @@ HENON_EXPORT void signs_of(const double *registers, int64_t width, int64_t point
     }
 }
 
-/* The same of a program's expressions at one point. registers: room for them. */
-HENON_EXPORT void point_signs(const struct program *program, const char *inputs, double *registers, int64_t *signs)
+/* The same of a program's expressions at one point. block: room for the registers, and for the signs behind them. */
+HENON_EXPORT int64_t *point_signs(const struct program *program, const char *inputs, double *block)
 {
-    run_at(program, inputs, (struct bounded *)registers);
-    signs_of(registers, program->width, 1, program->outputs, program->results, signs);
+    int64_t *signs = (int64_t *)(block + 3 * program->width);
+    run_at(program, inputs, (struct bounded *)block);
+    signs_of(block, program->width, 1, program->outputs, program->results, signs);
+    return signs;
 }
 
 #endif

@@ -375,7 +375,7 @@ HENON_EXPORT struct tables *point_tables(const struct tables *template, const st
                                          const char *inputs, double *block);
 HENON_EXPORT void signs_of(const double *registers, int64_t width, int64_t points, const int64_t *sources,
                            int64_t count, int64_t *signs);
-HENON_EXPORT void point_signs(const struct program *program, const char *inputs, double *registers, int64_t *signs);
+HENON_EXPORT int64_t *point_signs(const struct program *program, const char *inputs, double *block);
 
 /* Parts that tests call by themselves: the functions of these names, without "test_". */
 HENON_EXPORT int64_t test_positive_by_bound(const double *q, const double *powers, int64_t degree);

@@ -8,14 +8,16 @@ import pytest
 import sympy as sp
 
 from henon_ref.integrator.constant_program import constant_program
-from henon_ref.integrator.pairs import pair_of_exact, three_of
+from henon_ref.integrator.pairs import pair_of_exact
 from henon_ref.kernel.shared import kernel
 
 X, V, B = sp.symbols("x v b", real=True)
 
 
 def signs(symbols: list[sp.Symbol], expressions: list[sp.Expr], *point: float) -> list[int]:
-    return constant_program(symbols, expressions).clear_signs([three_of(pair_of_exact(value)) for value in point])
+    return constant_program(symbols, expressions).clear_signs(
+        *(half for value in point for half in pair_of_exact(value))
+    )
 
 
 def test_what_it_tells_is_the_exact_sign() -> None:

@@ -86,7 +86,7 @@ def test_every_case_starts_as_sympy_says(path: Path) -> None:
     expected = [exact_pair(numeric(e)) for e in table.constants.expressions[: table.compiled.constants]]
     fast.constants.update()
     program = integrator.programs.loop().program
-    values = np.array(fast.constants.values).reshape(1, -1, 3)
+    values = np.array(fast.constants.values).reshape(1, -1, 2)
     found = program.pairs(values, lambda _: fast.constants.exact())[0].reshape(-1, 2)[: len(expected)]
     assert found[:, 0].tolist() == pytest.approx([high for high, _ in expected], rel=0, abs=0, nan_ok=True)
     rest = np.array(expected)
