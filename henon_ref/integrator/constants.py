@@ -52,11 +52,7 @@ class LoopData(NamedTuple):
 class LoopProgram:
     """Makes the constants of the modes that are compiled at one time, and those of the normal velocities behind them.
 
-    Parameters
-    ----------
-    table : ModeTable
-    writer : ProgramWriter
-        Of programs in the parameters.
+    ``writer``: of programs in the parameters.
     """
 
     def __init__(self, table: ModeTable, writer: ProgramWriter) -> None:
@@ -88,13 +84,9 @@ class LoopProgram:
         return 8 * (self.program.places_a_point + self._sources.size)
 
     def numbers(self, values: NDArray[np.float64], exact: Callable[[int], Sequence[sp.Expr]]) -> NDArray[np.float64]:
-        """Those of some points, a row each.
+        """Those of some points with ``values``, shape (points, parameters, 2), a row each.
 
-        Parameters
-        ----------
-        values : ndarray, shape (points, parameters, 2)
-        exact : callable
-            The exact values of a point, by its number.
+        ``exact``: the exact values of a point, by its number.
         """
         found = np.concatenate([np.zeros((len(values), 1)), self.program.pairs(values, exact)], axis=1)
         return np.take(found, self._sources, axis=1)
@@ -123,25 +115,14 @@ def _describe(tables: Any, mode_table: ModeTable, compiled: CompiledModes) -> No
 
 
 class ParameterPrograms:
-    """Programs of one system, whose parameters have no values.
-
-    Parameters
-    ----------
-    mode_table : ModeTable
-
-    Attributes
-    ----------
-    parameters : tuple of Symbol
-        Those that stand in the system's expressions, by name: the order of all values.
-    no_zeros : tuple of int
-        Known zeros of the guards, as many as the largest mode has, where a start is off every surface.
-    """
+    """Programs of one system, whose parameters have no values."""
 
     def __init__(self, mode_table: ModeTable) -> None:
-        self.table = mode_table
-        self.system = mode_table.system
+        self.table, self.system = mode_table, mode_table.system
         self.parameters = parameters_in(self.system)
+        """Symbols that stand in the system's expressions, by name: the order of all values."""
         self.no_zeros = (0,) * mode_table.most_guards
+        """Known zeros of the guards, as many as the largest mode has, where a start is off every surface."""
         self._writer = ProgramWriter(self.parameters)
         self._loop: LoopProgram | None = None
 

@@ -9,11 +9,11 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.errors import ModelError
 from henon_ref.integrator.mode_code import (
+    DistinctConstants,
     ModeCode,
     NormalVelocities,
     bernstein_code,
@@ -26,7 +26,7 @@ from henon_ref.jit.processor_time import compiling
 from henon_ref.kernel.shared import kernel
 from henon_ref.modes.attraction import EXHAUSTIVE
 from henon_ref.modes.contact_loops import guard_count
-from henon_ref.modes.equations import Guard, ModeTape
+from henon_ref.modes.equations import Guard
 from henon_ref.modes.kinks import continuous
 from henon_ref.modes.mode import Mode, mode_number, replaced
 from henon_ref.modes.system import FilippovSystem
@@ -50,43 +50,6 @@ class CompiledModes:
     """(M, tapes, K): where each number of a mode's rows of constants is found among those of all modes."""
     constants: int
     """How many constants these are."""
-
-
-class DistinctConstants:
-    """Constants of the modes' tapes, each once, numbered as modes ask for them.
-
-    Modes with the same entries for a constant's own surfaces have it in common.
-
-    Their values stand in one row: a zero, then of each its double and what the rounding lost.
-
-    Attributes
-    ----------
-    expressions : list of Expr
-        In parameters, by their numbers. It only grows.
-    """
-
-    def __init__(self) -> None:
-        self.expressions: list[sp.Expr] = []
-        self._numbers: dict[tuple[ModeTape, int, tuple[int, ...]], int] = {}
-
-    def sources(self, tapes: tuple[ModeTape, ...], mode: Mode) -> NDArray[np.int64]:
-        """Places in that row of a mode's constants, shape (tapes, K).
-
-        Of each tape the doubles come first, then what the rounding lost of them, then zeros.
-        """
-        found = np.zeros((len(tapes), max([1, *(2 * len(tape.tape.constants) for tape in tapes)])), dtype=np.int64)
-        for row, tape in zip(found, tapes, strict=True):
-            count = len(tape.tape.constants)
-            row[:count] = [1 + 2 * self._number(tape, at, mode) for at in range(count)]
-            row[count : 2 * count] = row[:count] + 1
-        return found
-
-    def _number(self, tape: ModeTape, at: int, mode: Mode) -> int:
-        key = tape, at, tuple(mode[i] for i in tape.owners[at])
-        if key not in self._numbers:
-            self._numbers[key] = len(self.expressions)
-            self.expressions.append(tape.constant(at, mode))
-        return self._numbers[key]
 
 
 class ModeTable:

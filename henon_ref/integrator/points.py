@@ -193,14 +193,7 @@ class PointRuns:
 
 
 class _Part:
-    """Some points of all, whose constants are in memory together.
-
-    Parameters
-    ----------
-    runs : PointRuns
-    first, last : int
-        The points from ``first`` up to before ``last``.
-    """
+    """The points from ``first`` up to before ``last``, whose constants are in memory together."""
 
     def __init__(self, runs: PointRuns, first: int, last: int) -> None:
         self.runs, self.first, self.part = runs, first, slice(first, last)

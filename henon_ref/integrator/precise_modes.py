@@ -62,13 +62,7 @@ def split(number: arb) -> Pair:
 class PreciseModes:
     """Modes of one system in multiprecision, made when they are first needed, and its values at points.
 
-    So far as it goes it is what :func:`henon_ref.modes.after_jump.after_jump` takes for numbers.
-
-    Parameters
-    ----------
-    in_doubles : ModeEvaluation
-    make_in_balls : callable
-        Makes them in balls, when they are first needed.
+    It is what :func:`henon_ref.modes.after_jump.after_jump` takes for numbers.
     """
 
     rounding = 64 * EPS
@@ -123,13 +117,7 @@ class PreciseModes:
     ) -> tuple[list[arb_poly], list[list[arb]], bool]:
         """Taylor coefficients of the states and of the mode's guards, in units of ``unit`` of time; if these are all.
 
-        Parameters
-        ----------
-        mode : Mode
-        time, state
-            The start.
-        unit : arb
-            How far on the series have to hold.
+        So far, one unit, they hold.
         """
         made = self._made(mode)
 
@@ -186,17 +174,7 @@ def _negligible_tail(rows: Sequence[Sequence[arb]]) -> bool:
 
 
 class PreciseMotion:
-    """The motion of one mode from a point on, which is known to two doubles or exactly.
-
-    Parameters
-    ----------
-    modes : PreciseModes
-    mode : Mode
-    time : Pair
-        [s]
-    state : sequence of Pair
-        Taken as exact where what the doubles leave is 0 in all of them.
-    """
+    """The motion of one mode from a point on, which is known to two doubles; exactly, where the second ones are 0."""
 
     def __init__(self, modes: PreciseModes, mode: Mode, time: Pair, state: Sequence[Pair]) -> None:
         self._modes, self._mode, self._steps = modes, mode, 0
@@ -207,14 +185,7 @@ class PreciseMotion:
     def at(self, time: Pair, near: Sequence[float], length: float) -> tuple[list[arb], list[float]] | None:
         """The state at a later time, and what each entry may be off; None where it is not to be had.
 
-        Parameters
-        ----------
-        time : Pair
-            [s]
-        near : sequence of float
-            The state there in doubles.
-        length : float
-            A step to begin with [s].
+        ``near``: the state there in doubles; ``length``: of a step to begin with [s].
         """
         with working_precision(BITS):
             if not self._advance(arb(time[0]) + arb(time[1]), length):

@@ -151,13 +151,7 @@ def read(words: NDArray[np.int64]) -> int:
 
 
 def numbered(words: NDArray[np.int64], contacts: int) -> tuple[tuple[Mode, ...], NDArray[np.int64]]:
-    """Different modes among some, and the place of each among these.
-
-    Parameters
-    ----------
-    words : ndarray, shape (k, words)
-    contacts : int
-    """
+    """Different modes among some, shape (k, words), and the place of each among these."""
     rows = np.ascontiguousarray(words).view(f"V{8 * words.shape[1]}")[:, 0]
     different, places_among = np.unique(rows, return_inverse=True)
     return tuple(_entries(row.tobytes(), contacts) for row in different), places_among.astype(np.int64)

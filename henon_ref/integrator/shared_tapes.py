@@ -27,14 +27,7 @@ compiled once, in place of all of them together (a first run of 64 blocks takes 
 
 
 class SharedTapes:
-    """Tapes of a system without values of its parameters.
-
-    Parameters
-    ----------
-    system : FilippovSystem
-    parameters : tuple of Symbol
-        The order of their values.
-    """
+    """Tapes of a system without values of its parameters, which come in an order."""
 
     def __init__(self, system: FilippovSystem, parameters: tuple[sp.Symbol, ...]) -> None:
         self._system, self._parameters = system, parameters

@@ -176,13 +176,7 @@ def row_at_start(table: ModeTable, signs: Sequence[int]) -> tuple[int, int] | No
     """Row of a start's mode, and the surface that it is on (-1: none); None where Python has to decide the mode.
 
     On a surface the row is that of the mode below it; those that may follow are compiled. Of contacts that do not act
-    on each other it is the mode's number.
-
-    Parameters
-    ----------
-    table : ModeTable
-    signs : sequence of int
-        Of the surfaces, then of the ``valid`` expressions.
+    on each other it is the mode's number. ``signs``: of the surfaces, then of the ``valid`` expressions.
     """
     count = len(table.system.surfaces)
     mode = tuple(signs[:count])

@@ -114,13 +114,8 @@ class TransitionArray(Sequence[Transition]):
 
 
 def numbered_rows(rows: NDArray[np.float64], contacts: int) -> tuple[NDArray[np.float64], tuple[Mode, ...]]:
-    """Rows without the words of modes behind them, which their records hold as numbers; and the modes of these.
-
-    Parameters
-    ----------
-    rows : ndarray, shape (k, width)
-        They end with the words of the mode before and after.
-    contacts : int
+    """Rows without the words of the modes before and after at their end, which their records hold as numbers; and the
+    modes of these.
     """
     words = words_of(contacts)
     ends = np.ascontiguousarray(rows[:, -2 * words :]).view(np.int64).reshape(-1, words)
