@@ -11,7 +11,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, reduce
 from itertools import groupby
-from typing import Any
+from struct import Struct
+from typing import Any, NamedTuple
 
 import numpy as np
 import sympy as sp
@@ -39,18 +40,34 @@ BITS = 256
 """Of python-flint's balls where a function is evaluated, and where a sign is asked for."""
 DIGITS = 90
 """Of numbers that are no rational ones, where a program is run in balls."""
+_DOUBLES, _INTEGERS = ffi.typeof("double[]"), ffi.typeof("int64_t[]")
+_ARRAYS = _INTEGERS, _DOUBLES, _INTEGERS, _INTEGERS
+"""Of a ``struct program``."""
+
+
+class CompiledProgram(NamedTuple):
+    """A program as compiled code takes it, for one point."""
+
+    program: Any
+    """A ``struct program``."""
+    pack: Callable[..., bytes]
+    """Makes its inputs of the pairs of all, one after the other."""
+    room: int
+    """Doubles that a run needs."""
+    memory: Any
+    """What the program points to."""
 
 
 @dataclass(frozen=True, eq=False)
 class ConstantProgram:
     """Expressions in some symbols as one list of operations.
 
-    Registers: the inputs, then exact numbers, then results.
+    Registers: the inputs, then exact numbers and results, in the order in which they are first needed.
     """
 
     inputs: int
-    numbers: tuple[sp.Expr, ...]
-    """Exact numbers that stand in the expressions."""
+    numbers: tuple[tuple[int, sp.Expr], ...]
+    """Exact numbers that stand in the expressions, each behind its register."""
     operations: tuple[tuple[int, int, int, int], ...]
     """Operation, register of the result, registers of the operands."""
     outputs: tuple[int, ...]
@@ -65,7 +82,7 @@ class ConstantProgram:
     def _registers(self) -> NDArray[np.float64]:
         """All of them before a run, shape (registers, 3)."""
         found = np.zeros((self.inputs + len(self.numbers) + len(self.operations), 3))
-        for place, number in enumerate(self.numbers, start=self.inputs):
+        for place, number in self.numbers:
             high, low = double_double(number)
             found[place] = high, low, ROUNDING * abs(high) if low else 0.0
         return found
@@ -76,28 +93,52 @@ class ConstantProgram:
         grouped = groupby(self.operations, key=lambda operation: operation[0] >= FUNCTION)
         return [(other, np.array(list(group), dtype=np.int64)) for other, group in grouped]
 
-    def compiled(self, sources: NDArray[np.int64]) -> tuple[Any, tuple[Any, ...]] | None:
-        """The program as a ``struct program`` of ``kernel.h``, and what it points to; None where it holds functions.
+    def compiled(self, sources: Sequence[int] | NDArray[np.int64] = ()) -> CompiledProgram | None:
+        """The program as compiled code takes it; None where it holds functions. ``sources``: what is put at each place.
 
-        ``sources``: what is put at each place.
+        See ``point_tables`` and ``point_signs`` of ``kernel.h``.
         """
         if any(other for other, _ in self._stages):
             return None
         operations = self._stages[0][1] if self._stages else np.zeros((0, 4), dtype=np.int64)
-        kept = integers(operations), doubles(self._registers), integers(self.places), integers(sources)
+        arrays = operations, self._registers, self.places, np.array(sources, dtype=np.int64)
         made = ffi.new("struct program *")
-        made.operations, made.registers, made.outputs, made.sources = kept
+        made.operations, made.registers, made.outputs, made.sources = map(ffi.from_buffer, _ARRAYS, arrays)
         made.count, made.width, made.inputs = len(operations), len(self._registers), self.inputs
-        made.results, made.places = len(self.outputs), sources.size
-        return made, kept
+        made.results, made.places = len(self.outputs), len(sources)
+        room = self._registers.size + 1 + 2 * len(self.outputs) + len(sources)
+        return CompiledProgram(made, Struct(f"{2 * self.inputs}d").pack, room, arrays)
+
+    @cached_property
+    def _alone(self) -> CompiledProgram | None:
+        return self.compiled()
+
+    def clear_signs(self, *point: float) -> list[int]:
+        """Signs of the expressions at a point: 0 of one that is exactly zero, UNCLEAR_SIGN of one that may be zero.
+
+        ``point``: of each input a pair.
+        """
+        if self._alone is None:
+            found: list[int] = self.signs_at(np.array(point).reshape(1, -1, 2))[0].tolist()
+            return found
+        program, pack, room, _ = self._alone
+        block = ffi.new(_DOUBLES, room)
+        return ffi.unpack(kernel.point_signs(program, pack(*point), block), len(self.outputs))
+
+    def signs_at(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
+        """The same at some points, shape (points, inputs, 2)."""
+        registers, signs = self.registers(points), np.empty((len(points), len(self.outputs)), dtype=np.int64)
+        width, count = registers.shape[1], len(self.outputs)
+        kernel.signs_of(doubles(registers), width, len(points), integers(self.places), count, integers(signs))
+        return signs
 
     def registers(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Run at some points.
 
         Parameters
         ----------
-        values : ndarray, shape (points, inputs) or (points, inputs, 3)
-            Doubles, taken as exact; or each number as two doubles, and a bound of their error.
+        values : ndarray, shape (points, inputs) or (points, inputs, 2)
+            Doubles, taken as exact; or each number as two (:mod:`henon_ref.integrator.pairs`).
 
         Returns
         -------
@@ -109,7 +150,8 @@ class ConstantProgram:
         if values.ndim == 2:
             found[:, : self.inputs, 0] = values
         else:
-            found[:, : self.inputs] = values
+            found[:, : self.inputs, :2] = values
+            found[:, : self.inputs, 2] = np.where(values[..., 1] != 0.0, ROUNDING * np.abs(values[..., 0]), 0.0)
         for other, operations in self._stages:
             if other:
                 for operation in operations.tolist():
@@ -121,7 +163,7 @@ class ConstantProgram:
     @property
     def places_a_point(self) -> int:
         """Doubles that :meth:`pairs` takes for each point."""
-        return self._registers.size + 2 * len(self.outputs)
+        return self._registers.size + 5 * len(self.outputs)
 
     def pairs(self, values: NDArray[np.float64], exact: Callable[[int], Sequence[sp.Expr]]) -> NDArray[np.float64]:
         """The expressions at some points, each as its double and what that leaves, shape (points, 2 k).
@@ -129,47 +171,32 @@ class ConstantProgram:
         ``exact``: the inputs of a point, by its number, with which expressions are evaluated in balls that have lost
         digits, terms having cancelled.
         """
-        registers = self.registers(values)
-        found = np.empty((len(values), 2 * len(self.outputs)))
-        if not self._scatter(registers, found):
-            error, size = registers[:, self.places, 2], np.abs(registers[:, self.places, 0])
-            lost = np.isfinite(size) & (error > ACCURATE * size)
-            for point in np.flatnonzero(lost.any(axis=1)).tolist():
-                with working_precision(BITS):
-                    balls = [_three(ball) for ball in self.balls(exact(point))]
-                registers[point, self.places[lost[point]]] = np.array(balls)[lost[point]]
-            self._scatter(registers, found)
-        return found
-
-    def _scatter(self, registers: NDArray[np.float64], out: NDArray[np.float64]) -> bool:
-        """Put the expressions, and what their rounding lost, into rows; False where some have lost their digits."""
-        points, width = registers.shape[:2]
-        highs, lows = map(integers, np.arange(2 * len(self.outputs)).reshape(-1, 2).T.copy())
-        own = integers(self.places)
-        accurate = kernel.scatter(
-            doubles(registers), width, points, own, highs, lows, len(own), doubles(out), out.shape[1]
-        )
-        return bool(accurate)
+        own = self.registers(values)[:, self.places]
+        size = np.abs(own[:, :, 0])
+        lost = np.isfinite(size) & (own[:, :, 2] > ACCURATE * size)
+        for point in np.flatnonzero(lost.any(axis=1)).tolist():
+            with working_precision(BITS):
+                balls = [_three(ball) for ball in self.balls(exact(point))]
+            own[point, lost[point]] = np.array(balls)[lost[point]]
+        return own[:, :, :2].reshape(len(values), -1)
 
     def over_ring(
         self, values: Sequence[Any], number: Callable[[sp.Expr], Any], root: Callable[[Any], Any]
     ) -> list[Any]:
         """Expressions at one point of a ring; ``number`` of an exact number, ``root`` a square root there."""
-        registers = [*values, *(number(each) for each in self.numbers)]
-        for what, _, i, j in self.operations:
+        registers = dict(enumerate(values)) | {place: number(each) for place, each in self.numbers}
+        for what, to, i, j in self.operations:
             a = registers[i]
             if what == ADD:
-                registers.append(a + registers[j])
+                registers[to] = a + registers[j]
             elif what == MULTIPLY:
-                registers.append(a * registers[j])
+                registers[to] = a * registers[j]
             elif what == POWER:
-                registers.append(a**j)
+                registers[to] = a**j
             elif what == SQRT:
-                registers.append(root(a))
-            elif what == POWER_OF:
-                registers.append(a ** registers[j])
+                registers[to] = root(a)
             else:
-                registers.append(abs(a) if NAMES[j] == "Abs" else getattr(a, NAMES[j])())
+                registers[to] = a ** registers[j] if what == POWER_OF else _function(j, a)
         return [registers[output] for output in self.outputs]
 
     def balls(self, values: Sequence[sp.Expr]) -> list[arb]:
@@ -198,7 +225,12 @@ class ConstantProgram:
     def is_rational(self) -> bool:
         """Whether rational inputs give rational outputs."""
         simple = all(what in (ADD, MULTIPLY, POWER) for what, *_ in self.operations)
-        return simple and all(number.is_Rational for number in self.numbers)
+        return simple and all(number.is_Rational for _, number in self.numbers)
+
+
+def _function(number: int, argument: Any) -> Any:
+    """A function of NAMES in balls."""
+    return abs(argument) if NAMES[number] == "Abs" else getattr(argument, NAMES[number])()
 
 
 def _ball(number: sp.Expr) -> arb:
@@ -223,11 +255,7 @@ def _function_value(what: int, function: int, argument: Sequence[float]) -> tupl
     balls = [
         arb(high, error) + arb(low) for high, low, error in (argument[k : k + 3] for k in range(0, len(argument), 3))
     ]
-    if what == POWER_OF:
-        value = balls[0] ** balls[1]
-    else:
-        value = abs(balls[0]) if NAMES[function] == "Abs" else getattr(balls[0], NAMES[function])()
-    return _three(value)
+    return _three(balls[0] ** balls[1] if what == POWER_OF else _function(function, balls[0]))
 
 
 def _three(value: arb) -> tuple[float, float, float]:
@@ -247,42 +275,35 @@ def constant_program(symbols: Sequence[sp.Symbol], expressions: Sequence[sp.Expr
     ModelError
         For a function that is not among :data:`NAMES`, a symbol that is not given, or a number that is not finite.
     """
-    builder = _Builder(symbols, expressions)
-    return ConstantProgram(len(symbols), tuple(builder.numbers), tuple(builder.operations), tuple(builder.outputs))
+    return ProgramWriter(symbols).program(expressions)
 
 
-def _is_operation(exponent: sp.Expr) -> bool:
-    """Whether a power is an operation of the machine."""
-    return bool(exponent.is_Integer) or exponent == sp.Rational(1, 2)
+class ProgramWriter:
+    """Writes programs of expressions in some symbols, each with the operations of those before it.
 
+    Equal operations are one: a program of more expressions than the last one costs what these have in addition.
+    """
 
-class _Builder:
-    """Turns expressions into operations; equal ones become one."""
-
-    def __init__(self, symbols: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> None:
-        self.numbers: list[sp.Expr] = []
-        self.operations: list[tuple[int, int, int, int]] = []
+    def __init__(self, symbols: Sequence[sp.Symbol]) -> None:
+        self._inputs = self._registers = len(symbols)
+        self._numbers: list[tuple[int, sp.Expr]] = []
+        self._operations: list[tuple[int, int, int, int]] = []
         self._known: dict[sp.Expr, int] = {symbol: i for i, symbol in enumerate(symbols)}
         self._made: dict[tuple[int, int, int], int] = {}
-        for expression in expressions:
-            self._find_numbers(expression)
-        self._first = len(symbols) + len(self.numbers)
-        rules = Rules(self._number, self._chain(ADD), self._chain(MULTIPLY), self._power, self._function)
-        self.outputs = [fold(e, rules, self._known) for e in expressions]
+        self._rules = Rules(self._number, self._chain(ADD), self._chain(MULTIPLY), self._power, self._function)
 
-    def _find_numbers(self, e: sp.Expr) -> None:
-        """Give the exact numbers in an expression their registers, which stand before those of results."""
-        if e in self._known:
-            return
-        if e.is_number:
-            self._known[e] = len(self._known)
-            self.numbers.append(e)
-            return
-        for part in [e.base] if e.is_Pow and _is_operation(e.exp) else e.args:
-            self._find_numbers(part)
+    def program(self, expressions: Sequence[sp.Expr]) -> ConstantProgram:
+        """As :func:`constant_program`."""
+        outputs = tuple([fold(e, self._rules, self._known) for e in expressions])
+        return ConstantProgram(self._inputs, tuple(self._numbers), tuple(self._operations), outputs)
+
+    def _register(self) -> int:
+        self._registers += 1
+        return self._registers - 1
 
     def _number(self, e: sp.Expr) -> int:
-        raise ModelError(f"no program for {e}")  # all that may stand in expressions have their registers
+        self._numbers.append((self._register(), e))
+        return self._numbers[-1][0]
 
     def _chain(self, what: int) -> Rule[int]:
         return lambda e, walk: reduce(lambda a, b: self._operation(what, a, b), list(map(walk, e.args)))
@@ -304,7 +325,6 @@ class _Builder:
     def _operation(self, what: int, i: int, j: int) -> int:
         key = what, i, j
         if key not in self._made:
-            place = self._first + len(self.operations)
-            self.operations.append((what, place, i, j))
-            self._made[key] = place
+            self._made[key] = self._register()
+            self._operations.append((what, self._made[key], i, j))
         return self._made[key]

@@ -3,110 +3,198 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from itertools import chain
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.integrator.compiled_modes import CompiledModes, GrowingRows
-from henon_ref.integrator.pairs import Pair, Three, three_of
-from henon_ref.integrator.parameter_programs import LoopData, ParameterPrograms, loop_data, numbers_behind
+from henon_ref.integrator.constant_program import ConstantProgram, ProgramWriter, constant_program
+from henon_ref.integrator.mode_table import CompiledModes, ModeTable
+from henon_ref.integrator.pairs import Pair
 from henon_ref.jit.processor_time import compiling
-from henon_ref.kernel.shared import kernel
+from henon_ref.kernel.shared import doubles, ffi, integers, kernel
+from henon_ref.modes.system import FilippovSystem
 from henon_ref.precision import one_at_a_time
+from henon_ref.taylor.tape import TIME
 
 if TYPE_CHECKING:
-    from henon_ref.integrator.jump import Jumps
     from henon_ref.integrator.precise_modes import PreciseModes
+    from henon_ref.integrator.shared_tapes import SharedTapes
     from henon_ref.modes.mode_evaluation import ModeEvaluation
 
+TABLES = ffi.sizeof("struct tables") // 8
+"""Length of the tables at the begin of a block, in doubles."""
+_BLOCK = ffi.typeof("double[]")
 
-class ModeConstants:
-    """A system's compiled modes at given parameter values: programs in double-double give their constants.
 
-    Parameters
-    ----------
-    programs : ParameterPrograms
-    values : tuple of Three
-        Of the programs' parameters, in their order (see :mod:`henon_ref.integrator.pairs`).
-    exact : callable
-        Gives them as exact numbers, for what double-double does not decide.
+class LoopData(NamedTuple):
+    """What the compiled loop reads of the modes that are compiled, apart from a run's own memory."""
 
-    Attributes
-    ----------
-    table : ModeTable
-    latest : LoopData
-        For the modes that were compiled when it was last asked for; replaced as a whole by :meth:`update`.
-    doubles : tuple of float
-        The values, each rounded to double.
-    no_zeros : tuple of int
-        Known zeros of the guards, as many as the largest mode has, where a start is off every surface.
-    is_finite : bool
-        Whether the constants of all modes that were compiled first are.
+    compiled: CompiledModes
+    memory: Any
+    """What the tables point into."""
+    tables: Any
+    """``struct tables`` of ``henon_ref/kernel/kernel.h``."""
+
+    @property
+    def numbers(self) -> NDArray[np.float64]:
+        """(M, 2 or 3, K): for each mode the constants of its expansion, of its probe, and of the maps of resets where
+        compiled code makes jumps, rounded to double; behind them what the rounding lost of each. A copy."""
+        shape = self.compiled.sources.shape
+        memory = ffi.buffer(self.tables.numbers, 8 * self.compiled.sources.size)
+        return np.frombuffer(memory, dtype=np.float64).reshape(shape).copy()
+
+
+class LoopProgram:
+    """Makes the constants of the modes that are compiled at one time, and those of the normal velocities behind them.
+
+    ``writer``: of programs in the parameters.
     """
 
-    def __init__(
-        self, programs: ParameterPrograms, values: tuple[Three, ...], exact: Callable[[], Sequence[sp.Expr]]
-    ) -> None:
-        self.programs, self.table, self.values, self.exact = programs, programs.table, values, exact
-        self.no_zeros = programs.no_zeros
-        self.doubles = tuple([high for high, _, _ in values])
-        made = self._at_once = programs.at_once(values)
-        self.latest = self._extended(self.table.compiled) if made is None else made
-        self.is_finite = made is not None or bool(np.isfinite(self.latest.numbers).all())
+    def __init__(self, table: ModeTable, writer: ProgramWriter) -> None:
+        compiled, velocities = table.compiled, table.normals
+        expressions = table.constants.expressions[: compiled.constants]
+        own = () if velocities is None else velocities.tape.constants
+        places = np.arange(1 + 2 * len(expressions), 1 + 2 * (len(expressions) + len(own)))
+        self.compiled, self.program = compiled, writer.program([*expressions, *own])
+        self._sources = np.concatenate([compiled.sources.ravel(), places[::2], places[1::2], [0]])
+        self._template = ffi.new("struct tables *")
+        _describe(self._template, table, compiled)
+        self._at_once = self.program.compiled(self._sources)
+
+    def at(self, values: Sequence[float]) -> LoopData | None:
+        """Those of one point, at once; None where a constant holds functions, is not finite, or its terms cancel.
+
+        ``values``: of each parameter a pair.
+        """
+        if self._at_once is None:
+            return None
+        program, pack, room, _ = self._at_once
+        block = ffi.new(_BLOCK, TABLES + room)
+        tables = kernel.point_tables(self._template, program, pack(*values), block)
+        return LoopData(self.compiled, block, tables) if tables else None
+
+    @property
+    def bytes_a_point(self) -> int:
+        """Memory that :meth:`numbers` takes for each point."""
+        return 8 * (self.program.places_a_point + self._sources.size)
+
+    def numbers(self, values: NDArray[np.float64], exact: Callable[[int], Sequence[sp.Expr]]) -> NDArray[np.float64]:
+        """Those of some points with ``values``, shape (points, parameters, 2), a row each.
+
+        ``exact``: the exact values of a point, by its number.
+        """
+        found = np.concatenate([np.zeros((len(values), 1)), self.program.pairs(values, exact)], axis=1)
+        return np.take(found, self._sources, axis=1)
+
+    def of(self, numbers: NDArray[np.float64]) -> LoopData:
+        """Data with constants that :meth:`numbers` has made, those of the first point."""
+        tables = ffi.new("struct tables *", self._template[0])
+        tables.numbers, behind = doubles(numbers), self.compiled.sources.size
+        if tables.selection.velocities:
+            tables.selection.constants = tables.numbers + behind
+        return LoopData(self.compiled, numbers, tables)
+
+
+def _describe(tables: Any, mode_table: ModeTable, compiled: CompiledModes) -> None:
+    """Let tables point to modes that are compiled, all but their constants."""
+    tables.modes, tables.count = ffi.from_buffer(compiled.records), len(compiled.records)
+    tables.tapes, tables.length = compiled.sources.shape[1:]
+    if mode_table.contacts and len(compiled.records):
+        tables.contacts, tables.owned_ends, tables.owned = mode_table.contacts, *map(integers, mode_table.owned)
+    velocities, selection = mode_table.normals, tables.selection
+    if velocities is not None:
+        selection.velocities = ffi.cast("expand_code", velocities.address)
+        selection.surfaces, selection.decoupled = len(mode_table.system.surfaces), mode_table.decoupled
+        if velocities.contacts is not None:
+            selection.contact, selection.beside = integers(velocities.contacts), integers(velocities.beside)
+
+
+class ParameterPrograms:
+    """Programs of one system, whose parameters have no values."""
+
+    def __init__(self, mode_table: ModeTable) -> None:
+        self.table, self.system = mode_table, mode_table.system
+        self.parameters = parameters_in(self.system)
+        """Symbols that stand in the system's expressions, by name: the order of all values."""
+        self.no_zeros = (0,) * mode_table.most_guards
+        """Known zeros of the guards, as many as the largest mode has, where a start is off every surface."""
+        self._writer = ProgramWriter(self.parameters)
+        self._loop: LoopProgram | None = None
+
+    def loop(self) -> LoopProgram:
+        """For the modes that are compiled now."""
+        made = self._loop
+        if made is None or made.compiled is not self.table.compiled:
+            with one_at_a_time():
+                made = self._loop = LoopProgram(self.table, self._writer)
+        return made
 
     @cached_property
-    def _values(self) -> NDArray[np.float64]:
-        """See :class:`henon_ref.integrator.compiled_modes.DistinctConstants`."""
-        return np.zeros(1) if self._at_once is None else numbers_behind(self._at_once)
+    def start(self) -> ConstantProgram:
+        """Surfaces, then ``valid`` expressions, in time, states and parameters."""
+        with one_at_a_time():
+            symbols = (TIME, *self.system.states, *self.parameters)
+            return constant_program(symbols, (*self.system.surfaces, *self.system.valid))
 
     @cached_property
-    def _rows(self) -> GrowingRows:
-        """The modes' rows of constants."""
-        return GrowingRows(np.float64, (0, 0))
+    def shared_tapes(self) -> SharedTapes:
+        """What decides modes in Python, for all parameter values."""
+        from henon_ref.integrator.shared_tapes import SharedTapes  # most runs have no use for it
+
+        return SharedTapes(self.system, self.parameters)
+
+
+def parameters_in(system: FilippovSystem) -> tuple[sp.Symbol, ...]:
+    """Symbols of a system's expressions that are no states, no signs and not the time, by name."""
+    expressions = [*system.field, *system.surfaces, *system.valid]
+    for override in system.overrides.values():
+        expressions += [*override.field, *(release.when for release in override.release)]
+    for reset in system.resets.values():
+        expressions += reset.map.values()
+    symbols = set().union(*(e.free_symbols for e in set(expressions))) - {TIME, *system.states, *system.signs}
+    return tuple(sorted(symbols, key=lambda symbol: symbol.name))
+
+
+@dataclass(eq=False)
+class ModeConstants:
+    """A system's compiled modes at given parameter values."""
+
+    programs: ParameterPrograms
+    values: tuple[Pair, ...]
+    """Of the programs' parameters, in their order."""
+    exact: Callable[[], Sequence[sp.Expr]]
+    """Gives them as exact numbers, for what double-double does not decide."""
+
+    def __post_init__(self) -> None:
+        self.table, self.no_zeros = self.programs.table, self.programs.no_zeros
+        self._flat = tuple(chain.from_iterable(self.values))
+        self.latest, self.is_finite = self._made()
+        """For the modes that were compiled when it was last asked for, replaced as a whole by :meth:`update`; whether
+        the constants of those that were compiled first are finite."""
 
     def update(self) -> LoopData:
         """Take in modes that have been compiled since."""
         with one_at_a_time(), compiling():
-            compiled = self.table.compiled
-            if self.latest.compiled is not compiled:
-                self.latest = self._extended(compiled)
+            if self.latest.compiled is not self.table.compiled:
+                self.latest, _ = self._made()
             return self.latest
 
-    def _extended(self, compiled: CompiledModes) -> LoopData:
-        known = len(self._values) // 2
-        if compiled.constants > known:
-            new = self._pairs(self.table.constants.expressions[known : compiled.constants])
-            self._values = np.concatenate([self._values, new])
-        if len(compiled.sources) > len(self._rows):
-            self._rows.extend(self._values[compiled.sources[len(self._rows) :]])
-        return loop_data(self.table, compiled, self._rows.rows, self._normals)
-
-    @cached_property
-    def _normals(self) -> NDArray[np.float64]:
-        """Constants of the normal velocities of all surfaces, in states and signs."""
-        made = self.table.normals
-        pairs = self._pairs(() if made is None else made.tape.constants).reshape(-1, 2)
-        return np.concatenate([pairs[:, 0], pairs[:, 1], [0.0]])
-
-    def _pairs(self, expressions: Sequence[sp.Expr]) -> NDArray[np.float64]:
-        """Constants in parameters, each as its double and what that leaves, shape (2 k,); NaN for one that is none."""
-        program = self.programs.program(tuple(expressions))
-        return program.pairs(np.array(self.values).reshape(1, -1, 3), lambda _: self.exact())[0]
+    def _made(self) -> tuple[LoopData, bool]:
+        program = self.programs.loop()
+        made = program.at(self._flat)
+        if made is not None:
+            return made, True
+        numbers = program.numbers(np.array(self._flat).reshape(1, -1, 2), lambda _: self.exact())
+        return program.of(numbers), bool(np.isfinite(numbers).all())
 
     def signs(self, t: Pair, x: Sequence[Pair]) -> Sequence[int]:
-        """Signs of the surfaces, then of the ``valid`` expressions, at a point; UNCLEAR_SIGN where one is not clear.
-
-        By a bound in doubles where all of them are short sums of products, else by one in double-double.
-        """
-        in_doubles = self.programs.signs_in_doubles
-        if in_doubles is not None:
-            return in_doubles(t[0], *[high for high, _ in x], *self.doubles) or (kernel.UNCLEAR_SIGN,)
-        point = np.array([[*(three_of(pair) for pair in (t, *x)), *self.values]])
-        signs: list[int] = self.programs.start_signs(point)[0].tolist()
-        return signs
+        """Signs of the surfaces, then of the ``valid`` expressions, at a point; UNCLEAR_SIGN where one is not clear."""
+        return self.programs.start.clear_signs(*t, *chain.from_iterable(x), *self._flat)
 
     def exact_signs(self, point: Sequence[Any]) -> list[int | None]:
         """The same at a point of exact numbers; None where there is no value (see :meth:`ConstantProgram.signs`)."""
@@ -115,7 +203,7 @@ class ModeConstants:
     @cached_property
     def in_doubles(self) -> ModeEvaluation:
         """The modes in double precision."""
-        return self.programs.shared_tapes.in_doubles(self.doubles)
+        return self.programs.shared_tapes.in_doubles(self._flat[::2])
 
     @cached_property
     def precise(self) -> PreciseModes:
@@ -123,11 +211,4 @@ class ModeConstants:
         from henon_ref.integrator.precise_modes import PreciseModes  # most runs have no use for it
 
         shared, values = self.programs.shared_tapes, tuple(self.exact())
-        return PreciseModes(self.programs.system, self.in_doubles, lambda: shared.in_balls(values))
-
-    @cached_property
-    def jumps(self) -> Jumps:
-        """The resets' maps, in multiprecision."""
-        from henon_ref.integrator.jump import Jumps
-
-        return Jumps(self.precise)
+        return PreciseModes(self.in_doubles, lambda: shared.in_balls(values))

@@ -98,9 +98,9 @@ def range_ending(run: State) -> tuple[Status, str] | None:
     scalars, n = run.scalars, run.x.size
     places = run.integrator.mode_table.places(run.mode)
     with working_precision(BITS):
-        time, unit = arb(float(scalars.time)) + arb(float(scalars.time_low)), arb(float(scalars.unit))
-        state, theta = [arb(x) for x in run.x.tolist()], arb(float(scalars.step_length)) / unit
-        states, outputs = run.start.constants.precise.motion(run.mode, time, state, unit, run.start.order)
+        unit, state = arb(float(scalars.unit)), [arb(x) for x in run.x.tolist()]
+        theta, precise = arb(float(scalars.step_length)) / unit, run.start.constants.precise
+        states, outputs = precise.motion(run.mode, run.exact_time, state, unit, run.start.order)
         exact = [*states, *(outputs[place] if place >= 0 else None for place in places)]
         level, band = max(float(scalars.tolerance), ROUNDING), run.workspace.band
         rounding = band[n + len(run.start.zeros) + 1 :].ravel()

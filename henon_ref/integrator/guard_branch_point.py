@@ -8,12 +8,12 @@ its sign by much more than it varies there, nothing happens at the branch point,
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 from flint import arb, arb_poly
 
-from henon_ref.integrator.pairs import Pair
-from henon_ref.integrator.precise_modes import PreciseModes
+from henon_ref.integrator.endings import vanishing_guard
+from henon_ref.integrator.precise_modes import PreciseModes, split
+from henon_ref.integrator.state_view import State
 from henon_ref.modes.mode import Mode
 from henon_ref.precision import working_precision
 from henon_ref.roots.multiprecision import BITS
@@ -30,41 +30,37 @@ CLEAR = 8.0
 """Size of a guard, at least, in units of its variation around the branch point."""
 
 
-class Behind(NamedTuple):
-    """A point behind a branch point."""
+def pass_branch_point(run: State) -> bool:
+    """Go on behind a branch point of a guard; False where there is none, the model ends, or it is not clear.
 
-    length: float
-    """From where the series ended [s]."""
-    time: Pair
-    """[s]."""
-    state: tuple[Pair, ...]
-    """State there."""
-
-
-def behind_branch_point(
-    modes: PreciseModes, mode: Mode, time: Pair, state: Sequence[Pair], span: float, left: float
-) -> Behind | None:
-    """A point of the same mode behind the branch point of a guard; None where something may happen next to it.
-
-    Parameters
-    ----------
-    modes : PreciseModes
-        Of a system whose field has no branch points in this mode.
-    mode : Mode
-    time, state
-        Where no step leads on, which is next to the branch point.
-    span : float
-        Length of the whole run [s], the scale of what is left behind.
-    left : float
-        Time up to the horizon [s].
+    The run stands where no step leads on, which is next to the branch point; what is left behind is in the scale of the
+    whole run.
     """
+    scalars, (until, until_low) = run.scalars, run.until
+    code = run.integrator.mode_table.codes[int(scalars.mode)]
+    if not code.guards_branch_alone or run.passed_at == scalars.steps or vanishing_guard(run) is not None:
+        return False
+    left = (until - float(scalars.time)) + (until_low - float(scalars.time_low))
+    longest = FARTHEST * (until - run.start.time[0])
     with working_precision(BITS):
-        start, point = arb(time[0]) + arb(time[1]), [arb(high) + arb(low) for high, low in state]
-        for k in range(TRIES):
-            length = FARTHEST * NEARER**k * span
-            if length < left and (end := _passed(modes, mode, start, point, arb(length))) is not None:
-                return Behind(length, _split(start + arb(length)), tuple(map(_split, end)))
-    return None
+        time, state = run.exact_time, run.exact_state
+        for length in (longest * NEARER**k for k in range(TRIES)):
+            end = _passed(run.start.constants.precise, run.mode, time, state, arb(length)) if length < left else None
+            if end is not None:
+                behind, there = split(time + arb(length)), [split(x) for x in end]
+                break
+        else:
+            return False
+    run.count("branch_points")
+    highs = [high for high, _ in there]
+    run.keep_line(length, highs)
+    run.fill_samples_on_line(length, highs)
+    run.put(behind, there)
+    run.known_zeros[:] = 0
+    scalars.steps += 1
+    scalars.unit, scalars.longest_step, scalars.stalled = length, 1e3 * length, 0
+    run.passed_at = int(scalars.steps)
+    return True
 
 
 def _passed(modes: PreciseModes, mode: Mode, time: arb, state: Sequence[arb], length: arb) -> list[arb] | None:
@@ -89,8 +85,3 @@ def _clear(values: Sequence[float]) -> bool:
     """Whether values are of one sign and larger than they vary. (Not where one is no number.)"""
     variation = max(values) - min(values)
     return all(v > CLEAR * variation for v in values) or all(v < -CLEAR * variation for v in values)
-
-
-def _split(number: arb) -> Pair:
-    high = float(number)
-    return high, float(number - high)

@@ -71,14 +71,7 @@ class GuardEvent:
 class GuardSeries:
     """A guard over its size on the step, in fixed point, its known zeros put apart.
 
-    Parameters
-    ----------
-    coefficients : sequence of arb
-        In units of the step.
-    zeros : int
-        Known zeros at its start.
-    whole : bool
-        Whether no term is left out.
+    ``coefficients`` are in units of the step, ``zeros`` those known at its start; ``whole``: no term is left out.
     """
 
     def __init__(self, coefficients: Sequence[arb], zeros: int, whole: bool) -> None:

@@ -9,11 +9,10 @@ from typing import Any
 import sympy as sp
 
 from henon_ref.errors import ModelError
-from henon_ref.integrator.constants import ModeConstants
+from henon_ref.integrator.constants import ModeConstants, ParameterPrograms
 from henon_ref.integrator.mode_table import ModeTable
-from henon_ref.integrator.pairs import exact_expression, pair_of_exact, three_of
-from henon_ref.integrator.parameter_programs import ParameterPrograms
-from henon_ref.integrator.records import WorkspacePool
+from henon_ref.integrator.pairs import exact_expression, pair_of_exact
+from henon_ref.integrator.records import Workspace
 from henon_ref.integrator.start import Start, begin
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem
@@ -36,6 +35,11 @@ class Integrator:
     order : int
         Order of the Taylor method.
 
+    Attributes
+    ----------
+    free : list of Workspace
+        Memory of runs that nobody has: see :meth:`workspace`.
+
     Raises
     ------
     UnsupportedError
@@ -48,13 +52,19 @@ class Integrator:
         self.mode_table = ModeTable(system, order)
         self.constants = lru_cache(maxsize=KEPT_VALUES)(self._constants)
         """The compiled modes' constants at values of :attr:`parameters`."""
+        self.free: list[Workspace] = []
 
-    @cached_property
-    def workspaces(self) -> WorkspacePool:
-        """Memory of runs."""
-        table = self.mode_table
-        sizes = len(self.system.states), table.most_guards, self.order, table.contacts, table.row_length
-        return WorkspacePool(*sizes)
+    def workspace(self) -> Workspace:
+        """Memory of a run, which gives it back to :attr:`free`; making some takes as long as a short run.
+
+        (To take it from a list, or give it back, is one operation, which is a thread's alone.)
+        """
+        try:
+            return self.free.pop()
+        except IndexError:
+            table = self.mode_table
+            sizes = len(self.system.states), table.most_guards, self.order, table.contacts, table.row_length
+            return Workspace.of(*sizes)
 
     @property
     def parameters(self) -> tuple[sp.Symbol, ...]:
@@ -70,8 +80,7 @@ class Integrator:
         own, exact = self.system.parameters, list(map(exact_expression, values))
         if own and exact != [own[symbol] for symbol in self.parameters]:
             raise ModelError("an integrator of a system with values of its parameters runs that system alone")
-        threes = tuple(three_of(pair_of_exact(v)) for v in values)
-        return ModeConstants(self.programs, threes, lambda: exact)
+        return ModeConstants(self.programs, tuple(map(pair_of_exact, values)), lambda: exact)
 
     def start(self, problem: Problem, **settings: Any) -> Start:
         """:meth:`begin` from a problem of this system, in exact numbers, with values of all parameters."""

@@ -6,17 +6,18 @@ Most runs have no use for it: the loop (``henon_ref/kernel/loop.c``) decides wha
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from flint import arb
 
-from henon_ref.integrator.endings import ending_of, range_ending, vanishing_guard
-from henon_ref.integrator.entries import written
-from henon_ref.integrator.records import GRAZE, RESET, STICK, TRANSITION, TRANSITION_PLACES
+from henon_ref.integrator.endings import ending_of, range_ending
+from henon_ref.integrator.multiprecision_event import LocatedEvent, UndecidedStep, locate_event
+from henon_ref.integrator.precise_modes import PreciseMotion, split
+from henon_ref.integrator.records import GRAZE, RESET, STICK, TRANSITION, TRANSITION_PLACES, written
 from henon_ref.integrator.state_view import State
 from henon_ref.integrator.transition_array import KINDS
 from henon_ref.kernel.shared import LEVELS, kernel
+from henon_ref.modes.after_jump import after_jump
 from henon_ref.modes.decision import Decision
 from henon_ref.modes.equations import Guard
 from henon_ref.modes.mode import Mode, numbered_mode, replaced, transition_kind
@@ -24,10 +25,8 @@ from henon_ref.modes.resets import resetting, rows_at
 from henon_ref.modes.resting import REMAINING
 from henon_ref.modes.selection import after_event, contact_orders
 from henon_ref.precision import working_precision
+from henon_ref.roots.multiprecision import BITS
 from henon_ref.trajectory import Status
-
-if TYPE_CHECKING:
-    from henon_ref.integrator.multiprecision_event import LocatedEvent
 
 CLOSE_PART = 2.0**-40
 """Part of the horizon's time below which what is left of a run is next to nothing."""
@@ -43,10 +42,13 @@ def answered(run: State, code: int) -> Ending | None:
         else:
             ending = select_mode(run) if code == kernel.SELECT_MODE else locate(run)
         return ("ok", "") if ending is None and run.scalars.stopped else ending
-    if code == kernel.STALLED and pass_branch_point(run):
-        return None
-    if code == kernel.STALLED and close_to_horizon(run):
-        return locate(run)
+    if code == kernel.STALLED:
+        from henon_ref.integrator.guard_branch_point import pass_branch_point
+
+        if pass_branch_point(run):
+            return None
+        if close_to_horizon(run):
+            return locate(run)
     if code == kernel.OUT_OF_RANGE:
         run.count("ranges")
         ending = range_ending(run)
@@ -58,8 +60,6 @@ def answered(run: State, code: int) -> Ending | None:
 
 def locate(run: State) -> Ending | None:
     """Take a step that double precision leaves undecided in multiprecision; None if the run goes on."""
-    from henon_ref.integrator.multiprecision_event import UndecidedStep, locate_event
-
     run.count("event_locations")
     integrator, scalars, mode = run.integrator, run.scalars, run.mode
     places = integrator.mode_table.places(mode)
@@ -121,21 +121,17 @@ def _digits(run: State) -> tuple[list[arb], list[float]]:
     More than doubles have kept are there as long as the first mode lasts, and neither a jump nor a caller has
     changed the state.
     """
-    from henon_ref.integrator.precise_modes import PreciseMotion
-    from henon_ref.roots.multiprecision import BITS
-
     scalars, start, state = run.scalars, run.start, run.x.tolist()
-    time, length = (float(scalars.time), float(scalars.time_low)), float(scalars.step_length)
     if scalars.more_digits and scalars.remembered == 1:
         if run.motion is None:
             run.motion = PreciseMotion(start.constants.precise, run.mode, start.time, start.x)
-        found = run.motion.at(time, state, length)
+        time = float(scalars.time), float(scalars.time_low)
+        found = run.motion.at(time, state, float(scalars.step_length))
         if found is not None:
             return found
     scalars.more_digits = 0
     with working_precision(BITS):
-        exact = [arb(high) + arb(low) for high, low in zip(state, run.x_low.tolist(), strict=True)]
-    return exact, [LEVELS.state_rounding * abs(x) for x in state]
+        return run.exact_state, [LEVELS.state_rounding * abs(x) for x in state]
 
 
 def _passed_over(run: State, guard: Guard) -> None:
@@ -193,55 +189,36 @@ def _without_equations(run: State) -> Ending:
 def jump(run: State, surfaces: tuple[int, ...], hits: Sequence[Guard]) -> Ending | None:
     """Let the state jump where surfaces reset it, ``hits`` being all guards at zero; None if the run goes on."""
     run.count("jumps")
-    state = list(zip(run.x.tolist(), run.x_low.tolist(), strict=True))
-    time = float(run.scalars.time), float(run.scalars.time_low)
-    until, until_low = run.until
-    most = REMAINING * (until - run.start.time[0])
-    after = run.start.constants.jumps.after(surfaces, hits, run.mode, time, state, most)
+    constants, mode, until = run.start.constants, run.mode, run.until
+    most = REMAINING * (until[0] - run.start.time[0])
+    with working_precision(BITS):
+        t, before = run.exact_time, run.exact_state
+        found = after_jump(constants.precise.system, constants.precise, mode, surfaces, hits, t, before, arb(most))
+        after, rest = [split(x) for x in found.state], found.rest
+        applied = [(i, [float(x.mid()) for x in left]) for i, left in found.applied]
+        end, resting = ((0.0, 0.0), []) if rest is None else (split(t + rest.remaining), [split(x) for x in rest.state])
     run.before_jump[:] = run.x
-    run.put(time, after.state)
     run.scalars.more_digits = 0
-    if not all(abs(high) < LEVELS.blown_up for high, _ in after.state):
+    time = float(run.scalars.time), float(run.scalars.time_low)
+    run.put(time, after)
+    if not all(abs(high) < LEVELS.blown_up for high, _ in after):
         return ending_of(run, kernel.DIVERGED)
-    ended, rest = change_mode(run, after.decision, after.known_zeros, (), after.applied), after.rest
+    ended = change_mode(run, found.decision, _zeros_on(run, found.decision.mode, found.on), (), applied)
     if ended is not None or rest is None:
         return ended
-    length = (rest.time[0] - time[0]) + (rest.time[1] - time[1])
-    run.keep_line(length, [high for high, _ in rest.state])
-    late = (until - rest.time[0]) + (until_low - rest.time[1]) < 0.0
-    run.put((until, until_low) if late else rest.time, rest.state)
-    return None if late else change_mode(run, rest.decision, rest.known_zeros, ())
+    length = (end[0] - time[0]) + (end[1] - time[1])
+    run.keep_line(length, [high for high, _ in resting])
+    if (until[0] - end[0]) + (until[1] - end[1]) < 0.0:
+        run.put(until, resting)
+        return None
+    run.put(end, resting)
+    return change_mode(run, Decision("unique", rest.mode), _zeros_on(run, rest.mode, found.on), ())
 
 
-def pass_branch_point(run: State) -> bool:
-    """Go on behind a branch point of a guard; False where there is none, the model ends, or it is not clear."""
-    scalars = run.scalars
-    code = run.integrator.mode_table.codes[int(scalars.mode)]
-    if not code.guards_branch_alone or run.passed_at == scalars.steps or vanishing_guard(run) is not None:
-        return False
-    from henon_ref.integrator.guard_branch_point import behind_branch_point
-
-    until, until_low = run.until
-    behind = behind_branch_point(
-        run.start.constants.precise,
-        run.mode,
-        (float(scalars.time), float(scalars.time_low)),
-        list(zip(run.x.tolist(), run.x_low.tolist(), strict=True)),
-        until - run.start.time[0],
-        (until - float(scalars.time)) + (until_low - float(scalars.time_low)),
-    )
-    if behind is None:
-        return False
-    run.count("branch_points")
-    end = [high for high, _ in behind.state]
-    run.keep_line(behind.length, end)
-    run.fill_samples_on_line(behind.length, end)
-    run.put(behind.time, behind.state)
-    run.known_zeros[:] = 0
-    scalars.steps += 1
-    scalars.unit, scalars.longest_step, scalars.stalled = behind.length, 1e3 * behind.length, 0
-    run.passed_at = int(scalars.steps)
-    return True
+def _zeros_on(run: State, mode: Mode | None, on: Sequence[int]) -> Sequence[int]:
+    """Known zeros of a mode's guards where the run stands, on some surfaces."""
+    at = run.start.constants.in_doubles.at(run.time, run.x.tolist())
+    return () if mode is None else contact_orders(at, mode, on)
 
 
 def close_to_horizon(run: State) -> bool:

@@ -101,7 +101,6 @@ def common_mode_code(system: FilippovSystem, mode: Mode, order: int, passed: fro
         Where they have none.
     """
     key, equations = system.common_equations(mode)
-    outputs = [g.expression for g in equations.guards]
     normals = {i: along(system.surfaces[i], system.states, equations.field) for i in passed}
     sides = _speeds(system, equations.guards, normals)
     if key == mode:  # these are its own
@@ -110,8 +109,8 @@ def common_mode_code(system: FilippovSystem, mode: Mode, order: int, passed: fro
         entries: Entries = (({}, {}, {}),) * len(mode)
     else:
         entries = tuple(tuple({sign: sp.Integer(s)} for s in (-1, 0, 1)) for sign in system.signs)
-    expansion, probe = build_tape(system.states, equations.field, outputs), build_tape(system.states, (), sides)
-    return _mode_code(system, order, expansion, probe, entries)
+    expansion = build_tape(system.states, equations.field, [g.expression for g in equations.guards])
+    return _mode_code(system, order, expansion, build_tape(system.states, (), sides), entries)
 
 
 def switched_mode_code(system: FilippovSystem, equations: SwitchedEquations, order: int) -> ModeCode:
@@ -165,11 +164,7 @@ def _mode_code(system: FilippovSystem, order: int, expansion: Tape, probe: Tape,
 def tape_program(tape: Tape, degree: int) -> NDArray[np.int64] | None:
     """A tape as compiled code goes through it in double-double (``struct tape`` of ``kernel.h``); None where not.
 
-    Parameters
-    ----------
-    tape : Tape
-    degree : int
-        Of states and outputs where they are polynomials in time; else :data:`henon_ref.taylor.tape.INFINITE`.
+    ``degree``: of states and outputs where they are polynomials in time; else INFINITE.
     """
     large = len(tape.field) + len(tape.outputs) > kernel.PAIR_ROWS or len(tape.nodes) > MOST_OPERATIONS
     if large or any(node.op not in _KINDS for node in tape.nodes):
@@ -218,9 +213,8 @@ def bernstein_code(order: int) -> NativeModule:
 
         return declarations() + bernstein_ir(order, "bernstein")
 
-    return NativeModule(
-        written, key=f"{source_hash('roots/bernstein.py', 'jit/*.py', 'kernel/kernel.h')} bernstein {order}"
-    )
+    sources = source_hash("roots/bernstein.py", "jit/*.py", "kernel/kernel.h")
+    return NativeModule(written, key=f"{sources} bernstein {order}")
 
 
 def _on_both_sides(sign: sp.Symbol, normal: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
@@ -269,11 +263,9 @@ def _of_contacts(system: FilippovSystem) -> tuple[list[sp.Symbol], list[sp.Expr]
     numbers: list[sp.Expr] = []
     for i, sign in enumerate(system.signs):
         own, speed = system.overrides.get(i), system.normal_velocity(i)
-        ends = (
-            {guard.to_sign: guard.expression for guard in system.hold_guards(i)}
-            if own
-            else {1: sp.S.Zero, -1: sp.S.Zero}
-        )
+        ends = {1: sp.S.Zero, -1: sp.S.Zero}
+        if own:
+            ends = {guard.to_sign: guard.expression for guard in system.hold_guards(i)}
         inertia = sp.S.One if own is None or own.inertia is None else own.inertia
         friction = speed.xreplace({sign: sp.S.Zero}) - speed.xreplace({sign: sp.S.One}) if own else sp.S.One
         numbers += [ends[1], ends[-1], inertia, friction]
@@ -288,3 +280,35 @@ def _known_of(system: FilippovSystem, index: int) -> int:
         moved = not system.normal_velocity(index).free_symbols.isdisjoint(system.signs)
         return 0 if moved else int(kernel.SECTION)
     return kernel.FIXED | (own.inertia is not None) * kernel.KNOWN_INERTIA | bool(own.push) * kernel.BY_LOAD
+
+
+class DistinctConstants:
+    """Constants of the modes' tapes, each once, numbered as modes ask for them.
+
+    Modes with the same entries for a constant's own surfaces have it in common. Their values stand in one row: a zero,
+    then of each its double and what the rounding lost.
+    """
+
+    def __init__(self) -> None:
+        self.expressions: list[sp.Expr] = []
+        """In parameters, by their numbers. It only grows."""
+        self._numbers: dict[tuple[ModeTape, int, tuple[int, ...]], int] = {}
+
+    def sources(self, tapes: tuple[ModeTape, ...], mode: Mode) -> NDArray[np.int64]:
+        """Places in that row of a mode's constants, shape (tapes, K).
+
+        Of each tape the doubles come first, then what the rounding lost of them, then zeros.
+        """
+        found = np.zeros((len(tapes), max([1, *(2 * len(tape.tape.constants) for tape in tapes)])), dtype=np.int64)
+        for row, tape in zip(found, tapes, strict=True):
+            count = len(tape.tape.constants)
+            row[:count] = [1 + 2 * self._number(tape, at, mode) for at in range(count)]
+            row[count : 2 * count] = row[:count] + 1
+        return found
+
+    def _number(self, tape: ModeTape, at: int, mode: Mode) -> int:
+        key = tape, at, tuple(mode[i] for i in tape.owners[at])
+        if key not in self._numbers:
+            self._numbers[key] = len(self.expressions)
+            self.expressions.append(tape.constant(at, mode))
+        return self._numbers[key]

@@ -4,7 +4,7 @@ them (:mod:`henon_ref.integrator.constants`)."""
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.errors import ModelError
-from henon_ref.integrator.compiled_modes import CompiledModes, DistinctConstants, GrowingRows, Owned, Readers
-from henon_ref.integrator.entries import packed, unpacked
 from henon_ref.integrator.mode_code import (
+    DistinctConstants,
     ModeCode,
     NormalVelocities,
     bernstein_code,
@@ -22,14 +21,14 @@ from henon_ref.integrator.mode_code import (
     normal_velocities,
     switched_mode_code,
 )
-from henon_ref.integrator.records import mode_dtype
+from henon_ref.integrator.records import mode_dtype, packed, unpacked
 from henon_ref.jit.processor_time import compiling
 from henon_ref.kernel.shared import kernel
 from henon_ref.modes.attraction import EXHAUSTIVE
 from henon_ref.modes.contact_loops import guard_count
 from henon_ref.modes.equations import Guard
 from henon_ref.modes.kinks import continuous
-from henon_ref.modes.mode import Mode, mode_number
+from henon_ref.modes.mode import Mode, mode_number, replaced
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.precision import one_at_a_time
 
@@ -39,19 +38,26 @@ if TYPE_CHECKING:
 ALL: Mode = ()
 """What machine code goes by that all modes have in common."""
 _KIND = {"surface": kernel.SURFACE, "release": kernel.RELEASE, "valid": kernel.VALID, "attracts": kernel.VALID}
-_OTHERS = {entry: tuple(other for other in (-1, 0, 1) if other != entry) for entry in (-1, 0, 1)}
+
+
+@dataclass(frozen=True, eq=False)
+class CompiledModes:
+    """The modes that are compiled at one time: tables that nobody changes any more."""
+
+    records: NDArray[Any]
+    """Shape (M,) of :func:`henon_ref.integrator.records.mode_dtype`."""
+    sources: NDArray[np.int64]
+    """(M, tapes, K): where each number of a mode's rows of constants is found among those of all modes."""
+    constants: int
+    """How many constants these are."""
 
 
 class ModeTable:
     """Grows a row for each mode that is asked for, from any thread.
 
-    Where all modes have one set of equations a mode is no row but a number (:mod:`henon_ref.integrator.entries`): the
+    Where all modes have one set of equations a mode is no row but a number (:mod:`henon_ref.integrator.records`): the
     table has three rows, of the modes in which every entry is the same, and the loop puts all others together from
     these.
-
-    :attr:`compiled` is replaced by one with the new row before other rows lead to it. A thread that lets compiled code
-    read a table is among :attr:`readers` meanwhile, and looks only then whether it is the latest: either it has the new
-    row, or the others are linked to it in a copy of theirs.
 
     Parameters
     ----------
@@ -69,8 +75,8 @@ class ModeTable:
         Those of all modes.
     contacts : int
         How many contacts' entries a mode is, a number; 0 where it is a row.
-    readers : Readers
-        Threads that are in compiled code which reads the table.
+    compiled : CompiledModes
+        Replaced by larger tables with each row; who reads the old ones is led to no mode that they have not.
 
     Raises
     ------
@@ -84,16 +90,12 @@ class ModeTable:
         self.codes: list[ModeCode] = []
         self.index: dict[Mode, int] = {}
         self.constants = DistinctConstants()
-        self.readers = Readers()
         surfaces = len(system.surfaces)
         self._switched = system.switched
         self.contacts = surfaces if self._switched and not system.resets else 0
         self._jumps = _jump_code(system) if system.resets else None
-        self._records = GrowingRows(mode_dtype(self.most_guards), ())
-        self._sources = GrowingRows(np.int64, (0, 0))
-        self._powers = [3**i for i in range(surfaces)]
-        self._by_number: dict[int, int] = {}
-        self.compiled = self._published()
+        no_sources = np.zeros((0, 0, 0), dtype=np.int64)
+        self.compiled = CompiledModes(np.zeros(0, dtype=mode_dtype(self.most_guards)), no_sources, 0)
         self._codes: dict[Mode | frozenset[int], ModeCode] = {}
         self._guards: dict[Mode, tuple[Guard, ...]] = {}
         if surfaces == 1:
@@ -176,8 +178,8 @@ class ModeTable:
         return all(len(self.system.together(i, surfaces)) == 1 for i in surfaces)
 
     @cached_property
-    def owned(self) -> Owned:
-        """Which constants are those of each contact."""
+    def owned(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Which constants are those of each contact: where its places end, and places in a mode's row of constants."""
         tapes = self.codes[0].tapes
         length = self.compiled.sources.shape[2]
         own: list[list[int]] = [[] for _ in range(self.contacts)]
@@ -185,8 +187,8 @@ class ModeTable:
             for at, contacts in enumerate(tape.owners):
                 for contact in contacts:  # one at most: see decoupled_contacts
                     own[contact] += [first + at, first + len(tape.owners) + at]
-        ends = np.cumsum(list(map(len, own)), dtype=np.int64)
-        return Owned(ends, np.array([place for places in own for place in places], dtype=np.int64))
+        places = [np.array(each, dtype=np.int64) for each in own]
+        return np.cumsum(list(map(len, own)), dtype=np.int64), np.concatenate(places)
 
     @property
     def row_length(self) -> int:
@@ -252,33 +254,27 @@ class ModeTable:
         return frozenset(unused) - overrides.keys() - resets.keys()
 
     def _append(self, mode: Mode, code: ModeCode) -> None:
-        row, number = len(self.modes), mode_number(mode)
-        self._records.extend(self._record(mode, code))
-        self._sources.append(self.constants.sources(code.tapes, mode))
+        before, own = self.compiled, self.constants.sources(code.tapes, mode)
+        shape = (len(self.modes) + 1, *map(max, before.sources.shape[1:], own.shape))
+        records, sources = np.concatenate([before.records, self._record(mode, code)]), np.zeros(shape, dtype=np.int64)
+        for part, row in ((before.sources, slice(0, -1)), (own[None], slice(-1, None))):  # padded with zeros
+            sources[row, : part.shape[1], : part.shape[2]] = part
         self.modes.append(mode)
         self.codes.append(code)
-        self.compiled = self._published()
-        if self.readers:  # they do not have the row
-            self._records.move()
         if not self.contacts:
-            self._by_number[number] = row
-            self._link_all(mode, number, row)
-        self.compiled = self._published()
-        self.index[mode] = row  # whoever finds it there finds the tables that have it
+            self._link_all(records["guards"], mode)
+        self.compiled = CompiledModes(records, sources, len(self.constants.expressions))
+        self.index[mode] = len(self.modes) - 1  # whoever finds it there finds the tables that have it
 
-    def _link_all(self, mode: Mode, number: int, row: int) -> None:
-        """Link a new row with those that one event leads to, or from."""
-        guards, known = self._records.rows["guards"], self._by_number.get
-        for i, (entry, power) in enumerate(zip(mode, self._powers, strict=True)):
-            for other in _OTHERS[entry]:
-                found = known(number + (other - entry) * power)
+    def _link_all(self, guards: NDArray[Any], mode: Mode) -> None:
+        """Link the last row with those that one event leads to, or from."""
+        last = len(self.modes) - 1
+        for i, entry in enumerate(mode):
+            for other in {-1, 0, 1} - {entry}:
+                found = self.index.get(replaced(mode, i, other))
                 if found is not None:
-                    self._link(guards, row, i, other, found)
-                    self._link(guards, found, i, entry, row)
-
-    def _published(self) -> CompiledModes:
-        """The tables as they are now."""
-        return CompiledModes(self._records.rows, self._sources.rows, len(self.constants.expressions))
+                    self._link(guards, last, i, other, found)
+                    self._link(guards, found, i, entry, last)
 
     def _record(self, mode: Mode, code: ModeCode) -> NDArray[Any]:
         """A mode's row, shape (1,): it leads to no other mode yet; of contacts, to the rows of their entries."""

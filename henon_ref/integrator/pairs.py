@@ -10,13 +10,10 @@ import numpy as np
 import sympy as sp
 from numpy.typing import ArrayLike, NDArray
 
-from henon_ref.kernel.shared import LEVELS
 from henon_ref.modes.exact_numbers import double_double
 
 Pair = tuple[float, float]
 """A number as its double and what that leaves."""
-Three = tuple[float, float, float]
-"""A number as its double, what that leaves, and a bound of their error."""
 WHOLE = 2**53
 """Whole numbers up to here are doubles."""
 KEPT = 256
@@ -72,11 +69,6 @@ def pair_of_exact(value: Any) -> Pair:
     return double_double(exact_expression(value)) if found is None else found
 
 
-def three_of(pair: Pair) -> Three:
-    """A pair with the bound of what it leaves of its number."""
-    return (*pair, LEVELS.operation_error * abs(pair[0]) if pair[1] else 0.0)
-
-
 def decimal_pairs(values: ArrayLike) -> NDArray[np.float64]:
     """:func:`pair_of` of each double of an array, shape (..., 2); of one that is not finite nothing is left."""
     high = np.asarray(values, dtype=np.float64)
@@ -88,12 +80,6 @@ def decimal_pairs(values: ArrayLike) -> NDArray[np.float64]:
     lows = [(_printed(value) or (value, 0.0))[1] for value in different.tolist()]
     found[decimals, 1] = np.array(lows, dtype=np.float64)[places.ravel()]
     return found
-
-
-def threes(pairs: NDArray[np.float64]) -> NDArray[np.float64]:
-    """:func:`three_of` of each pair of an array, shape (..., 3)."""
-    bounds = np.where(pairs[..., 1] != 0.0, LEVELS.operation_error * np.abs(pairs[..., 0]), 0.0)
-    return np.concatenate([pairs, bounds[..., None]], axis=-1)
 
 
 def _rational(numerator: int, denominator: int) -> Pair | None:

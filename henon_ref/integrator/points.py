@@ -10,13 +10,20 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from henon_ref.errors import ModelError
-from henon_ref.integrator.entries import numbered, words_of, written
+from henon_ref.integrator.constants import LoopData
 from henon_ref.integrator.integrator import Integrator
-from henon_ref.integrator.pairs import decimal_pairs, exact_expression, threes
-from henon_ref.integrator.parameter_programs import LoopData, loop_data
-from henon_ref.integrator.records import CHUNK, HENON, TRANSITION_PLACES, Workspace, transition_dtype
+from henon_ref.integrator.pairs import decimal_pairs, exact_expression
+from henon_ref.integrator.records import (
+    CHUNK,
+    TRANSITION_PLACES,
+    Workspace,
+    numbered,
+    transition_dtype,
+    words_of,
+    written,
+)
 from henon_ref.integrator.run import Run
-from henon_ref.integrator.start import MOST_STEPS, Start, out_of_steps, row_at_start
+from henon_ref.integrator.start import Start, out_of_steps, row_at_start
 from henon_ref.integrator.transition_array import numbered_rows
 from henon_ref.kernel.shared import doubles, ffi, integers, kernel, record_dtype
 from henon_ref.modes.mode import Mode
@@ -87,17 +94,13 @@ class PointRuns:
     initial : array_like, shape (points, n) or (points, n, 2)
     start, until : float or array_like, shape (points,) or (points, 2)
         Initial time and horizon [s].
-    tolerance : float
-        Local error of a step, relative to the size of each state and guard on the step.
-    landing : int
-        HENON, NEWTON or BRENT of :mod:`henon_ref.integrator.records`.
     keep : Keep
         By default nothing.
-    stop_falling, stop_rising, most_steps : int
-        See :class:`henon_ref.integrator.start.Start`.
     exact : callable, optional
         The exact numbers of a point, by its number: values, state, initial time, horizon. By default those that the
         doubles are printed as.
+    **settings
+        ``tolerance``, and what else :class:`henon_ref.integrator.start.Start` is to have.
 
     Doubles stand for the decimal numbers that they are printed as; with a last axis of length 2 they are pairs (see
     :mod:`henon_ref.integrator.pairs`).
@@ -120,28 +123,18 @@ class PointRuns:
         *,
         start: ArrayLike = 0.0,
         until: ArrayLike,
-        tolerance: float,
-        landing: int = HENON,
         keep: Keep = NOTHING,
-        stop_falling: int = 0,
-        stop_rising: int = 0,
-        most_steps: int = MOST_STEPS,
         exact: Callable[[int], ExactPoint] | None = None,
+        **settings: Any,
     ) -> None:
         if integrator.system.parameters:
             raise ModelError("an integrator of a system with values of its parameters runs that system alone")
-        self.integrator, self.keep, self._exact = integrator, keep, exact
-        self.values = threes(_pairs(values, 2))
+        self.integrator, self.keep, self._exact, self._settings = integrator, keep, exact, settings
+        self.values = _pairs(values, 2)
         self.initial = _pairs(initial, 2)
         points, n = self.initial.shape[:2]
         self.times = np.empty((points, 2, 2))
         self.times[:, 0], self.times[:, 1] = _pairs(start, 0), _pairs(until, 0)
-        self._tolerance, self._landing = tolerance, landing
-        self._limits: dict[str, Any] = {
-            "stop_falling": stop_falling,
-            "stop_rising": stop_rising,
-            "most_steps": most_steps,
-        }
         self.ends = np.zeros(points, dtype=END)
         self.states = np.zeros((points, n))
         self.others: dict[int, Trajectory] = {}
@@ -188,15 +181,7 @@ class PointRuns:
     def start(self, point: int) -> Start:
         """Where the run of a point starts, as :class:`Run` takes it."""
         values, initial, begin, until = self.exact(point)
-        return self.integrator.begin(
-            values,
-            initial,
-            start=begin,
-            until=until,
-            tolerance=self._tolerance,
-            landing=self._landing,
-            **self._limits,
-        )
+        return self.integrator.begin(values, initial, start=begin, until=until, **self._settings)
 
     def __iter__(self) -> Iterator[NDArray[Any]]:
         first, points = 0, len(self.initial)
@@ -208,14 +193,7 @@ class PointRuns:
 
 
 class _Part:
-    """Some points of all, whose constants are in memory together.
-
-    Parameters
-    ----------
-    runs : PointRuns
-    first, last : int
-        The points from ``first`` up to before ``last``.
-    """
+    """The points from ``first`` up to before ``last``, whose constants are in memory together."""
 
     def __init__(self, runs: PointRuns, first: int, last: int) -> None:
         self.runs, self.first, self.part = runs, first, slice(first, last)
@@ -232,15 +210,12 @@ class _Part:
 
     def run(self) -> Iterator[NDArray[Any]]:
         """Do the runs, handing out transitions."""
-        workspaces = self.runs.integrator.workspaces
-        try:
-            workspace = workspaces.free.pop()
-        except IndexError:
-            workspace = workspaces.new()
+        integrator = self.runs.integrator
+        workspace = integrator.workspace()
         try:
             yield from self._compiled(workspace)
         finally:
-            workspaces.free.append(workspace)
+            integrator.free.append(workspace)
         for point in np.flatnonzero(self.runs.ends["code"][self.part] == kernel.SET_ASIDE).tolist():
             if self.first + point not in self.runs.others:
                 yield from self._in_python(point)
@@ -250,7 +225,7 @@ class _Part:
         rows, surfaces = self._rows()
         times = runs.times[self.part].reshape(-1, 4)
         initial = np.ascontiguousarray(runs.initial[self.part].transpose(0, 2, 1)).reshape(len(times), -1)
-        template = replace(runs.start(self.first), zeros=runs.integrator.programs.no_zeros).written()
+        template = replace(runs.start(self.first), zeros=runs.integrator.programs.no_zeros).keep()
         points = ffi.new("struct points *")
         points.count, points.block, points.start = len(times), doubles(workspace.block), doubles(template)
         points.times, points.initial = doubles(times), doubles(initial)
@@ -259,10 +234,9 @@ class _Part:
         points.states = doubles(runs.states[self.part])
         tries, code, data = TRIES, kernel.PAUSE, None
         while code != kernel.DONE:
-            with table.readers:
-                if data is None or data.compiled is not table.compiled:
-                    tries, data = TRIES, self._constants(points)
-                code = kernel.run_points(self._progress, points, data.tables, self._buffer(self.kept))
+            if data is None or data.compiled is not table.compiled:
+                tries, data = TRIES, self._constants(points)
+            code = kernel.run_points(self._progress, points, data.tables, self._buffer(self.kept))
             if code == kernel.ASIDE:
                 yield from self._in_python(int(progress["point"]) - 1)
                 tries -= 1
@@ -305,9 +279,9 @@ class _Part:
         Where it is on one, the row is that of the mode below it; -1 where the start is not clear.
         """
         runs, integrator = self.runs, self.runs.integrator
-        points = threes(np.concatenate([runs.times[self.part, :1], runs.initial[self.part]], axis=1))
+        points = np.concatenate([runs.times[self.part, :1], runs.initial[self.part]], axis=1)
         values = np.broadcast_to(self.values, (len(points), *self.values.shape[1:]))
-        signs = integrator.programs.start_signs(np.concatenate([points, values], axis=1))
+        signs = integrator.programs.start.signs_at(np.concatenate([points, values], axis=1))
         contacts = integrator.mode_table.contacts
         rows, surfaces = np.full((len(points), max(self.words, 1)), -1), np.full(len(points), -1)
         modes, places = np.unique(signs, axis=0, return_inverse=True)
@@ -322,12 +296,11 @@ class _Part:
     def _constants(self, points: Any) -> LoopData:
         """The modes that are compiled now with the constants of all points, or of the first where all have the same."""
         program = self.runs.integrator.programs.loop()
-        numbers, normals = program.numbers(
+        numbers = program.numbers(
             self.values, lambda point: [exact_expression(v) for v in self.runs.exact(self.first + point).values]
         )
-        each = len(numbers) > 1
-        points.numbers_step, points.normals_step = numbers[0].size if each else 0, normals[0].size if each else 0
-        return loop_data(self.runs.integrator.mode_table, program.compiled, numbers, normals)
+        points.numbers_step = numbers.shape[1] if len(numbers) > 1 else 0
+        return program.of(numbers)
 
     def _handed_out(self) -> Iterator[NDArray[Any]]:
         """Transitions of the points that are done; those of one that is at work move to the begin of the buffer."""

@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import sympy as sp
 from flint import arb, arb_poly
 
 from henon_ref.integrator.pairs import Pair
 from henon_ref.jit.processor_time import compiling
+from henon_ref.kernel.shared import EPS
+from henon_ref.modes.decision import Decision
 from henon_ref.modes.equations import Guard
-from henon_ref.modes.in_balls import RING, in_balls
+from henon_ref.modes.in_balls import RING
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.mode_evaluation import ModeEvaluation
-from henon_ref.modes.system import FilippovSystem
+from henon_ref.modes.selection import mode_by_signs
 from henon_ref.precision import working_precision
 from henon_ref.roots.multiprecision import BITS
 from henon_ref.taylor.series import expand
@@ -42,8 +43,7 @@ START_ROUNDING = 2.0**-52
 """What two doubles lose of a number, to what one does; and so of what comes of it."""
 
 
-@dataclass(frozen=True)
-class _ModeTape:
+class _ModeTape(NamedTuple):
     """A mode's tape with its constants."""
 
     tape: Tape
@@ -53,26 +53,25 @@ class _ModeTape:
     """Of the motion and its guards, where all of it is a polynomial in time; else 0."""
 
 
-class PreciseModes:
-    """Modes of one system in multiprecision, made when they are first needed.
+def split(number: arb) -> Pair:
+    """A number as two doubles."""
+    high = float(number.mid())
+    return high, float(number.mid() - high)
 
-    Parameters
-    ----------
-    system : FilippovSystem
-    in_doubles : ModeEvaluation
-    make_in_balls : callable, optional
-        Makes them in balls, when they are first needed; by default from the system.
+
+class PreciseModes:
+    """Modes of one system in multiprecision, made when they are first needed, and its values at points.
+
+    It is what :func:`henon_ref.modes.after_jump.after_jump` takes for numbers.
     """
 
-    def __init__(
-        self,
-        system: FilippovSystem,
-        in_doubles: ModeEvaluation,
-        make_in_balls: Callable[[], ModeEvaluation] | None = None,
-    ) -> None:
-        self.system, self.in_doubles = system, in_doubles
-        self._make_in_balls = make_in_balls or (lambda: in_balls(system))
+    rounding = 64 * EPS
+    """Steps before a jump know a state to the rounding of a double."""
+
+    def __init__(self, in_doubles: ModeEvaluation, make_in_balls: Callable[[], ModeEvaluation]) -> None:
+        self.system, self.in_doubles, self._make_in_balls = in_doubles.system, in_doubles, make_in_balls
         self._tapes: dict[Mode, _ModeTape] = {}
+        self._functions: dict[tuple[sp.Expr, ...], Callable[..., list[Any]]] = {}
 
     @cached_property
     def in_balls(self) -> ModeEvaluation:
@@ -80,12 +79,34 @@ class PreciseModes:
         with compiling():
             return self._make_in_balls()
 
-    @cached_property
-    def _surfaces(self) -> Callable[..., list[Any]]:
-        """(t, *states) -> the surfaces, and the slopes of each in every state."""
-        states, surfaces = self.system.states, self.system.surfaces
-        slopes = [sp.diff(h, x) for h in surfaces for x in states]
-        return self.in_balls.function(states, [*surfaces, *slopes])
+    def _at(self, expressions: tuple[sp.Expr, ...], t: arb, x: Sequence[arb]) -> list[arb]:
+        if expressions not in self._functions:
+            self._functions[expressions] = self.in_balls.function(self.system.states, expressions)
+        return self._functions[expressions](t, *x)
+
+    def values(self, expressions: tuple[sp.Expr, ...], t: arb, x: Sequence[arb]) -> list[arb]:
+        """Expressions in time and states at a point; ValueError where one has none that is finite."""
+        found = self._at(expressions, t, x)
+        if not all(value.is_finite() for value in found):
+            raise ValueError("a value is not finite")
+        return found
+
+    def guard_series(self, mode: Mode, t: arb, x: Sequence[arb]) -> list[list[arb]]:
+        """Taylor coefficients in time of a mode's guards."""
+        return self.in_balls.guard_series(mode, t, x)
+
+    def sign(self, value: arb) -> int:
+        """0 where it cannot be told from zero."""
+        return 0 if value.contains(0) else 1 if value > 0 else -1
+
+    def decide(self, t: arb, x: Sequence[arb], surfaces: Sequence[int], valid: Sequence[int]) -> Decision:
+        """The mode at a point behind a jump, in double precision."""
+        at = self.in_doubles.at(float(t), [float(value) for value in x])
+        return mode_by_signs(at, surfaces, valid, where="after the reset")
+
+    def text(self, t: arb) -> str:
+        """A time as messages have it."""
+        return f"{float(t):.17g}"
 
     def guards(self, mode: Mode) -> tuple[Guard, ...]:
         """Guards of a mode, in the order of :meth:`FilippovSystem.equations`."""
@@ -96,13 +117,7 @@ class PreciseModes:
     ) -> tuple[list[arb_poly], list[list[arb]], bool]:
         """Taylor coefficients of the states and of the mode's guards, in units of ``unit`` of time; if these are all.
 
-        Parameters
-        ----------
-        mode : Mode
-        time, state
-            The start.
-        unit : arb
-            How far on the series have to hold.
+        So far, one unit, they hold.
         """
         made = self._made(mode)
 
@@ -128,12 +143,12 @@ class PreciseModes:
 
     def off_surfaces(self, surfaces: Sequence[int], time: arb, state: Sequence[arb]) -> float:
         """How far a state is from surfaces that it slides on: what rounding has left of zero there."""
-        if not surfaces:
-            return 0.0
-        n, values = len(state), [abs(float(v)) for v in self._surfaces(time.mid(), *(v.mid() for v in state))]
-        slopes = values[len(self.system.surfaces) :]
-        steepest = [max(slopes[i * n : i * n + n]) for i in surfaces]
-        return max(values[i] / slope if slope > 0 else 0.0 for i, slope in zip(surfaces, steepest, strict=True))
+        farthest = 0.0
+        for h in (self.system.surfaces[i] for i in surfaces):
+            slopes = tuple(sp.diff(h, x) for x in self.system.states)
+            value, *steep = (abs(float(v)) for v in self._at((h, *slopes), time.mid(), [v.mid() for v in state]))
+            farthest = max(farthest, value / max(steep) if max(steep) > 0 else 0.0)
+        return farthest
 
     def _made(self, mode: Mode) -> _ModeTape:
         if mode not in self._tapes:
@@ -159,17 +174,7 @@ def _negligible_tail(rows: Sequence[Sequence[arb]]) -> bool:
 
 
 class PreciseMotion:
-    """The motion of one mode from a point on, which is known to two doubles or exactly.
-
-    Parameters
-    ----------
-    modes : PreciseModes
-    mode : Mode
-    time : Pair
-        [s]
-    state : sequence of Pair
-        Taken as exact where what the doubles leave is 0 in all of them.
-    """
+    """The motion of one mode from a point on, which is known to two doubles; exactly, where the second ones are 0."""
 
     def __init__(self, modes: PreciseModes, mode: Mode, time: Pair, state: Sequence[Pair]) -> None:
         self._modes, self._mode, self._steps = modes, mode, 0
@@ -180,14 +185,7 @@ class PreciseMotion:
     def at(self, time: Pair, near: Sequence[float], length: float) -> tuple[list[arb], list[float]] | None:
         """The state at a later time, and what each entry may be off; None where it is not to be had.
 
-        Parameters
-        ----------
-        time : Pair
-            [s]
-        near : sequence of float
-            The state there in doubles.
-        length : float
-            A step to begin with [s].
+        ``near``: the state there in doubles; ``length``: of a step to begin with [s].
         """
         with working_precision(BITS):
             if not self._advance(arb(time[0]) + arb(time[1]), length):

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +11,8 @@ from numpy.typing import NDArray
 from henon_ref.integrator.integrator import Integrator
 from henon_ref.integrator.records import HENON
 from henon_ref.integrator.run import Run
-from henon_ref.integrator.start import NO_LIMIT, Start
+from henon_ref.integrator.start import NO_LIMIT
 from henon_ref.modes.problem import Problem
-from henon_ref.modes.system import FilippovSystem
 from henon_ref.trajectory import Trajectory, without_hidden_kinks
 
 ROUNDING = 2e-16
@@ -68,18 +65,11 @@ def prepared_run(
     error = local_error(rtol)
     integrator = Integrator(problem.system, order_for(error))
     # A deadline bounds it, not a number of steps.
-    start = replace(integrator.start(problem, tolerance=error, landing=landing), most_steps=NO_LIMIT)
-    start.kept = start.written()
-    run = partial(_run, integrator, start, sample_times, deadline)
+    start = integrator.start(problem, tolerance=error, landing=landing, most_steps=NO_LIMIT)
+    start.keep()
+
+    def run() -> Trajectory:
+        return Run(integrator, start, sample_times, deadline).to_horizon()
+
     # What a system without kinks has no use for is no call of its run: these are some percent of a short one.
-    return partial(_run_with_kinks, run, problem.system) if problem.system.kinks else run
-
-
-def _run(
-    integrator: Integrator, start: Start, sample_times: NDArray[np.float64] | None, deadline: float | None
-) -> Trajectory:
-    return Run(integrator, start, sample_times, deadline).to_horizon()
-
-
-def _run_with_kinks(run: Callable[[], Trajectory], system: FilippovSystem) -> Trajectory:
-    return without_hidden_kinks(run(), system)
+    return (lambda: without_hidden_kinks(run(), problem.system)) if problem.system.kinks else run

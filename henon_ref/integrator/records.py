@@ -1,19 +1,23 @@
 """What the compiled loop and Python share, as ``henon_ref/kernel/kernel.h`` describes it.
 
-Records and the numbers in their fields, and the memory that a run works on: its block, which the loop is handed (where
-its parts stand says ``struct places``), with views of the parts.
+Records and the numbers in their fields; the memory that a run works on: its block, which the loop is handed (where its
+parts stand says ``struct places``), with views of the parts; and modes of many contacts. Such a mode is no row of a
+table but a number, of base 4, the first contact's entry being its last digit (-1 is written as 0, 0 as 1, +1 as 2); in
+memory it is some words (``kernel/contacts.c``).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import chain, product
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.kernel.shared import doubles, ffi, kernel, record_dtype
+from henon_ref.modes.mode import Mode
 
 STICK: int = kernel.STICK
 RELEASED: int = kernel.RELEASED
@@ -29,22 +33,15 @@ LANDINGS = ("henon", "newton", "brent", "bracket")
 """Their names, and that of bisection, which they fall back on."""
 MODE, GUARD = record_dtype("mode"), record_dtype("guard")
 """A compiled mode, and a guard of it."""
-TRANSITION = record_dtype("transition")
-"""A transition; behind it in memory stands the state, n doubles (see :func:`transition_dtype`)."""
-TRANSITION_PLACES = TRANSITION.itemsize // 8
-"""Its length in doubles."""
-STEP = record_dtype("step")
-"""A step that was taken; behind it in memory stand the states' Taylor coefficients (see :func:`step_dtype`)."""
-STEP_PLACES = STEP.itemsize // 8
-"""Its length in doubles."""
+TRANSITION, STEP = record_dtype("transition"), record_dtype("step")
+"""A transition, behind which in memory stands the state, n doubles (:func:`transition_dtype`); a step that was taken,
+behind it the states' Taylor coefficients (:func:`step_dtype`)."""
+TRANSITION_PLACES, STEP_PLACES = TRANSITION.itemsize // 8, STEP.itemsize // 8
+"""Their lengths in doubles."""
 CHUNK: int = kernel.CHUNK
 """Transitions kept in one block of memory."""
 RUN = record_dtype("run")
 """A run's scalars, the same for every system; the vectors stand behind them."""
-RUN_VIEW = np.dtype((np.record, RUN))
-"""What Python sees the scalars as."""
-LAST_STEPS = RUN.itemsize // 8
-"""Where, in doubles, the last steps stand in the block."""
 STATE_PLACE: int = kernel.places_of(0, 0, 0, 0, 0).state
 """Where the state stands, followed by what rounding it lost, and by the state before the last jump."""
 
@@ -118,27 +115,47 @@ class Workspace:
         )
 
 
-class WorkspacePool:
-    """Workspaces that runs of one integrator take and give back, from any thread.
+_FOURS = [tuple(digit - 1 for digit in reversed(four)) for four in product(range(4), repeat=4)]
+"""Of each byte its four entries."""
 
-    Making one takes as long as a short run. To take one is ``free.pop()``, to give it back ``free.append``: one
-    operation on a list each, which is a thread's alone.
 
-    Parameters
-    ----------
-    sizes : int
-        See :func:`places`.
+def words_of(contacts: int) -> int:
+    """Words that a mode takes; 0 without contacts, where a mode is a row."""
+    return int(kernel.words_of(contacts))
 
-    Attributes
-    ----------
-    free : list of Workspace
-        Those that nobody has.
+
+def packed(mode: Mode) -> int:
+    """A mode as a number.
+
+    Examples
+    --------
+    >>> packed((1, 0, -1)), unpacked(packed((1, 0, -1)), 3)
+    (6, (1, 0, -1))
     """
+    return int("".join(str(1 + entry) for entry in reversed(mode)), 4)
 
-    def __init__(self, *sizes: int) -> None:
-        self._sizes = sizes
-        self.free: list[Workspace] = []
 
-    def new(self) -> Workspace:
-        """One more, where none is free."""
-        return Workspace.of(*self._sizes)
+def unpacked(number: int, contacts: int) -> Mode:
+    """The mode of a number."""
+    return _entries(number.to_bytes(8 * words_of(contacts), "little"), contacts)
+
+
+def written(number: int, contacts: int) -> NDArray[np.int64]:
+    """The words of a number, shape (words,)."""
+    return np.frombuffer(number.to_bytes(8 * words_of(contacts), "little"), dtype="<i8")
+
+
+def read(words: NDArray[np.int64]) -> int:
+    """The number of some words."""
+    return int.from_bytes(words.tobytes(), "little")
+
+
+def numbered(words: NDArray[np.int64], contacts: int) -> tuple[tuple[Mode, ...], NDArray[np.int64]]:
+    """Different modes among some, shape (k, words), and the place of each among these."""
+    rows = np.ascontiguousarray(words).view(f"V{8 * words.shape[1]}")[:, 0]
+    different, places_among = np.unique(rows, return_inverse=True)
+    return tuple(_entries(row.tobytes(), contacts) for row in different), places_among.astype(np.int64)
+
+
+def _entries(four_each: bytes, contacts: int) -> Mode:
+    return tuple(chain.from_iterable(map(_FOURS.__getitem__, four_each)))[:contacts]

@@ -14,9 +14,8 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.integrator.entries import numbered, words_of
 from henon_ref.integrator.integrator import Integrator
-from henon_ref.integrator.records import CHUNK, STATE_PLACE, STEP_PLACES, step_dtype
+from henon_ref.integrator.records import CHUNK, STATE_PLACE, STEP_PLACES, numbered, step_dtype, words_of
 from henon_ref.integrator.start import Start, doubles_of, out_of_steps
 from henon_ref.integrator.state_view import State
 from henon_ref.integrator.transition_array import TransitionArray
@@ -76,8 +75,6 @@ class Run(State):
         How the run ended, once :meth:`stream` is through.
     """
 
-    __slots__ = ("_sampled", "deadline", "ended")
-
     def __init__(
         self,
         integrator: Integrator,
@@ -87,16 +84,10 @@ class Run(State):
         block: int = CHUNK,
         dense: int = 0,
     ) -> None:
-        try:  # a call costs some percent of a short run
-            self.workspace = workspace = integrator.workspaces.free.pop()
-        except IndexError:
-            self.workspace = workspace = integrator.workspaces.new()
+        self.workspace = workspace = integrator.workspace()
         self.integrator, self.start, self.deadline = integrator, start, deadline
-        self.state = state = workspace.state
-        if start.kept is None:
-            start.write(state, workspace.memory)
-        else:
-            state[...] = start.kept
+        self.scalars, self.state = workspace.run, workspace.state
+        start.write(self.state, workspace.memory)
         if block != CHUNK:
             self.scalars.transition_capacity = block
         self.samples, self._sampled = _NO_SAMPLES, ffi.NULL
@@ -104,17 +95,15 @@ class Run(State):
             words = max(1, words_of(integrator.mode_table.contacts))
             self.samples = np.full((sample_times.size, 1 + len(start.x) + words), np.nan)
             self.samples[:, 0], self._sampled = sample_times, doubles(self.samples)
-        self.blocks = []
-        self.step_blocks = []
+        self.blocks, self.step_blocks, self._steps = [], [], None
         self.passed_at, self.motion, self.decisions = -1, None, _NO_DECISIONS
-        self._steps = None
         self.ended: Trajectory | None = None
         if dense:
             self._steps = np.empty((dense, STEP_PLACES + len(start.x) * (start.order + 1)))
             self.scalars.dense, self.scalars.dense_capacity = doubles(self._steps), dense
 
     def __del__(self) -> None:
-        self.integrator.workspaces.free.append(self.workspace)
+        self.integrator.free.append(self.workspace)
 
     @property
     def steps(self) -> NDArray[Any]:
@@ -182,11 +171,10 @@ class Run(State):
         if refused is not None:
             unasked = self.samples is _NO_SAMPLES
             return refused if unasked else refused._replace(samples=self._sampled_states(), sample_modes=())
-        with self.integrator.mode_table.readers:
-            data = self.start.constants.latest
-            if data.compiled is not self.integrator.mode_table.compiled:
-                data = self.start.constants.update()
-            code = kernel.advance(self.workspace.run, data.tables, self._sampled, len(self.samples))
+        data = self.start.constants.latest
+        if data.compiled is not self.integrator.mode_table.compiled:
+            data = self.start.constants.update()
+        code = kernel.advance(self.scalars, data.tables, self._sampled, len(self.samples))
         if code == kernel.HORIZON or code == kernel.STOPPED:
             return self._end("ok", "")
         if code == kernel.BLOCK_FULL and not stop:

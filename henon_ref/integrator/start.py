@@ -17,14 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.integrator.constants import ModeConstants
-from henon_ref.integrator.entries import words_of, written
 from henon_ref.integrator.mode_table import ModeTable
 from henon_ref.integrator.pairs import Pair
-from henon_ref.integrator.records import CHUNK, LAST_STEPS, RUN_VIEW, STATE_PLACE, places
+from henon_ref.integrator.records import CHUNK, HENON, STATE_PLACE, places, words_of, written
 from henon_ref.kernel.shared import doubles, ffi, kernel
 from henon_ref.modes.mode import replaced
 from henon_ref.modes.resting import REMAINING
-from henon_ref.trajectory import Trajectory
+from henon_ref.trajectory import Status, Trajectory
 
 NO_LIMIT = 1 << 62
 """More steps than any run takes."""
@@ -60,10 +59,10 @@ class Start:
     """Order of the Taylor method."""
     tolerance: float
     """Local error of a step, relative to the size of each state and guard on the step."""
-    landing: int
-    """HENON, NEWTON or BRENT of :mod:`henon_ref.integrator.records`."""
     constants: ModeConstants
     """The compiled modes' constants at the problem's parameter values."""
+    landing: int = HENON
+    """HENON, NEWTON or BRENT of :mod:`henon_ref.integrator.records`."""
     stop_falling: int = 0
     """Surfaces, a bit each (1 << index), on which the run ends when they are reached from above, where h > 0."""
     stop_rising: int = 0
@@ -72,36 +71,40 @@ class Start:
     """Steps after which the run ends with status ``failed``."""
 
     kept: NDArray[np.float64] | None = field(default=None, init=False)
-    """What :meth:`write` writes, for a start of many runs."""
+    """What :meth:`write` writes, of a start of many runs."""
 
     def write(self, state: NDArray[np.float64], memory: memoryview) -> None:
         """Write what a run begins with (``struct run`` of ``kernel.h``, then vectors) into an array, and its memory."""
+        if self.kept is not None:
+            state[...] = self.kept
+            return
+        table, x, zeros = self.constants.table, self.x, self.zeros
+        sizes = len(x), len(zeros), self.order, table.contacts, table.row_length
         limits = self.stop_falling, self.stop_rising, self.most_steps
-        table = self.constants.table
-        contacts, guards = table.contacts, len(self.zeros)
-        own = contacts, table.row_length
-        state[...] = _template(len(self.x), guards, self.order, self.landing, self.tolerance, *limits, *own)
+        state[...] = _template(*sizes, self.landing, self.tolerance, *limits)
         (time, low), until = self.time, self.until
         length = (until[0] - time) + (until[1] - low)
         _BEGIN.pack_into(memory, _BEGIN_PLACE, time, low, length if length > 1e-280 else 1e-280, time)
         _HORIZON.pack_into(memory, _HORIZON_PLACE, *until)
-        if contacts:
-            last = len(state) - guards
-            state[last - words_of(contacts) : last].view(np.int64)[:] = written(self.row, contacts)
+        if table.contacts:
+            last = len(state) - len(zeros)
+            state[last - words_of(table.contacts) : last].view(np.int64)[:] = written(self.row, table.contacts)
         else:
             _MODE.pack_into(memory, _MODE_PLACE, self.row)
-        high, rest = zip(*self.x, strict=True)
+        high, rest = zip(*x, strict=True)
         doubles_of(2 * len(high)).pack_into(memory, 8 * STATE_PLACE, *high, *rest)
-        if any(self.zeros):
+        if any(zeros):
             first = STATE_PLACE + 3 * len(high)
-            state[first : first + len(self.zeros)].view(np.int64)[:] = self.zeros
+            state[first : first + len(zeros)].view(np.int64)[:] = zeros
 
-    def written(self) -> NDArray[np.float64]:
-        """The same as an array of its own."""
+    def keep(self) -> NDArray[np.float64]:
+        """Write it once for many runs; the array."""
         table = self.constants.table
-        own = table.contacts, table.row_length
-        state = np.empty(places(len(self.x), len(self.zeros), self.order, *own).end_of_state)
+        state = np.empty(
+            places(len(self.x), len(self.zeros), self.order, table.contacts, table.row_length).end_of_state
+        )
         self.write(state, state.data)
+        self.kept = state
         return state
 
 
@@ -116,23 +119,20 @@ def _template(
     states: int,
     guards: int,
     order: int,
-    method: int,
-    tolerance: float,
-    stop_falling: int,
-    stop_rising: int,
-    most_steps: int,
     contacts: int,
     constants: int,
+    method: int,
+    tolerance: float,
+    *limits: int,
 ) -> NDArray[np.float64]:
     """What is the same for many starts. (To put each field in its place takes several microseconds.)"""
     state = np.zeros(places(states, guards, order, contacts, constants).end_of_state)
-    state[len(state) - guards :] = np.inf
-    run = state[:LAST_STEPS].view(RUN_VIEW)[0]
-    run.event_time, run.tolerance, run.order, run.method = -np.inf, tolerance, order, method
-    run.rest_part, run.more_digits = REMAINING, 1
-    run.stepped_mode, run.transition_capacity, run.states, run.guards = -1, CHUNK, states, guards
-    run.stop_falling, run.stop_rising, run.most_steps = stop_falling, stop_rising, most_steps
-    run.contacts, run.constants = contacts, constants
+    run = ffi.cast("struct run *", doubles(state))
+    run.states, run.guards, run.order, run.contacts, run.constants = states, guards, order, contacts, constants
+    state[len(state) - run.guards :] = np.inf
+    run.event_time, run.tolerance, run.method = -np.inf, tolerance, method
+    run.rest_part, run.more_digits, run.stepped_mode, run.transition_capacity = REMAINING, 1, -1, CHUNK
+    run.stop_falling, run.stop_rising, run.most_steps = limits
     return state
 
 
@@ -158,30 +158,25 @@ def begin(
     mode : mapping
         Surface -> -1, 0 or +1, for a start on a surface that the fields leave open.
     **settings
-        ``tolerance``, ``landing``, ``stop_falling``, ``stop_rising``, ``most_steps`` of :class:`Start`.
+        ``tolerance``, and what else :class:`Start` is to have.
     """
-    table, high, refused = constants.table, [v for v, _ in x], None
-    row, zeros = (-1, ()) if mode else _clearly(constants, constants.signs(time, x), time[0], high)
-    if row < 0:
+    t, high, refused = time[0], [v for v, _ in x], None
+    found = None if mode else _clearly(constants, constants.signs(time, x), t, high)
+    if found is None:
         signs = constants.exact_signs(exact())
         if not mode and None not in signs:
-            row, zeros = _clearly(constants, cast(list[int], signs), time[0], high)
-        if row < 0:
-            refused, row, zeros = _entered(constants, signs, time[0], high, mode)
-    return Start(time, until, tuple(x), refused, row, zeros, table.order, constants=constants, **settings)
+            found = _clearly(constants, cast(list[int], signs), t, high)
+        if found is None:
+            entered = _entered(constants, signs, t, high, mode)
+            refused, found = (entered, (0, constants.no_zeros)) if isinstance(entered, Trajectory) else (None, entered)
+    return Start(time, until, tuple(x), refused, *found, constants.table.order, constants=constants, **settings)
 
 
 def row_at_start(table: ModeTable, signs: Sequence[int]) -> tuple[int, int] | None:
     """Row of a start's mode, and the surface that it is on (-1: none); None where Python has to decide the mode.
 
     On a surface the row is that of the mode below it; those that may follow are compiled. Of contacts that do not act
-    on each other it is the mode's number.
-
-    Parameters
-    ----------
-    table : ModeTable
-    signs : sequence of int
-        Of the surfaces, then of the ``valid`` expressions.
+    on each other it is the mode's number. ``signs``: of the surfaces, then of the ``valid`` expressions.
     """
     count = len(table.system.surfaces)
     mode = tuple(signs[:count])
@@ -200,41 +195,39 @@ def row_at_start(table: ModeTable, signs: Sequence[int]) -> tuple[int, int] | No
 
 def _clearly(
     constants: ModeConstants, signs: Sequence[int], t: float, x: Sequence[float]
-) -> tuple[int, tuple[int, ...]]:
-    """Row and known zeros of the mode at a start off all surfaces, or on one that is left or slid on clearly; else -1.
+) -> tuple[int, tuple[int, ...]] | None:
+    """Row and known zeros of the mode at a start off all surfaces, or on one that is left or slid on clearly.
 
     ``signs``: see :func:`row_at_start`.
     """
-    table = constants.table
+    table, no_zeros = constants.table, constants.no_zeros
     found = row_at_start(table, signs)
-    if found is None or (found[1] >= 0 and table.contacts):
-        return -1, constants.no_zeros
-    if found[1] < 0:
-        return found[0], constants.no_zeros
-    data = constants.latest if constants.latest.compiled is table.compiled else constants.update()
-    point, speeds = np.array(x, dtype=np.float64), np.empty(len(x) + 2 * len(constants.no_zeros))
-    zeros, guards = ffi.new("int64_t *"), len(constants.no_zeros)
-    row = kernel.mode_on_surface(data.tables, *found, t, doubles(point), len(x), guards, doubles(speeds), zeros)
-    order = zeros[0]
-    if row < 0 or order == 0:
-        return row, constants.no_zeros
-    own = tuple(order if g.kind == "surface" and g.index == found[1] else 0 for g in table.guards(table.mode(row)))
-    return row, own + constants.no_zeros[len(own) :]
+    if found is None or found[1] < 0:
+        return None if found is None else (found[0], no_zeros)
+    if table.contacts:
+        return None
+    point, speeds = np.array(x, dtype=np.float64), np.empty(len(x) + 2 * len(no_zeros))
+    zeros, room = ffi.new("int64_t *"), doubles(speeds)
+    tables = constants.update().tables
+    row = kernel.mode_on_surface(tables, *found, t, doubles(point), len(x), len(no_zeros), room, zeros)
+    if row < 0:
+        return None
+    guards = table.guards(table.mode(row))
+    own = tuple(zeros[0] if g.kind == "surface" and g.index == found[1] else 0 for g in guards)
+    return row, own + no_zeros[len(own) :]
 
 
 def _entered(
     constants: ModeConstants, signs: Sequence[int | None], t: float, x: list[float], given: Mapping[int, int]
-) -> tuple[Trajectory | None, int, tuple[int, ...]]:
-    """What every run comes to that cannot begin, else None; row and known zeros of the mode that is decided."""
-    from henon_ref.modes.decision import Decision
+) -> Trajectory | tuple[int, tuple[int, ...]]:
+    """Row and known zeros of the mode that is decided; what every run comes to where none begins."""
     from henon_ref.modes.selection import contact_orders, mode_by_signs  # most starts have no use for it
 
-    table = constants.table
-    count, system = len(table.system.surfaces), table.system
+    table, system = constants.table, constants.table.system
+    count = len(system.surfaces)
 
-    def ended(reason: str, decision: Decision | None = None) -> tuple[Trajectory, int, tuple[int, ...]]:
-        ending = "failed" if decision is None else decision.ending
-        return Trajectory(ending, (), t, tuple(x), (0,) * count, reason), 0, constants.no_zeros
+    def ended(reason: str, status: Status = "failed") -> Trajectory:
+        return Trajectory(status, (), t, tuple(x), (0,) * count, reason)
 
     known = [1 if sign is None else sign for sign in signs]
     surfaces, valid = known[:count], known[count:]
@@ -246,7 +239,7 @@ def _entered(
             what = f"the surface of '{system.sign_names[i]}'" if i < count else "an expression of 'valid'"
             return ended(f"{what} has no finite real value at the start")
     if decision.mode is None:
-        return ended(decision.reason, decision)
+        return ended(decision.reason, decision.ending)
     row = table.row(decision.mode)
     if row is None:
         return ended("the mode at the start has no equations")
@@ -255,4 +248,4 @@ def _entered(
     if active or edges:
         orders = contact_orders(at, decision.mode, active, edges)
         own = tuple(orders[place] if place >= 0 else 0 for place in table.places(decision.mode))
-    return None, row, own + constants.no_zeros[len(own) :]
+    return row, own + constants.no_zeros[len(own) :]

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from flint import arb
 from numpy.typing import NDArray
 
-from henon_ref.integrator.entries import read, words_of, written
 from henon_ref.integrator.integrator import Integrator
 from henon_ref.integrator.pairs import Pair
-from henon_ref.integrator.records import STATE_PLACE, STEP, STEP_PLACES, Workspace
+from henon_ref.integrator.records import STATE_PLACE, STEP, STEP_PLACES, Workspace, read, words_of, written
 from henon_ref.integrator.start import Start
 from henon_ref.kernel.shared import doubles
 from henon_ref.modes.equations import Guard
@@ -29,24 +29,12 @@ class State:
     A run sets its attributes itself: a call costs a tenth of a short run.
     """
 
-    __slots__ = (
-        "_steps",
-        "blocks",
-        "decisions",
-        "integrator",
-        "motion",
-        "passed_at",
-        "samples",
-        "start",
-        "state",
-        "step_blocks",
-        "workspace",
-    )
-
     integrator: Integrator
     start: Start
     workspace: Workspace
     """The run's own as long as it lives."""
+    scalars: Any
+    """``struct run`` of the kernel's header, at the begin of the block."""
     state: NDArray[np.float64]
     """A copy of the start's, in the run's own workspace."""
     blocks: list[NDArray[np.float64]]
@@ -63,11 +51,6 @@ class State:
     """Steps taken when a branch point was last passed."""
     _steps: NDArray[np.float64] | None
     """The block of steps that is being filled; None where none is kept."""
-
-    @property
-    def scalars(self) -> Any:
-        """``struct run`` of the kernel's header, at the begin of the block."""
-        return self.workspace.run
 
     @property
     def guards(self) -> tuple[Guard, ...]:
@@ -99,10 +82,6 @@ class State:
         return self.state[last - words_of(self.integrator.mode_table.contacts) : last].view(np.int64)
 
     @property
-    def _integers(self) -> NDArray[np.int64]:
-        return self.state[STATE_PLACE + 3 * len(self.start.x) :].view(np.int64)
-
-    @property
     def until(self) -> tuple[float, float]:
         """Horizon [s] and what rounding it lost; a later one may be set to go on from where the run stands."""
         return float(self.scalars.horizon), float(self.scalars.horizon_low)
@@ -111,31 +90,38 @@ class State:
     def until(self, until: tuple[float, float]) -> None:
         self.scalars.horizon, self.scalars.horizon_low = until
 
+    def _vector(self, k: int) -> NDArray[np.float64]:
+        n = len(self.start.x)
+        return self.state[STATE_PLACE + k * n : STATE_PLACE + (k + 1) * n]
+
     @property
     def x(self) -> NDArray[np.float64]:
         """Present state, shape (n,): a view."""
-        return self.state[STATE_PLACE : STATE_PLACE + len(self.start.x)]
+        return self._vector(0)
 
     @property
     def x_low(self) -> NDArray[np.float64]:
         """What rounding it lost: a view; whoever changes ``x`` sets it to 0 there."""
-        return self.state[STATE_PLACE + len(self.start.x) : STATE_PLACE + 2 * len(self.start.x)]
+        return self._vector(1)
 
     @property
     def before_jump(self) -> NDArray[np.float64]:
         """State before the last jump, shape (n,): a view."""
-        n = len(self.start.x)
-        return self.state[STATE_PLACE + 2 * n : STATE_PLACE + 3 * n]
+        return self._vector(2)
+
+    def _of_guards(self, k: int) -> NDArray[np.int64]:
+        first, count = STATE_PLACE + 3 * len(self.start.x), len(self.start.zeros)
+        return self.state[first + k * count : first + (k + 1) * count].view(np.int64)
 
     @property
     def known_zeros(self) -> NDArray[np.int64]:
         """Known zeros of each guard at the present point: a view."""
-        return self._integers[: len(self.start.zeros)]
+        return self._of_guards(0)
 
     @property
     def hits(self) -> NDArray[np.int64]:
         """1 for each guard that is at zero: a view."""
-        return self._integers[len(self.start.zeros) :]
+        return self._of_guards(1)
 
     @property
     def since(self) -> NDArray[np.float64]:
@@ -146,6 +132,16 @@ class State:
     def time(self) -> float:
         """Present time [s], rounded to double."""
         return float(self.scalars.time)
+
+    @property
+    def exact_time(self) -> arb:
+        """The same with what rounding lost of it."""
+        return arb(float(self.scalars.time)) + arb(float(self.scalars.time_low))
+
+    @property
+    def exact_state(self) -> list[arb]:
+        """Present state likewise."""
+        return [arb(high) + arb(low) for high, low in zip(self.x.tolist(), self.x_low.tolist(), strict=True)]
 
     def count(self, cause: str) -> None:
         """Note why Python was needed."""
@@ -163,31 +159,31 @@ class State:
         self._steps = np.empty_like(self._steps)
         self.scalars.dense, self.scalars.dense_steps = doubles(self._steps), 0
 
-    def keep_step(self, length: float) -> None:
-        """Keep the step that leads to an event located in multiprecision: the compiled loop has not taken it."""
+    def keep_step(self, length: float) -> NDArray[np.float64] | None:
+        """Keep the step that leads to an event located in multiprecision: the compiled loop has not taken it.
+
+        Returns its coefficients, a view; None where no step is kept.
+        """
+        scalars, shape = self.scalars, (self.x.size, self.start.order + 1)
         if self._steps is None:
-            return
-        scalars, columns, n = self.scalars, self.start.order + 1, self.x.size
+            return None
+        if scalars.dense_steps >= scalars.dense_capacity:
+            self.close_steps()
         row = self._steps[scalars.dense_steps]
-        row[STEP_PLACES:], step = self.workspace.band[:n, :columns].ravel(), row[:STEP_PLACES].view(STEP)[0]
+        coefficients, step = row[STEP_PLACES:].reshape(shape), row[:STEP_PLACES].view(STEP)[0]
+        coefficients[:] = self.workspace.band[: shape[0], : shape[1]]
         for name in ("time", "time_low", "unit", "mode"):
             step[name] = getattr(scalars, name)
         step["length"] = length
         scalars.dense_steps += 1
+        return coefficients
 
     def keep_line(self, length: float, state: Sequence[float]) -> None:
         """Keep a step of which no series is there, as a straight line: impacts up to rest, or past a branch point."""
-        if self._steps is None or length <= 0.0:
-            return
-        if self.scalars.dense_steps >= self.scalars.dense_capacity:
-            self.close_steps()
-        self.keep_step(length)
-        n, columns = self.x.size, self.start.order + 1
-        row = self._steps[self.scalars.dense_steps - 1]
-        lines = row[STEP_PLACES:].reshape(n, columns)
-        lines[:] = 0.0
-        lines[:, 0] = self.x
-        lines[:, 1] = (np.asarray(state) - self.x) * (row[:STEP_PLACES].view(STEP)[0]["unit"] / length)
+        lines = self.keep_step(length) if length > 0.0 else None
+        if lines is not None:
+            lines[:, 0], lines[:, 2:] = self.x, 0.0
+            lines[:, 1] = (np.asarray(state) - self.x) * (self.scalars.unit / length)
 
     def fill_samples_on_line(self, length: float, state: Sequence[float]) -> None:
         """Fill the samples on such a step."""

@@ -8,8 +8,14 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.integrator.entries import numbered, words_of
-from henon_ref.integrator.records import LANDINGS, TRANSITION, TRANSITION_PLACES, transition_dtype
+from henon_ref.integrator.records import (
+    LANDINGS,
+    TRANSITION,
+    TRANSITION_PLACES,
+    numbered,
+    transition_dtype,
+    words_of,
+)
 from henon_ref.modes.kinks import HiddenKinks
 from henon_ref.modes.mode import Mode
 from henon_ref.trajectory import Kind, Transition
@@ -29,7 +35,7 @@ class TransitionArray(Sequence[Transition]):
         Modes by the numbers that the records hold.
     contacts : int, optional
         Where modes are entries of so many contacts: behind each state stand the words of the mode before and after
-        (:mod:`henon_ref.integrator.entries`), which become numbers, and modes, when somebody asks.
+        (:mod:`henon_ref.integrator.records`), which become numbers, and modes, when somebody asks.
     """
 
     __slots__ = ("_made_of", "_numbered")
@@ -108,13 +114,8 @@ class TransitionArray(Sequence[Transition]):
 
 
 def numbered_rows(rows: NDArray[np.float64], contacts: int) -> tuple[NDArray[np.float64], tuple[Mode, ...]]:
-    """Rows without the words of modes behind them, which their records hold as numbers; and the modes of these.
-
-    Parameters
-    ----------
-    rows : ndarray, shape (k, width)
-        They end with the words of the mode before and after.
-    contacts : int
+    """Rows without the words of the modes before and after at their end, which their records hold as numbers; and the
+    modes of these.
     """
     words = words_of(contacts)
     ends = np.ascontiguousarray(rows[:, -2 * words :]).view(np.int64).reshape(-1, words)

@@ -7,8 +7,6 @@
 #ifndef HENON_DOUBLE_DOUBLE_C
 #define HENON_DOUBLE_DOUBLE_C
 
-#include <stdlib.h>
-
 #include "kernel.h"
 #include "numbers.h"
 
@@ -20,8 +18,6 @@
 #define LEAST_EXACT 1e-280
 /* Covers the rounding of an error bound's own arithmetic. */
 #define OUTWARDS 1.0001
-/* Inputs of a program for which point_tables has room. */
-#define MOST_INPUTS 256
 
 struct pair {
     double high, low;
@@ -166,79 +162,45 @@ HENON_EXPORT void run_operations(const int64_t *operations, int64_t count, doubl
     }
 }
 
-/* Put numbers into rows of constants.
- *
- * registers: (points, width, 3). sources, highs, lows: (count): registers, and places in a row where each number, and
- * what its rounding lost, is put. out: (points, places). Returns whether each number, so far as it is finite, has most
- * of its digits: terms may have cancelled.
- */
-HENON_EXPORT int64_t scatter(const double *registers, int64_t width, int64_t points, const int64_t *sources,
-                             const int64_t *highs, const int64_t *lows, int64_t count, double *out, int64_t places)
+/* Run a program at one point. inputs: pairs; of one that is no double alone what it leaves is rounded. */
+static void run_at(const struct program *program, const char *inputs, struct bounded *registers)
 {
-    bool accurate = true;
-    for (int64_t point = 0; point < points; point++) {
-        const struct bounded *own = (const struct bounded *)registers + point * width;
-        double *row = out + point * places;
-        for (int64_t k = 0; k < count; k++) {
-            struct bounded number = own[sources[k]];
-            row[highs[k]] = number.high;
-            row[lows[k]] = number.low;
-            accurate = accurate && !(number.error > ACCURATE * fabs(number.high));
-        }
+    memcpy(registers, program->registers, (size_t)program->width * sizeof(struct bounded));
+    for (int64_t k = 0; k < program->inputs; k++) {
+        struct pair own;
+        memcpy(&own, inputs + k * (int64_t)sizeof own, sizeof own);
+        registers[k] = (struct bounded){own.high, own.low, own.low != 0.0 ? OPERATION_ERROR * fabs(own.high) : 0.0};
     }
-    return accurate;
+    run_operations(program->operations, program->count, (double *)registers, program->width, 1);
 }
 
-/* Run a program at one point: a zero and the constants, each followed by what its rounding lost, into "numbers", and
- * from there to their places in "out".
+/* The compiled modes at parameter values: the constants of all modes, and behind them those of the normal velocities,
+ * by a program that is run at one point. Null where a constant is not finite, or has lost digits.
  *
- * inputs: (inputs, 3), as registers hold them. Returns whether all are finite and have most of their digits.
+ * block: room for a struct tables, the registers, a zero and the constants, each followed by what its rounding lost, and
+ * for their places.
  */
-HENON_EXPORT int64_t run_program(const struct program *program, const double *inputs, double *numbers, double *out)
+HENON_EXPORT struct tables *point_tables(const struct tables *template, const struct program *program,
+                                         const char *inputs, double *block)
 {
-    size_t size = (size_t)program->width * sizeof(struct bounded);
-    struct bounded *own = malloc(size + sizeof(struct bounded));
-    bool clear = own != NULL;
-    if (!clear)
-        return 0;
-    memcpy(own, program->registers, size);
-    memcpy(own, inputs, (size_t)program->inputs * sizeof(struct bounded));
-    run_operations(program->operations, program->count, (double *)own, program->width, 1);
+    struct tables *tables = (struct tables *)block;
+    struct bounded *own = (struct bounded *)(tables + 1);
+    double *numbers = (double *)(own + program->width), *out = numbers + 1 + 2 * program->results;
+    run_at(program, inputs, own);
     numbers[0] = 0.0;
     for (int64_t k = 0; k < program->results; k++) {
         struct bounded number = own[program->outputs[k]];
         numbers[1 + 2 * k] = number.high, numbers[2 + 2 * k] = number.low;
-        clear = clear && fabs(number.high) < INFINITY && !(number.error > ACCURATE * fabs(number.high));
+        if (!(fabs(number.high) < INFINITY) || number.error > ACCURATE * fabs(number.high))
+            return NULL;
     }
     for (int64_t place = 0; place < program->places; place++)
         out[place] = numbers[program->sources[place]];
-    free(own);
-    return clear;
-}
-
-/* The compiled modes at parameter values, in a block of memory: the tables, the constants by their numbers, those of
- * the modes, then the same of the normal velocities. Null where a constant is not finite, or has lost digits.
- *
- * inputs: see run_program. block: for a struct tables, and 1 + 2 results + places of either program.
- */
-HENON_EXPORT struct tables *point_tables(const struct tables *template, const struct program *constants,
-                                         const struct program *normals, const char *inputs, double *block)
-{
-    double values[3 * MOST_INPUTS];
-    if (constants->inputs > MOST_INPUTS)
-        return NULL;
-    memcpy(values, inputs, 3 * (size_t)constants->inputs * sizeof(double));
-    struct tables *tables = (struct tables *)block;
-    double *numbers = block + sizeof(struct tables) / sizeof(double);
-    double *modes = numbers + 1 + 2 * constants->results, *behind = modes + constants->places;
-    double *velocities = behind + 1 + 2 * normals->results;
     *tables = *template;
-    tables->numbers = modes;
-    tables->selection.constants = template->selection.velocities ? velocities : NULL;
-    bool clear = run_program(constants, values, numbers, modes);
-    if (normals->results > 0)
-        clear = run_program(normals, values, behind, velocities) && clear;
-    return clear ? tables : NULL;
+    tables->numbers = out;
+    if (tables->selection.velocities)
+        tables->selection.constants = out + tables->count * tables->tapes * tables->length;
+    return tables;
 }
 
 /* Signs of numbers: 0 of one that is exactly zero, UNCLEAR_SIGN of one that may be zero within its error.
@@ -260,6 +222,15 @@ HENON_EXPORT void signs_of(const double *registers, int64_t width, int64_t point
             signs[point * count + k] = sign;
         }
     }
+}
+
+/* The same of a program's expressions at one point. block: room for the registers, and for the signs behind them. */
+HENON_EXPORT int64_t *point_signs(const struct program *program, const char *inputs, double *block)
+{
+    int64_t *signs = (int64_t *)(block + 3 * program->width);
+    run_at(program, inputs, (struct bounded *)block);
+    signs_of(block, program->width, 1, program->outputs, program->results, signs);
+    return signs;
 }
 
 #endif

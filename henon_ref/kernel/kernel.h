@@ -185,7 +185,7 @@ struct tables {
     const int64_t *owned;      /* places in a row of "numbers", contact by contact */
 };
 
-/* Constants in parameters as a program (henon_ref.integrator.constant_program), and where they go. */
+/* Constants in parameters as a program (henon_ref.integrator.constant_program), and where they go (point_tables). */
 struct program {
     const int64_t *operations; /* (count, 4): see run_operations */
     const double *registers;   /* (width, 3): all of them before a run, the inputs first */
@@ -324,8 +324,7 @@ struct points {
                                 the end overwrite; -1: the point is set aside */
     const int64_t *surfaces; /* surface on which the point starts, -1 where it is on none; "rows" then has the mode
                                 below it */
-    int64_t numbers_step;    /* doubles from one point's constants of the modes to the next one's; 0: all the same */
-    int64_t normals_step;    /* the same for those of the normal velocities */
+    int64_t numbers_step;    /* doubles from one point's constants to the next one's; 0: all the same */
     struct end *ends;        /* filled */
     double *states;          /* (count, n): filled with the states there */
 };
@@ -372,13 +371,11 @@ HENON_EXPORT int64_t rounding_place(int64_t valid, int64_t index, int64_t guards
 
 HENON_EXPORT void run_operations(const int64_t *operations, int64_t count, double *registers, int64_t width,
                                  int64_t points);
-HENON_EXPORT int64_t scatter(const double *registers, int64_t width, int64_t points, const int64_t *sources,
-                             const int64_t *highs, const int64_t *lows, int64_t count, double *out, int64_t places);
-HENON_EXPORT int64_t run_program(const struct program *program, const double *inputs, double *numbers, double *out);
-HENON_EXPORT struct tables *point_tables(const struct tables *template, const struct program *constants,
-                                         const struct program *normals, const char *inputs, double *block);
+HENON_EXPORT struct tables *point_tables(const struct tables *template, const struct program *program,
+                                         const char *inputs, double *block);
 HENON_EXPORT void signs_of(const double *registers, int64_t width, int64_t points, const int64_t *sources,
                            int64_t count, int64_t *signs);
+HENON_EXPORT int64_t *point_signs(const struct program *program, const char *inputs, double *block);
 
 /* Parts that tests call by themselves: the functions of these names, without "test_". */
 HENON_EXPORT int64_t test_positive_by_bound(const double *q, const double *powers, int64_t degree);

@@ -147,7 +147,7 @@ HENON_EXPORT int64_t run_points(struct progress *progress, const struct points *
         int64_t point = progress->point;
         struct tables own = *tables;
         own.numbers += point * points->numbers_step;
-        own.selection.constants += own.selection.constants ? point * points->normals_step : 0;
+        own.selection.constants += own.selection.constants ? point * points->numbers_step : 0;
         if (progress->running == 0 && !start_next(progress, points, &own, buffer)) {
             progress->point += 1;
             continue;

@@ -7,9 +7,9 @@ are not the system's, constants that are not finite.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from fractions import Fraction
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
 
 import sympy as sp
@@ -17,11 +17,12 @@ import sympy as sp
 from henon_ref.errors import ModelError
 from henon_ref.integrator.constants import ModeConstants
 from henon_ref.integrator.integrator import Integrator
-from henon_ref.integrator.pairs import Three, exact_expression, exact_number, pair_of, three_of
+from henon_ref.integrator.pairs import Pair, exact_expression, exact_number, pair_of
 from henon_ref.integrator.records import HENON
 from henon_ref.integrator.start import Start, begin
 from henon_ref.kernel.shared import kernel
 from henon_ref.modes.exact_numbers import double_double
+from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.system import System
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ KEPT = 64
 """Parameter values of which the constants are kept."""
 CLEARLY = 1e-9
 """What a condition on the parameters is above where rounding cannot have made it so."""
-Values = tuple[Three, ...]
+Values = tuple[Pair, ...]
 """Of the parameters that stand in the equations."""
 Changes = tuple[tuple[str, float], ...]
 """Parameters, and the values that they have in place of the system's."""
@@ -52,10 +53,9 @@ class QuickStart:
     def __init__(self, system: System, integrator: Integrator, tolerance: float) -> None:
         self._system, self._integrator, self._tolerance = system, integrator, tolerance
         programs, self._own = integrator.programs, system.model.parameters
-        self._values: Values = tuple(three_of(double_double(self._own[symbol])) for symbol in programs.parameters)
+        self._values: Values = tuple(double_double(self._own[symbol]) for symbol in programs.parameters)
         self._places = {symbol.name: at for at, symbol in enumerate(programs.parameters)}
         self._dependents: dict[tuple[str, ...], DependentParameters | None] = {}
-        self._conditions = sp.lambdify(list(self._own), system.conditions, "math") if system.conditions else None
         self._floats = {symbol.name: float(value) for symbol, value in self._own.items()}
         # A kink may lie at the end of the range where it has a value, which decides whether it is open.
         self._in_kinks = bool(system.model.kinks) and not programs.start.is_rational
@@ -132,7 +132,7 @@ class QuickStart:
                 return None
             place = self._places.get(name)
             if place is not None:  # else nothing depends on it
-                values[place] = three_of(pair)
+                values[place] = pair
         if self._conditions is not None and not self._clearly_allowed(
             {name: high for name, (high, _) in pairs.items()}
         ):
@@ -152,6 +152,13 @@ class QuickStart:
                 found = None
             self._dependents[names] = found
         return self._dependents[names]
+
+    @cached_property
+    def _conditions(self) -> Callable[..., list[float]] | None:
+        """What a scene wants of its parameters to be above zero: it is read for this where one of them is changed."""
+        with one_at_a_time():
+            wanted = self._system.conditions
+            return sp.lambdify(list(self._own), wanted, "math") if wanted else None
 
     def _clearly_allowed(self, parameters: Mapping[str, float]) -> bool:
         """Whether a scene allows these values beyond what rounding could change."""

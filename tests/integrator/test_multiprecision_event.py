@@ -14,6 +14,7 @@ from runs import kinds, run
 
 from henon_ref.integrator.multiprecision_event import LocatedEvent, UndecidedStep, locate_event
 from henon_ref.integrator.precise_modes import PreciseModes
+from henon_ref.modes.in_balls import in_balls
 from henon_ref.modes.in_doubles import in_doubles
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.roots import multiprecision as isolation
@@ -39,7 +40,7 @@ def locate(
     known = (zeros, *[0] * (len(system.surfaces) - 1))
     exact = [arb(high) + arb(low) for high, low in state]
     step = UndecidedStep(mode, time, exact, [0.0] * len(exact), reach, near, 0, known)
-    return locate_event(PreciseModes(system, in_doubles(system)), step)
+    return locate_event(PreciseModes(in_doubles(system), lambda: in_balls(system)), step)
 
 
 @dataclass(frozen=True)

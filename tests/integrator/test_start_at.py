@@ -17,6 +17,7 @@ from shipped import CASES, paths, read
 import henon_ref as hr
 from henon_ref.casefile.case import load_case
 from henon_ref.errors import ModelError
+from henon_ref.integrator.constants import LoopProgram, ModeConstants
 from henon_ref.integrator.integrator import Integrator
 from henon_ref.integrator.records import HENON
 from henon_ref.integrator.run import Run
@@ -84,7 +85,9 @@ def test_every_case_starts_as_sympy_says(path: Path) -> None:
     numeric = exact.system.numeric
     expected = [exact_pair(numeric(e)) for e in table.constants.expressions[: table.compiled.constants]]
     fast.constants.update()
-    found = fast.constants._values[1:].reshape(-1, 2)
+    program = integrator.programs.loop().program
+    values = np.array(fast.constants.values).reshape(1, -1, 2)
+    found = program.pairs(values, lambda _: fast.constants.exact())[0].reshape(-1, 2)[: len(expected)]
     assert found[:, 0].tolist() == pytest.approx([high for high, _ in expected], rel=0, abs=0, nan_ok=True)
     rest = np.array(expected)
     assert found[:, 1] == pytest.approx(rest[:, 1], abs=1e-29 * np.nanmax(np.abs(rest), initial=1), nan_ok=True)
@@ -102,22 +105,23 @@ def test_constants_of_a_point_are_the_same_made_at_once(name: str, monkeypatch: 
     for mode in (first, replaced(first, 0, -1)):
         integrator.mode_table.row(mode)
     values = tuple(float(system.parameters[symbol]) for symbol in integrator.parameters)
-    with monkeypatch.context() as patch:
-        patch.setattr(integrator.programs, "at_once", lambda _: None)
-        slowly = integrator._constants(values)
-    integrator.programs.loop()
-    at_once = integrator._constants(values)
-    assert isinstance(slowly.latest.constants, tuple)
-    assert not isinstance(at_once.latest.constants, tuple)
-    integrator.mode_table.row(replaced(first, 0, 0))
+
+    def constants(*, at_once: bool) -> ModeConstants:
+        with monkeypatch.context() as patch:
+            if not at_once:
+                patch.setattr(LoopProgram, "at", lambda *_: None)
+            found = integrator._constants(values)
+        assert isinstance(found.latest.memory, np.ndarray) == (not at_once)
+        return found
+
     for _ in range(2):
-        one, other = slowly.latest, at_once.latest
+        one, other = constants(at_once=False).latest, constants(at_once=True).latest
         assert one.numbers.tobytes() == other.numbers.tobytes()
         if integrator.mode_table.normals is not None:
             counts = 8 * (2 * len(integrator.mode_table.normals.tape.constants) + 1)
             pair = [bytes(ffi.buffer(data.tables.selection.constants, counts)) for data in (one, other)]
             assert pair[0] == pair[1]
-        assert slowly.update().compiled is at_once.update().compiled
+        integrator.mode_table.row(replaced(first, 0, 0))
 
 
 def test_a_point_whose_terms_cancel_is_not_made_at_once() -> None:
@@ -125,11 +129,10 @@ def test_a_point_whose_terms_cancel_is_not_made_at_once() -> None:
     system = hr.System(["x"], {"a": 1, "b": 1, "c": 1}, {}, ["-(a - b)*x/c"])
     integrator = Integrator(replace(system.model, parameters={}), 12)
     integrator.mode_table.row(())
-    integrator.programs.loop()
     near = Fraction(1) + Fraction(1, 10**30)
     values = (2.0, 1.0, 3.0), (near, 1.0, 1.0), (2.0, 1.0, 0.0)
     whole, cancelled, infinite = (integrator._constants(each) for each in values)
-    assert [isinstance(each.latest.constants, tuple) for each in (whole, cancelled, infinite)] == [False, True, True]
+    assert [isinstance(each.latest.memory, np.ndarray) for each in (whole, cancelled, infinite)] == [False, True, True]
     assert (cancelled.is_finite, infinite.is_finite) == (True, False)
     assert -1e-30 in cancelled.latest.numbers
 

@@ -108,12 +108,12 @@ def test_a_workspace_serves_the_next_run() -> None:
     start = integrator.start(problem, tolerance=1e-6, landing=HENON)
     for _ in range(5):
         Run(integrator, start).to_horizon()
-    assert len(integrator.workspaces.free) == 1
+    assert len(integrator.free) == 1
     both = [Run(integrator, start) for _ in range(2)]
-    assert not integrator.workspaces.free
+    assert not integrator.free
     assert both[0].to_horizon().end_state == both[1].to_horizon().end_state
     del both
-    assert len(integrator.workspaces.free) == 2
+    assert len(integrator.free) == 2
 
 
 def test_another_problem_of_a_system_without_values_compiles_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
