@@ -18,15 +18,24 @@ from typing import Any
 
 from henon_ref.casefile import expected
 from henon_ref.casefile.assembly import Scene
-from henon_ref.casefile.expected import Exact, Expect, Gate, Orbit, Published
+from henon_ref.casefile.form import read_form
 from henon_ref.casefile.notebook import case_html
 from henon_ref.casefile.problem import build_problem, read_scene
-from henon_ref.casefile.schema import READING_KEYS, CaseForm, file_name, one_line
+from henon_ref.casefile.schema import (
+    READING_KEYS,
+    CaseForm,
+    Exact,
+    Expect,
+    Gate,
+    Orbit,
+    Published,
+    file_name,
+    one_line,
+)
 from henon_ref.casefile.shipped import located
 from henon_ref.casefile.source import Path as KeyPath
 from henon_ref.casefile.source import Source
 from henon_ref.casefile.tree import MappingNode, ScalarNode, merged
-from henon_ref.casefile.validation import validated
 from henon_ref.casefile.yaml_file import parse_yaml, read_yaml
 from henon_ref.errors import CaseError
 from henon_ref.modes.exact_numbers import exact_sign
@@ -224,32 +233,33 @@ def reading_sources(tree: MappingNode, file: str | None) -> list[tuple[str, Sour
 def _reading(
     name: str, source: Source, solvers: Collection[str] | None, fixed_step: Callable[[str], bool] | None
 ) -> Reading:
-    form = validated(source.tree, file=source.file, within=source.within)
+    form = read_form(CaseForm, source.tree, file=source.file, within=source.within)
     check_model(source, form)
     expected.check_runs(source, form, solvers)
+    expected.check_gates(source, form, fixed_step)
     problem, names = build_problem(source)
     check_surfaces(source, form, problem)
-    after = source.number(("measure", "after"), names.values) if "after" in form.measure.model_fields_set else 0
+    after = source.number(("measure", "after"), names.values) if "after" in source.keys(("measure",)) else 0
     if after != 0 and exact_sign(problem.until - after) <= 0:
         raise source.error(("measure", "after"), f"'after' must be earlier than 'until', {problem.until}")
     return Reading(
         name=name,
         title=form.title,
         problem=problem,
-        solvers=tuple(form.solvers) if form.solvers else None,
-        tolerances=tuple(form.tolerances),
-        steps=tuple(form.steps),
+        solvers=form.solvers,
+        tolerances=form.tolerances,
+        steps=form.steps,
         measure_after=float(after),
-        published=expected.published(form),
+        published=form.published,
         exact=expected.exact(source, form, names, problem),
         orbit=expected.orbit(source, form, names),
-        gate=expected.gates(source, form, fixed_step),
+        gate=form.gate,
         expect=expected.expectation(source, form, names, problem),
         source=form.source,
         story=form.story,
         equations=form.equations,
-        links=tuple(form.links),
-        tags=tuple(form.tags),
+        links=form.links,
+        tags=form.tags,
         scene=read_scene(source)[0] if form.scene is not None else None,
     )
 

@@ -72,7 +72,6 @@ def test_the_case_file_of_the_contract_is_read() -> None:
     assert reading.published is not None
     assert str(reading.published.stick_durations[0]) == "1.00"
     assert reading.gate["henon"].max_time_error == 1e-11
-    assert reading.gate["henon"].status == "ok"
 
 
 def test_numbers_are_exact_and_parameters_use_each_other_in_any_order() -> None:
