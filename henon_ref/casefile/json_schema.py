@@ -8,8 +8,7 @@ from decimal import Decimal
 from typing import Any
 
 from henon_ref.casefile.bodies import KEYS
-from henon_ref.casefile.connection import Key
-from henon_ref.casefile.connections import KINDS
+from henon_ref.casefile.connections import KINDS, Key
 from henon_ref.casefile.form import Kind, Scalar, is_needed, keys_of, kind_of
 from henon_ref.casefile.schema import NAME_PATTERN, READING_KEYS, CaseForm
 
@@ -144,7 +143,7 @@ def _of_connection(key: Key) -> _Schema:
 
 
 _BODIES = [{"const": "fixed"}, *(_body(key, kind, unit) for key, (kind, unit) in KEYS.items())]
-_CONNECTIONS = [_connection(name) for name in sorted(KINDS)]
+_CONNECTIONS = [_connection(name) for name in KINDS]
 
 
 # -- readings -------------------------------------------------------------------------------------------

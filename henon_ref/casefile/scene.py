@@ -11,8 +11,7 @@ import sympy as sp
 
 from henon_ref.casefile.assembly import Connection, Scene
 from henon_ref.casefile.bodies import Body, Requirements, read_bodies
-from henon_ref.casefile.connection import Key, Kind, Link
-from henon_ref.casefile.connections import KINDS
+from henon_ref.casefile.connections import KINDS, Key, Kind, Link
 from henon_ref.casefile.grammar import MAX_STATES, name_problem
 from henon_ref.casefile.kinks import Kinks
 from henon_ref.casefile.model_kinks import check_kinks, resolved
@@ -139,7 +138,7 @@ class _Reader:
             raise self.source.error(path, f"'{name}' must be a mapping of its keys, as in {{{example}, ...}}")
         self._check_keys(path, kind, own)
         ends = self._on(path, name, kind) if kind.on else self._between(path, name)
-        link = Link(name, ends, {}, {}, self.source, path, self._name(path, own), self.kinks)
+        link = Link(name, ends, self.source, path, self._name(path, own), self.kinks)
         turns = any(body.kind == "rotor" for body in ends)
         for key in kind.keys:
             self._read(link, key, turns, key.name in own.entries)

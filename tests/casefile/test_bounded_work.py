@@ -18,7 +18,7 @@ import sympy as sp
 from henon_ref.casefile import case as case_module
 from henon_ref.casefile import work as work_module
 from henon_ref.casefile.case import parse_case
-from henon_ref.casefile.walk import Walk
+from henon_ref.casefile.expressions import Walk
 from henon_ref.errors import CaseError, ModelError
 from henon_ref.harness.report.text.model import as_written, general_form, mode_equations
 from henon_ref.harness.truth.proofs import prove
