@@ -62,13 +62,7 @@ class Requirements:
     """Checked; where new values of the parameters make all of these larger than 0, the scene allows them."""
 
     def want(self, expression: sp.Expr, value: sp.Expr, path: Path, message: str, *, above: bool = False) -> None:
-        """Want an expression to be 0 or larger; with ``above`` larger than 0.
-
-        Raises
-        ------
-        CaseError
-            At ``path``, with the message, where its value is not.
-        """
+        """Want an expression to be 0 or larger; with ``above`` larger than 0."""
         if exact_sign(value) < above:
             raise self.source.error(path, message)
         self.expressions.append(expression)
@@ -84,11 +78,6 @@ def read_bodies(source: Source, values: Mapping[str, sp.Expr], requirements: Req
         Parameter -> exact number.
     requirements : Requirements
         Takes down what is wanted of the parameters.
-
-    Raises
-    ------
-    CaseError
-        At the place of a name, key or value that is not allowed.
     """
     bodies: dict[str, Body] = {}
     owners: dict[str, str] = dict.fromkeys(values, "a parameter")

@@ -79,8 +79,11 @@ class Reading:
 
     @cached_property
     def mathematics(self) -> dict[str, Any]:
-        """Everything that decides the solution, and nothing else, as text fit for JSON."""
-        return mathematics(self.problem)
+        """Everything that decides the solution, and nothing else, as text fit for JSON.
+
+        Parameters that nothing uses are left out; so are titles, tolerances and the order of the file.
+        """
+        return _mathematics(self.problem)
 
     @cached_property
     def mathematics_hash(self) -> str:
@@ -286,12 +289,9 @@ def check_model(source: Source, form: CaseForm) -> None:
         raise source.error((second,), message, key=True)
 
 
-def mathematics(problem: Problem) -> dict[str, Any]:
-    """Everything that decides the solution, and nothing else, as text fit for JSON.
-
-    Parameters that nothing uses are left out; so are titles, tolerances and the order of the file.
-    """
-    system = problem.system
+def _mathematics(problem: Problem) -> dict[str, Any]:
+    """What is left out where it is not there, or the default, keeps what is stored without it valid."""
+    system, names = problem.system, problem.system.sign_names
     expressions = [*system.surfaces, *system.field, *system.valid]
     for override in system.overrides.values():
         expressions += [*override.field, *(release.when for release in override.release)]
@@ -300,22 +300,20 @@ def mathematics(problem: Problem) -> dict[str, Any]:
     used = set().union(*(e.free_symbols for e in expressions))
     found = {
         "states": list(system.state_names),
-        "surfaces": [[name, str(h)] for name, h in zip(system.sign_names, system.surfaces, strict=True)],
+        "surfaces": [[name, str(h)] for name, h in zip(names, system.surfaces, strict=True)],
         "field": [str(f) for f in system.field],
         "valid": [str(v) for v in system.valid],
         "parameters": {p.name: str(v) for p, v in sorted(system.parameters.items(), key=str) if p in used},
-        "sliding": {system.sign_names[i]: _override_text(o) for i, o in sorted(system.overrides.items())},
+        "sliding": {names[i]: _override_text(o) for i, o in sorted(system.overrides.items())},
         "start": str(problem.start),
         "initial": [str(x) for x in problem.initial],
         "until": str(problem.until),
-        "mode": {system.sign_names[i]: s for i, s in sorted(problem.initial_mode.items())},
+        "mode": {names[i]: s for i, s in sorted(problem.initial_mode.items())},
     }
-    if system.resets:  # what is stored without them stays valid
-        found["resets"] = {
-            system.sign_names[i]: {x.name: str(value) for x, value in reset.map.items()}
-            for i, reset in sorted(system.resets.items())
-        }
-        priorities = {system.sign_names[i]: r.priority for i, r in sorted(system.resets.items()) if r.priority}
+    if system.resets:
+        resets = sorted(system.resets.items())
+        found["resets"] = {names[i]: {x.name: str(value) for x, value in r.map.items()} for i, r in resets}
+        priorities = {names[i]: r.priority for i, r in resets if r.priority}
         if priorities:
             found["priorities"] = priorities
     return found
@@ -326,6 +324,6 @@ def _override_text(override: SlidingOverride) -> dict[str, Any]:
         "field": [str(f) for f in override.field],
         "release": [[str(r.when), r.direction, r.to] for r in override.release],
     }
-    if override.entry != "attracting":  # the default is not written out: what is stored without it stays valid
+    if override.entry != "attracting":
         text["entry"] = override.entry
     return text

@@ -13,7 +13,7 @@ import sympy as sp
 
 from henon_ref.casefile.assembly import Hold, Impact, Surface
 from henon_ref.casefile.bodies import Body
-from henon_ref.casefile.kinks import Kinks
+from henon_ref.casefile.model_kinks import Kinks
 from henon_ref.casefile.source import Path, Source
 from henon_ref.errors import CaseError
 from henon_ref.taylor.tape import TIME
@@ -83,13 +83,7 @@ class Link:
 
     @property
     def distance(self) -> sp.Expr:
-        """x_p - x_q [m], or phi_p - phi_q [rad].
-
-        Raises
-        ------
-        CaseError
-            Where a body has a velocity alone.
-        """
+        """x_p - x_q [m], or phi_p - phi_q [rad]."""
         for i, body in enumerate(self.ends):
             if body.position is None:
                 message = (

@@ -149,11 +149,6 @@ def check_sides(
 
     A sign that stands in sums and products alone can do no harm but by the size of the numbers: all such signs are
     tried at once. What else it stands in (divisors, powers, functions) is worked out with each sign by itself.
-
-    Raises
-    ------
-    ExpressionError
-        With the sign and its side.
     """
     signs = {name: signs[name] for name in names_in(written) if name in signs}
     if not signs:
@@ -203,13 +198,7 @@ class Walk:
         self.names, self.work, self.kinked = names, work, kinked
 
     def value(self, operation: Operation) -> sp.Expr:
-        """What an operation is.
-
-        Raises
-        ------
-        ExpressionError
-            With the offset of what is not real, not finite or too much work.
-        """
+        """What an operation is."""
         try:
             return self._of(operation, 0)
         except (RecursionError, MemoryError):
@@ -257,10 +246,8 @@ class Walk:
         from henon_ref.casefile import kinks  # many models have none
 
         arguments = [self._argument(argument, depth + 1) for argument in part.arguments]
-        if part.value == "piecewise":
-            strict = [condition.kind in ("<", ">") for condition in part.arguments[1::2]]
-            kinks.check_on_surface(arguments[::2], arguments[1::2], strict, part.offset)
-        return kinks.call(str(part.value), arguments, part.offset)
+        strict = [condition.kind in ("<", ">") for condition in part.arguments[1::2]]
+        return kinks.call(str(part.value), arguments, part.offset, strict)
 
     def _argument(self, part: Operation, depth: int) -> sp.Expr:
         """An argument; of a comparison what is positive where it holds."""

@@ -9,7 +9,7 @@ or anything (``Any``). In ``Annotated`` also stand how many entries it has (:cla
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import MISSING, Field, dataclass, fields, is_dataclass, replace
+from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
 from functools import cache
 from types import NoneType
 from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin, get_type_hints
@@ -20,8 +20,6 @@ from henon_ref.errors import CaseError
 from henon_ref.text import did_you_mean, listed, shortened
 
 AnyForm = TypeVar("AnyForm")
-LIST, MAPPING = "must be a list, as in [1, 2]", "must be a mapping, as in {key: value}"
-NAMED = "must be a mapping, as in {name: value}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +54,8 @@ class Kind:
     """Whether it may be null."""
     description: str = ""
     """What a key means."""
+    default: Any = None
+    """What holds where a key is left out; ``MISSING`` where that cannot be."""
 
     @property
     def is_form(self) -> bool:
@@ -81,15 +81,11 @@ def kind_of(annotation: Any) -> Kind:
 
 
 @cache
-def keys_of(form: type) -> dict[str, tuple[Field[Any], Kind]]:
+def keys_of(form: type) -> dict[str, Kind]:
     """Keys of a form, and what they hold."""
     hints = get_type_hints(form, include_extras=True)
-    return {own.name: (own, kind_of(hints[own.name])) for own in fields(form)}
-
-
-def is_needed(own: Field[Any]) -> bool:
-    """Whether a key cannot be left out."""
-    return own.default is MISSING and own.default_factory is MISSING
+    defaults = {own.name: own.default if own.default_factory is MISSING else {} for own in fields(form)}
+    return {name: replace(kind_of(hints[name]), default=default) for name, default in defaults.items()}
 
 
 def read_form(
@@ -143,7 +139,7 @@ class _Reader:
         values = {}
         for own, entry in node.entries.items():
             if own in keys:
-                values[own] = self.value(keys[own][1], entry, own, name, node.keys[own])
+                values[own] = self.value(keys[own], entry, own, name, node.keys[own])
             elif others is not None:
                 self.value(kind_of(others), entry, own, name, node.keys[own])
             else:
@@ -153,7 +149,7 @@ class _Reader:
                 self.faults.append((False, node.keys[own], message))
         if partial:
             return None
-        missing = [own for own, (info, _) in keys.items() if is_needed(info) and own not in node.entries]
+        missing = [own for own, kind in keys.items() if kind.default is MISSING and own not in node.entries]
         self.faults += [(True, place, f"the key '{own}' is missing{where}") for own in missing]
         return None if self.faults else form(**values)
 
@@ -189,12 +185,13 @@ class _Reader:
             if not isinstance(node, ScalarNode) or node.value not in kind.type:
                 words = [*map(repr, kind.type)]
                 listed_words = " or ".join([", ".join(words[:-1]), words[-1]] if words[1:] else words)
-                raise ValueError(f"must be {listed_words}{given(node)}")
+                raise ValueError(f"must be {listed_words}{_given(node)}")
             return
         wanted = SequenceNode if kind.type is tuple else MappingNode
         if not isinstance(node, wanted):
-            message = LIST if kind.type is tuple else MAPPING if kind.is_form else NAMED
-            raise ValueError(message + given(node))
+            example = f"{{{'key' if kind.is_form else 'name'}: value}}"
+            what = "a list, as in [1, 2]" if kind.type is tuple else f"a mapping, as in {example}"
+            raise ValueError(f"must be {what}{_given(node)}")
         count = len(node.items if isinstance(node, SequenceNode) else node.entries)
         most = self.most_states if kind.size.most == MAX_STATES else kind.size.most
         if count < kind.size.least:
@@ -203,7 +200,7 @@ class _Reader:
             raise ValueError(f"may have at most {most} entries")
 
 
-def given(node: Node) -> str:
+def _given(node: Node) -> str:
     """What stands where something else has to, for a message."""
     if isinstance(node, ScalarNode):
         shown = f"the text {shortened(node.text)}" if isinstance(node.value, str) else node.text

@@ -9,7 +9,7 @@ from typing import Any
 
 from henon_ref.casefile.bodies import KEYS
 from henon_ref.casefile.connections import KINDS, Key
-from henon_ref.casefile.form import Kind, Scalar, is_needed, keys_of, kind_of
+from henon_ref.casefile.form import Kind, Scalar, keys_of, kind_of
 from henon_ref.casefile.schema import NAME_PATTERN, READING_KEYS, CaseForm
 
 _EXPRESSION = {"type": ["number", "string"]}
@@ -60,16 +60,16 @@ def _form(form: type, forms: dict[str, _Schema]) -> _Schema:
         found["description"] = form.__doc__
     if hasattr(form, "OTHERS"):
         found["additionalProperties"] = _kind(kind_of(form.OTHERS), "", forms)
-    for name, (own, kind) in keys_of(form).items():
+    for name, kind in keys_of(form).items():
         schema = found["properties"][name] = _kind(kind, name, forms)
         if not kind.is_form:
             schema["title"] = name.replace("_", " ").title()
         if kind.description:
             schema["description"] = kind.description
-        if is_needed(own):
+        if kind.default is MISSING:
             found.setdefault("required", []).append(name)
         else:
-            schema["default"] = {} if own.default is MISSING else _plain(own.default)
+            schema["default"] = _plain(kind.default)
     return found
 
 

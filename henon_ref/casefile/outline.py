@@ -30,13 +30,7 @@ class Outline:
 
 
 def outline(path: Path) -> Outline:
-    """A case file at a glance.
-
-    Raises
-    ------
-    CaseError
-        For what is no YAML, and for a file without a name, a title or a model.
-    """
+    """A case file at a glance."""
     tree = read_yaml(path)
     readings = list(_readings(tree))
     name, title = (_text(tree, key, path) for key in ("name", "title"))

@@ -47,11 +47,6 @@ def parsed(text: str, names: Collection[str], functions: Mapping[str, int]) -> O
         Names that may stand in it besides ``pi`` and ``e``.
     functions : mapping
         Functions that may -> how many arguments they take.
-
-    Raises
-    ------
-    ExpressionError
-        With the offset of the first thing that is not allowed.
     """
     if len(text) > MAX_LENGTH:
         raise ExpressionError(f"an expression of {len(text)} characters; at most {MAX_LENGTH} are allowed", 0)

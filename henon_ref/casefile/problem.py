@@ -30,13 +30,7 @@ PARTIAL = (sp.tan, sp.log, sp.asin, sp.acos)
 
 
 def build_problem(source: Source) -> tuple[Problem, Names]:
-    """The problem that one reading of a case states.
-
-    Raises
-    ------
-    CaseError
-        At the place of the first thing that does not fit.
-    """
+    """The problem that one reading of a case states."""
     keys = ("system", "scene", "sliding", "resets")
     system, names = source.once("system", keys, lambda: build_model(source))
     start = source.number(("initial", "t"), names.values) if "t" in source.keys(("initial",)) else sp.Integer(0)

@@ -13,8 +13,7 @@ from henon_ref.casefile.assembly import Connection, Scene
 from henon_ref.casefile.bodies import Body, Requirements, read_bodies
 from henon_ref.casefile.connections import KINDS, Key, Kind, Link
 from henon_ref.casefile.grammar import MAX_STATES, name_problem
-from henon_ref.casefile.kinks import Kinks
-from henon_ref.casefile.model_kinks import check_kinks, resolved
+from henon_ref.casefile.model_kinks import Kinks, check_kinks, resolved
 from henon_ref.casefile.source import Names, Path, Source
 from henon_ref.casefile.tree import MappingNode, ScalarNode, SequenceNode, child
 from henon_ref.taylor.tape import TIME
@@ -26,14 +25,7 @@ _KINK = "a kink"
 
 
 def build_scene(source: Source) -> tuple[Scene, Names]:
-    """The scene of a case file.
-
-    Raises
-    ------
-    CaseError
-        At the place of a body, connection or key that is not known, of one that is missing, and of a value out of
-        its range.
-    """
+    """The scene of a case file."""
     return _read(source)[1]
 
 

@@ -79,24 +79,12 @@ def _text(value: Any) -> str:
 
 
 def one_line(value: Any) -> str:
-    """Text that reports set in one line: line breaks and runs of blanks become one blank.
-
-    Raises
-    ------
-    ValueError
-        For what is no text, is empty, or holds a control character.
-    """
+    """Text that reports set in one line: line breaks and runs of blanks become one blank."""
     return re.sub(r"[ \t\n]+", " ", _text(value)).strip()
 
 
 def file_name(value: Any) -> str:
-    """The name of a case or a reading, which files and folders are called after.
-
-    Raises
-    ------
-    ValueError
-        For a name that is too long or has characters that not every file system takes.
-    """
+    """The name of a case or a reading, which files and folders are called after."""
     if not isinstance(value, str) or not re.fullmatch(r"[a-z0-9_]+", value):
         shown = shortened(value) if isinstance(value, str) else f"{value} (a number alone stands in quotes)"
         raise ValueError(f"a name is made of a-z, 0-9 and _ only, not {shown}")
@@ -324,11 +312,5 @@ READING_KEYS = frozenset(own.name for own in fields(CaseForm)) - {"schema", "nam
 
 
 def check_form(tree: MappingNode) -> None:
-    """Check the form of a model from Python, which has some of a case file's keys and may be larger.
-
-    Raises
-    ------
-    CaseError
-        For the first key or value that does not fit.
-    """
+    """Check the form of a model from Python, which has some of a case file's keys and may be larger."""
     read_form(CaseForm, tree, partial=True, most_states=MOST_STATES)

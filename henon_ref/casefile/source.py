@@ -152,13 +152,7 @@ class Source:
             raise CaseError(message + self.within, file=self.file, line=place.line, column=place.column) from None
 
     def parameters(self, path: Path) -> dict[str, sp.Expr]:
-        """Exact values of a mapping of parameters, each of which may use the others.
-
-        Raises
-        ------
-        CaseError
-            Also for a name that is taken and for parameters that depend on each other in a circle.
-        """
+        """Exact values of a mapping of parameters, each of which may use the others."""
         node = child(self.tree, path)
         if not isinstance(node, MappingNode):
             return {}

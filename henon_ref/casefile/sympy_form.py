@@ -34,11 +34,6 @@ def operation_of(expression: sp.Expr, names: Collection[str], functions: Mapping
     expression : Expr
     names, functions
         As for :func:`henon_ref.casefile.parser.parsed`.
-
-    Raises
-    ------
-    ExpressionError
-        For a name or a function that is not allowed, and for what is no expression.
     """
     found = _Reader().of(expression, 0)
     for part in found.parts():

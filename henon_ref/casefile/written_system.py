@@ -20,14 +20,7 @@ KINK_IN_MAP = (
 
 
 def build_system(source: Source) -> tuple[FilippovSystem, Names]:
-    """The system that a case file writes out.
-
-    Raises
-    ------
-    CaseError
-        At the place of a name that is taken or not known, an expression that is not allowed, or a field
-        whose length is not that of the state.
-    """
+    """The system that a case file writes out."""
     states = [source.text(("system", "state", i)) for i in range(source.length(("system", "state")))]
     signs, rates_given = source.keys(("system", "surfaces")), source.length(("system", "field"))
     values = source.parameters(("system", "parameters"))
@@ -107,14 +100,7 @@ def _surface(source: Source, names: Names, path: tuple[str, str], what: str) -> 
 
 
 def build_resets(source: Source, names: Names, system: FilippovSystem) -> dict[int, Reset]:
-    """The jumps of the state, by the index of their surface.
-
-    Raises
-    ------
-    CaseError
-        At the place of a surface or state that there is not, of a surface that slides in its own way, or of a map that
-        leaves every state as it is.
-    """
+    """The jumps of the state, by the index of their surface."""
     resets = {}
     for sign in source.keys(("resets",)):
         path = ("resets", sign)
