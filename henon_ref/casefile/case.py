@@ -236,7 +236,7 @@ def reading_sources(tree: MappingNode, file: str | None) -> list[tuple[str, Sour
 def _reading(
     name: str, source: Source, solvers: Collection[str] | None, fixed_step: Callable[[str], bool] | None
 ) -> Reading:
-    form = read_form(CaseForm, source.tree, file=source.file, within=source.within)
+    form = read_form(CaseForm, source)
     check_model(source, form)
     expected.check_runs(source, form, solvers)
     expected.check_gates(source, form, fixed_step)

@@ -12,7 +12,7 @@ from typing import Literal
 import sympy as sp
 
 from henon_ref.casefile.assembly import Hold, Impact, Surface
-from henon_ref.casefile.bodies import Body
+from henon_ref.casefile.bodies import Body, Range
 from henon_ref.casefile.model_kinks import Kinks
 from henon_ref.casefile.source import Path, Source
 from henon_ref.errors import CaseError
@@ -31,8 +31,7 @@ class Key:
     meaning: str
     optional: bool = False
     """Whether it may be left out, and is then not in the equations."""
-    range: Literal["any", "nonnegative", "positive", "fraction"] = "any"
-    """``fraction``: from 0 to 1."""
+    range: Range = "any"
     of: Literal["parameters", "time", "states"] = "parameters"
     """What it is an expression in: parameters; t besides; t and states besides."""
     words: tuple[str, ...] = ()
@@ -84,6 +83,7 @@ class Link:
     @property
     def distance(self) -> sp.Expr:
         """x_p - x_q [m], or phi_p - phi_q [rad]."""
+        positions = []
         for i, body in enumerate(self.ends):
             if body.position is None:
                 message = (
@@ -91,8 +91,9 @@ class Link:
                     "give its 'position' in place of its 'velocity'"
                 )
                 raise self.source.error((*self.path, "between", i), message)
-        p, q = self.ends
-        return p.position - q.position
+            positions.append(body.position)
+        p, q = positions
+        return p - q
 
     def push(self, force: sp.Expr) -> None:
         """Add a force [N] or torque [N m] on the first body, and its opposite on the second."""

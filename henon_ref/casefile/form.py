@@ -15,8 +15,8 @@ from types import NoneType
 from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from henon_ref.casefile.grammar import MAX_STATES
+from henon_ref.casefile.source import Source
 from henon_ref.casefile.tree import MappingNode, Node, Place, ScalarNode, SequenceNode, to_python
-from henon_ref.errors import CaseError
 from henon_ref.text import did_you_mean, listed, shortened
 
 AnyForm = TypeVar("AnyForm")
@@ -84,45 +84,31 @@ def kind_of(annotation: Any) -> Kind:
 def keys_of(form: type) -> dict[str, Kind]:
     """Keys of a form, and what they hold."""
     hints = get_type_hints(form, include_extras=True)
-    defaults = {own.name: own.default if own.default_factory is MISSING else {} for own in fields(form)}
+    defaults: dict[str, Any] = {own.name: own.default if own.default_factory is MISSING else {} for own in fields(form)}
     return {name: replace(kind_of(hints[name]), default=default) for name, default in defaults.items()}
 
 
-def read_form(
-    form: type[AnyForm],
-    tree: MappingNode,
-    *,
-    file: str | None = None,
-    within: str = "",
-    partial: bool = False,
-    most_states: int = MAX_STATES,
-) -> AnyForm:
+def read_form(form: type[AnyForm], source: Source, *, partial: bool = False) -> AnyForm:
     """Read a mapping of a file.
 
     Parameters
     ----------
     form : type
-    tree : MappingNode
-    file : str, optional
-        The file, for messages.
-    within : str
-        Added to every message.
+    source : Source
     partial : bool
-        Whether keys at the top may be missing that have no default; they are then no attributes of what is read.
-    most_states : int
-        States, and surfaces, that a system may have.
+        Whether keys at the top may be missing that have no default; nothing is returned then.
 
     Raises
     ------
     CaseError
         At the line and column of the first key or value that does not fit.
     """
-    reader = _Reader(most_states)
-    found: AnyForm = reader.form(form, tree, "", tree.place, partial=partial)
+    reader = _Reader(source.most_states)
+    found: AnyForm = reader.form(form, source.tree, "", source.tree.place, partial=partial)
     if reader.faults:
         # A misspelt key is unknown and missing at once; only the first is of use.
         _, place, message = min(reader.faults, key=lambda fault: (fault[0], fault[1].line, fault[1].column))
-        raise CaseError(message + within, file=file, line=place.line, column=place.column)
+        raise source.error_at(place, message)
     return found
 
 

@@ -38,16 +38,7 @@ _CONNECTIVES = ("and", "or", "not")
 
 
 def parsed(text: str, names: Collection[str], functions: Mapping[str, int]) -> Operation:
-    """What a text says.
-
-    Parameters
-    ----------
-    text : str
-    names : collection of str
-        Names that may stand in it besides ``pi`` and ``e``.
-    functions : mapping
-        Functions that may -> how many arguments they take.
-    """
+    """What a text says, in some names besides ``pi`` and ``e``, and in functions -> how many arguments they take."""
     if len(text) > MAX_LENGTH:
         raise ExpressionError(f"an expression of {len(text)} characters; at most {MAX_LENGTH} are allowed", 0)
     return _Parser(text, names, functions).whole()

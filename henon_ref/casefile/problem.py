@@ -19,11 +19,13 @@ from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.size import size
 from henon_ref.taylor.tape import TIME
-from henon_ref.text import did_you_mean, listed
+from henon_ref.text import listed
 
 if TYPE_CHECKING:
     from henon_ref.casefile.assembly import Scene
 
+MODEL_KEYS = ("system", "scene", "sliding", "resets")
+"""Keys of a case file that make its system."""
 NO_VALUE = (sp.nan, sp.zoo, sp.oo, -sp.oo)
 PARTIAL = (sp.tan, sp.log, sp.asin, sp.acos)
 """Functions that have no value at some numbers."""
@@ -31,8 +33,7 @@ PARTIAL = (sp.tan, sp.log, sp.asin, sp.acos)
 
 def build_problem(source: Source) -> tuple[Problem, Names]:
     """The problem that one reading of a case states."""
-    keys = ("system", "scene", "sliding", "resets")
-    system, names = source.once("system", keys, lambda: build_model(source))
+    system, names = source.once("system", MODEL_KEYS, lambda: _model(source))
     start = source.number(("initial", "t"), names.values) if "t" in source.keys(("initial",)) else sp.Integer(0)
     until = source.number(("until",), names.values)
     if exact_sign(until - start) <= 0 or float(until - start) == 0.0:
@@ -44,14 +45,13 @@ def build_problem(source: Source) -> tuple[Problem, Names]:
     return replace(problem, initial_mode=_initial_mode(source, problem)), names
 
 
-def build_model(source: Source) -> tuple[FilippovSystem, Names]:
-    """The system that one reading of a case is about, and what its names stand for."""
+def _model(source: Source) -> tuple[FilippovSystem, Names]:
     system, names = written_model(source)
     return with_rational_exponents(system), names
 
 
 def written_model(source: Source) -> tuple[FilippovSystem, Names]:
-    """The same with exponents as they are written."""
+    """The system that one reading of a case is about, exponents as they are written, and what its names stand for."""
     if source.has_scene:
         scene, names = read_scene(source)
         system = scene.system()
@@ -86,8 +86,7 @@ def _initial(source: Source, names: Names) -> tuple[sp.Expr, ...]:
     given = [name for name in source.keys(("initial",)) if name not in NOT_STATES]
     for name in given:
         if name not in names.states:
-            message = f"'{name}' is no state{did_you_mean(name, names.states)}; states: {listed(names.states)}"
-            raise source.error(("initial", name), message, key=True)
+            raise source.unknown(("initial", name), f"'{name}' is no state", "states", names.states)
     missing = [name for name in names.states if name not in given]
     if missing:
         message = f"'initial' lacks the state {listed(missing)}; give every state its value"
@@ -97,7 +96,7 @@ def _initial(source: Source, names: Names) -> tuple[sp.Expr, ...]:
 
 def _check_start(source: Source, problem: Problem) -> None:
     """Refuse a start at which a surface, or an expression of ``valid``, has no value or would be a giant number."""
-    delicate = source.once("exponents", ("system", "scene", "sliding", "resets"), lambda: _delicate(problem.system))
+    delicate = source.once("exponents", MODEL_KEYS, lambda: _delicate(problem.system))
     for what, expression in delicate:
         source.charge(("initial",), size(expression, MAX_SIZE))
         try:
@@ -181,8 +180,7 @@ def _initial_mode(source: Source, problem: Problem) -> dict[int, int]:
         path = ("initial", "mode", name)
         entry = int(source.text(path))
         if name not in order:
-            message = f"'{name}' is no surface{did_you_mean(name, order)}; surfaces: {listed(order)}"
-            raise source.error(path, message, key=True)
+            raise source.unknown(path, f"'{name}' is no surface", "surfaces", order)
         index = order.index(name)
         side = _side_at_start(problem, problem.system.surfaces[index])
         if side not in (0, entry):

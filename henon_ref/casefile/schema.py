@@ -16,6 +16,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from henon_ref.casefile.form import Scalar, Size, read_form
 from henon_ref.casefile.grammar import MAX_STATES, MOST_STATES
+from henon_ref.casefile.source import Source
 from henon_ref.casefile.tree import MappingNode
 from henon_ref.text import shortened
 
@@ -313,4 +314,4 @@ READING_KEYS = frozenset(own.name for own in fields(CaseForm)) - {"schema", "nam
 
 def check_form(tree: MappingNode) -> None:
     """Check the form of a model from Python, which has some of a case file's keys and may be larger."""
-    read_form(CaseForm, tree, partial=True, most_states=MOST_STATES)
+    read_form(CaseForm, Source(tree, most_states=MOST_STATES), partial=True)

@@ -11,7 +11,7 @@ from henon_ref.casefile.source import Names, Path, Source
 from henon_ref.modes.overrides import Release, Reset, SlidingOverride
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
-from henon_ref.text import did_you_mean, listed
+from henon_ref.text import listed
 
 KINK_IN_MAP = (
     "a map has no kinks and no signs: write the branch that is in force where the surface falls (of a speed v that is "
@@ -91,8 +91,7 @@ def _surface(source: Source, names: Names, path: tuple[str, str], what: str) -> 
     """Index of the surface that a key names, which has no kinks."""
     order, sign = list(names.signs), path[1]
     if sign not in order:
-        message = f"'{sign}' is no surface{did_you_mean(sign, order)}; surfaces: {listed(order)}"
-        raise source.error(path, message, key=True)
+        raise source.unknown(path, f"'{sign}' is no surface", "surfaces", order)
     own = source.keys(("system", "surfaces"))
     if sign in own and f"{sign}_2" in order and f"{sign}_2" not in own:
         raise source.error(path, f"{what} on '{sign}', whose surface has kinks, is not there yet", key=True)
@@ -116,8 +115,7 @@ def build_resets(source: Source, names: Names, system: FilippovSystem) -> dict[i
         for name in source.keys((*path, "map")):
             place = (*path, "map", name)
             if name not in names.states:
-                message = f"'{name}' is no state{did_you_mean(name, names.states)}; states: {listed(names.states)}"
-                raise source.error(place, message, key=True)
+                raise source.unknown(place, f"'{name}' is no state", "states", names.states)
             if source.has_kinks(place):
                 raise source.error(place, f"in '{name}': {KINK_IN_MAP}")
             values[names.states[name]] = names.smooth(source, place)

@@ -100,14 +100,14 @@ def load_sweep(path: str | Path) -> SweepFile:
         With file, line and column, what is wrong and what is allowed.
     """
     tree = read_yaml(path)
-    form = read_form(SweepForm, tree, file=str(path))
+    whole = Source(tree, str(path))
+    form = read_form(SweepForm, whole)
     common = {key: tree.entries[key] for key in CASE_KEYS if key in tree.entries}
     source = Source(MappingNode(tree.place, common, tree.keys, tree.size), str(path))
-    case = read_form(CaseForm, source.tree, file=str(path))
+    case = read_form(CaseForm, source)
     check_model(source, case)
     problem, _ = build_problem(source)
     check_surfaces(source, case, problem)
-    whole = Source(tree, str(path))
     system = System.from_tree(source.tree)
     points = _points(whole, system, Path(path).parent)
     observations = [_observation(whole, system, k) for k in range(len(form.observe))]

@@ -10,6 +10,7 @@ import pytest
 import henon_ref as hr
 from henon_ref.casefile.form import read_form
 from henon_ref.casefile.schema import CaseForm, Gate, Published, check_form
+from henon_ref.casefile.source import Source
 from henon_ref.casefile.tree import MappingNode
 from henon_ref.casefile.yaml_file import parse_yaml
 from henon_ref.errors import CaseError
@@ -45,7 +46,7 @@ def refusal(model: dict[str, Any], *, of_file: bool) -> str | None:
     tree = tree_of({**REST, **model} if of_file else model, "the model")
     assert isinstance(tree, MappingNode)
     try:
-        read_form(CaseForm, tree) if of_file else check_form(tree)
+        read_form(CaseForm, Source(tree)) if of_file else check_form(tree)
     except CaseError as error:
         return error.message
     return None
@@ -72,7 +73,7 @@ def test_a_form_holds_what_is_read() -> None:
 {schema: 1, name: a, title: "b\n c", initial: {x: 1}, until: 2, tolerances: [1e-3], solvers: ~,
  published: {stick_durations: [1.00]}, gate: {henon: {at: 1e-3}}}
 """
-    found = read_form(CaseForm, parse_yaml(text))
+    found = read_form(CaseForm, Source(parse_yaml(text)))
     assert (found.title, found.tolerances, found.solvers, found.steps) == ("b c", (1e-3,), None, (1e-3,))
     assert found.published == Published((Decimal("1.00"),))
     assert str(found.published.stick_durations[0]) == "1.00"

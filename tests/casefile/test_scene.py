@@ -42,8 +42,9 @@ initial: {{}}
 until: 1
 """
     tree = parse_yaml(text, file="case.yaml")
-    read_form(CaseForm, tree, file="case.yaml")
-    scene, names = build_scene(Source(tree, "case.yaml"))
+    source = Source(tree, "case.yaml")
+    read_form(CaseForm, source)
+    scene, names = build_scene(source)
     return scene.system(), names
 
 
