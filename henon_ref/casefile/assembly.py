@@ -9,10 +9,38 @@ from functools import cached_property
 import sympy as sp
 
 from henon_ref.casefile.bodies import Body
-from henon_ref.casefile.connection import Hold, Impact, Surface
 from henon_ref.modes.overrides import Release, Reset, SlidingOverride
 from henon_ref.modes.resting import with_resting
 from henon_ref.modes.system import FilippovSystem
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A surface that a connection makes."""
+
+    sign: sp.Symbol
+    expression: sp.Expr
+    """In t, states and parameters."""
+    kink: bool = False
+    """Whether it stands for a kink of an expression."""
+
+
+@dataclass(frozen=True)
+class Hold:
+    """A contact that holds its two bodies together while the load on it is at most a limit."""
+
+    sign: sp.Symbol
+    limit: sp.Expr
+    """Largest force [N] or torque [N m] that it can hold."""
+
+
+@dataclass(frozen=True)
+class Impact:
+    """A surface at which the two bodies throw each other back."""
+
+    sign: sp.Symbol
+    restitution: sp.Expr
+    """Speed after over speed before [1]."""
 
 
 @dataclass(frozen=True)

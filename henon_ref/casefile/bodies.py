@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Literal
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Literal, TypeVar
 
 import sympy as sp
 
 from henon_ref.casefile.grammar import NAME, TAKEN, name_problem
-from henon_ref.casefile.source import Path, Source
+from henon_ref.casefile.source import WITH_VALUES, Path, Source
 from henon_ref.casefile.tree import MappingNode, ScalarNode, SequenceNode, child
 from henon_ref.modes.exact_numbers import exact_sign
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed
 
+T = TypeVar("T")
 BodyKind = Literal["mass", "rotor", "prescribed", "fixed"]
+Range = Literal["any", "nonnegative", "positive", "fraction"]
+"""Of a value; ``fraction``: from 0 to 1."""
 
 KEYS: Mapping[str, tuple[BodyKind, str]] = {
     "mass": ("mass", "kg"),
@@ -53,51 +57,53 @@ class Body:
         return sp.diff(self.velocity, TIME)
 
 
-@dataclass
-class Requirements:
-    """Collects the expressions that must be larger than 0, or not smaller, and checks their values."""
+class Quantities:
+    """Reads what bodies and connections of a scene are given, and collects what is wanted of its parameters."""
 
-    source: Source
-    expressions: list[sp.Expr] = field(default_factory=list)
-    """Checked; where new values of the parameters make all of these larger than 0, the scene allows them."""
+    def __init__(self, source: Source) -> None:
+        self.source = source
+        self.values = source.parameters(("scene", "parameters"))
+        """Parameter -> exact number."""
+        self.symbols = {name: sp.Symbol(name, real=True) for name in self.values}
+        self.wanted: list[sp.Expr] = []
+        """Checked; where new values of the parameters make all of these larger than 0, the scene allows them."""
 
     def want(self, expression: sp.Expr, value: sp.Expr, path: Path, message: str, *, above: bool = False) -> None:
-        """Want an expression to be 0 or larger; with ``above`` larger than 0.
-
-        Raises
-        ------
-        CaseError
-            At ``path``, with the message, where its value is not.
-        """
+        """Want an expression to be 0 or larger; with ``above`` larger than 0."""
         if exact_sign(value) < above:
             raise self.source.error(path, message)
-        self.expressions.append(expression)
+        self.wanted.append(expression)
+
+    def constant(self, path: Path, what: str, allowed: Range) -> sp.Expr:
+        """An expression in the parameters, whose value is in a range."""
+        expression = self.source.expression(path, self.symbols)
+        value = self.source.number(path, self.values)
+        if allowed == "positive":
+            self.want(expression, value, path, f"{what} must be larger than 0", above=True)
+        elif allowed in ("nonnegative", "fraction"):
+            self.want(expression, value, path, f"{what} must be 0 or larger")
+        if allowed == "fraction":
+            self.want(1 - expression, 1 - value, path, f"{what} must be at most 1")
+        return expression
+
+    def moving(self, read: Callable[..., T], path: Path, states: Mapping[str, sp.Expr] = MappingProxyType({})) -> T:
+        """What is read of an expression in time, parameters, and states; read with the parameters' values as well."""
+        found = read(path, {**self.symbols, "t": TIME, **states})
+        read(path, {**self.values, "t": TIME, **states}, WITH_VALUES)
+        return found
 
 
-def read_bodies(source: Source, values: Mapping[str, sp.Expr], requirements: Requirements) -> dict[str, Body]:
-    """The bodies of a scene, by name.
-
-    Parameters
-    ----------
-    source : Source
-    values : mapping
-        Parameter -> exact number.
-    requirements : Requirements
-        Takes down what is wanted of the parameters.
-
-    Raises
-    ------
-    CaseError
-        At the place of a name, key or value that is not allowed.
-    """
+def read_bodies(quantities: Quantities) -> dict[str, Body]:
+    """The bodies of a scene, by name."""
+    source = quantities.source
     bodies: dict[str, Body] = {}
-    owners: dict[str, str] = dict.fromkeys(values, "a parameter")
+    owners: dict[str, str] = dict.fromkeys(quantities.values, "a parameter")
     for name in source.keys(("scene", "bodies")):
         path = ("scene", "bodies", name)
         if not NAME.fullmatch(name):
             message = f"'{name}' is no name of a body: a letter first, then letters, digits and underscores"
             raise source.error(path, message, key=True)
-        body = _read(source, path, values, requirements)
+        body = _read(quantities, path)
         for i, state in enumerate(body.states):
             problem = _state_problem(state.name, owners)
             if problem:
@@ -116,8 +122,8 @@ def _state_problem(name: str, owners: Mapping[str, str]) -> str:
     return problem
 
 
-def _read(source: Source, path: Path, values: Mapping[str, sp.Expr], requirements: Requirements) -> Body:
-    name = str(path[-1])
+def _read(quantities: Quantities, path: Path) -> Body:
+    name, source = str(path[-1]), quantities.source
     node = child(source.tree, path)
     if isinstance(node, ScalarNode) and node.value == "fixed":
         return Body(name, "fixed", sp.Integer(0), sp.Integer(0))
@@ -140,28 +146,20 @@ def _read(source: Source, path: Path, values: Mapping[str, sp.Expr], requirement
     if kind not in STATE_NAMES:
         if "states" in node.entries:
             raise source.error((*path, "states"), f"'{name}' has no states: its motion is given", key=True)
-        return _moved(source, path, key, values)
-    symbols = {p: sp.Symbol(p, real=True) for p in values}
-    inertia = source.expression((*path, key), symbols)
-    what = f"'{key}' [{KEYS[key][1]}] of '{name}'"
-    message = f"{what} must be larger than 0"
-    requirements.want(inertia, source.number((*path, key), values), (*path, key), message, above=True)
+        return _moved(quantities, path, key)
+    inertia = quantities.constant((*path, key), f"'{key}' [{KEYS[key][1]}] of '{name}'", "positive")
     position, velocity = (sp.Symbol(x, real=True) for x in _state_names(source, path, kind))
     return Body(name, kind, position, velocity, inertia)
 
 
-def _moved(source: Source, path: Path, key: str, values: Mapping[str, sp.Expr]) -> Body:
+def _moved(quantities: Quantities, path: Path, key: str) -> Body:
     """A body whose motion is given."""
-    name, kind = str(path[-1]), KEYS[key][0]
-    symbols = {p: sp.Symbol(p, real=True) for p in values}
+    name, kind, source = str(path[-1]), KEYS[key][0], quantities.source
     if kind == "fixed":
-        source.number((*path, key), values)
-        return Body(name, kind, source.expression((*path, key), symbols), sp.Integer(0))
-    given = source.expression((*path, key), {**symbols, "t": TIME})
-    source.expression((*path, key), {**values, "t": TIME}, " (with the values of the parameters)")
-    if key == "velocity":
-        return Body(name, kind, None, given)
-    return Body(name, kind, given, sp.diff(given, TIME))
+        source.number((*path, key), quantities.values)
+        return Body(name, kind, source.expression((*path, key), quantities.symbols), sp.Integer(0))
+    given = quantities.moving(source.expression, (*path, key))
+    return Body(name, kind, None, given) if key == "velocity" else Body(name, kind, given, sp.diff(given, TIME))
 
 
 def _state_names(source: Source, path: Path, kind: BodyKind) -> tuple[str, str]:

@@ -18,15 +18,24 @@ from typing import Any
 
 from henon_ref.casefile import expected
 from henon_ref.casefile.assembly import Scene
-from henon_ref.casefile.expected import Exact, Expect, Gate, Orbit, Published
+from henon_ref.casefile.form import read_form
 from henon_ref.casefile.notebook import case_html
 from henon_ref.casefile.problem import build_problem, read_scene
-from henon_ref.casefile.schema import READING_KEYS, CaseForm, file_name, one_line
+from henon_ref.casefile.schema import (
+    READING_KEYS,
+    CaseForm,
+    Exact,
+    Expect,
+    Gate,
+    Orbit,
+    Published,
+    file_name,
+    one_line,
+)
 from henon_ref.casefile.shipped import located
 from henon_ref.casefile.source import Path as KeyPath
 from henon_ref.casefile.source import Source
 from henon_ref.casefile.tree import MappingNode, ScalarNode, merged
-from henon_ref.casefile.validation import validated
 from henon_ref.casefile.yaml_file import parse_yaml, read_yaml
 from henon_ref.errors import CaseError
 from henon_ref.modes.exact_numbers import exact_sign
@@ -70,8 +79,11 @@ class Reading:
 
     @cached_property
     def mathematics(self) -> dict[str, Any]:
-        """Everything that decides the solution, and nothing else, as text fit for JSON."""
-        return mathematics(self.problem)
+        """Everything that decides the solution, and nothing else, as text fit for JSON.
+
+        Parameters that nothing uses are left out; so are titles, tolerances and the order of the file.
+        """
+        return _mathematics(self.problem)
 
     @cached_property
     def mathematics_hash(self) -> str:
@@ -224,32 +236,33 @@ def reading_sources(tree: MappingNode, file: str | None) -> list[tuple[str, Sour
 def _reading(
     name: str, source: Source, solvers: Collection[str] | None, fixed_step: Callable[[str], bool] | None
 ) -> Reading:
-    form = validated(source.tree, file=source.file, within=source.within)
+    form = read_form(CaseForm, source)
     check_model(source, form)
     expected.check_runs(source, form, solvers)
+    expected.check_gates(source, form, fixed_step)
     problem, names = build_problem(source)
     check_surfaces(source, form, problem)
-    after = source.number(("measure", "after"), names.values) if "after" in form.measure.model_fields_set else 0
+    after = source.number(("measure", "after"), names.values) if "after" in source.keys(("measure",)) else 0
     if after != 0 and exact_sign(problem.until - after) <= 0:
         raise source.error(("measure", "after"), f"'after' must be earlier than 'until', {problem.until}")
     return Reading(
         name=name,
         title=form.title,
         problem=problem,
-        solvers=tuple(form.solvers) if form.solvers else None,
-        tolerances=tuple(form.tolerances),
-        steps=tuple(form.steps),
+        solvers=form.solvers,
+        tolerances=form.tolerances,
+        steps=form.steps,
         measure_after=float(after),
-        published=expected.published(form),
+        published=form.published,
         exact=expected.exact(source, form, names, problem),
         orbit=expected.orbit(source, form, names),
-        gate=expected.gates(source, form, fixed_step),
+        gate=form.gate,
         expect=expected.expectation(source, form, names, problem),
         source=form.source,
         story=form.story,
         equations=form.equations,
-        links=tuple(form.links),
-        tags=tuple(form.tags),
+        links=form.links,
+        tags=form.tags,
         scene=read_scene(source)[0] if form.scene is not None else None,
     )
 
@@ -276,12 +289,9 @@ def check_model(source: Source, form: CaseForm) -> None:
         raise source.error((second,), message, key=True)
 
 
-def mathematics(problem: Problem) -> dict[str, Any]:
-    """Everything that decides the solution, and nothing else, as text fit for JSON.
-
-    Parameters that nothing uses are left out; so are titles, tolerances and the order of the file.
-    """
-    system = problem.system
+def _mathematics(problem: Problem) -> dict[str, Any]:
+    """What is left out where it is not there, or the default, keeps what is stored without it valid."""
+    system, names = problem.system, problem.system.sign_names
     expressions = [*system.surfaces, *system.field, *system.valid]
     for override in system.overrides.values():
         expressions += [*override.field, *(release.when for release in override.release)]
@@ -290,22 +300,20 @@ def mathematics(problem: Problem) -> dict[str, Any]:
     used = set().union(*(e.free_symbols for e in expressions))
     found = {
         "states": list(system.state_names),
-        "surfaces": [[name, str(h)] for name, h in zip(system.sign_names, system.surfaces, strict=True)],
+        "surfaces": [[name, str(h)] for name, h in zip(names, system.surfaces, strict=True)],
         "field": [str(f) for f in system.field],
         "valid": [str(v) for v in system.valid],
         "parameters": {p.name: str(v) for p, v in sorted(system.parameters.items(), key=str) if p in used},
-        "sliding": {system.sign_names[i]: _override_text(o) for i, o in sorted(system.overrides.items())},
+        "sliding": {names[i]: _override_text(o) for i, o in sorted(system.overrides.items())},
         "start": str(problem.start),
         "initial": [str(x) for x in problem.initial],
         "until": str(problem.until),
-        "mode": {system.sign_names[i]: s for i, s in sorted(problem.initial_mode.items())},
+        "mode": {names[i]: s for i, s in sorted(problem.initial_mode.items())},
     }
-    if system.resets:  # what is stored without them stays valid
-        found["resets"] = {
-            system.sign_names[i]: {x.name: str(value) for x, value in reset.map.items()}
-            for i, reset in sorted(system.resets.items())
-        }
-        priorities = {system.sign_names[i]: r.priority for i, r in sorted(system.resets.items()) if r.priority}
+    if system.resets:
+        resets = sorted(system.resets.items())
+        found["resets"] = {names[i]: {x.name: str(value) for x, value in r.map.items()} for i, r in resets}
+        priorities = {names[i]: r.priority for i, r in resets if r.priority}
         if priorities:
             found["priorities"] = priorities
     return found
@@ -316,6 +324,6 @@ def _override_text(override: SlidingOverride) -> dict[str, Any]:
         "field": [str(f) for f in override.field],
         "release": [[str(r.when), r.direction, r.to] for r in override.release],
     }
-    if override.entry != "attracting":  # the default is not written out: what is stored without it stays valid
+    if override.entry != "attracting":
         text["entry"] = override.entry
     return text

@@ -109,13 +109,7 @@ def may_have_kinks(text: str) -> bool:
 
 
 def check_name(name: str, names: Collection[str], functions: Mapping[str, int], offset: int) -> None:
-    """Refuse a name, or a function, that is not known.
-
-    Raises
-    ------
-    ExpressionError
-        With what is known, or what to write.
-    """
+    """Refuse a name, or a function, that is not known."""
     if name in names or name in CONSTANTS or name in functions:
         return
     if name == "atan2":

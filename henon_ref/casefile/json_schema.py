@@ -3,44 +3,165 @@
 from __future__ import annotations
 
 import json
+from dataclasses import MISSING, asdict, is_dataclass
+from decimal import Decimal
 from typing import Any
 
+from henon_ref.casefile.bodies import KEYS
+from henon_ref.casefile.connections import KINDS, Key
+from henon_ref.casefile.form import Kind, Scalar, keys_of, kind_of
 from henon_ref.casefile.schema import NAME_PATTERN, READING_KEYS, CaseForm
 
+_EXPRESSION = {"type": ["number", "string"]}
+_NAME = {"type": "string"}
+_TWO_NAMES = {"type": "array", "items": _NAME, "minItems": 2, "maxItems": 2}
+_PART = "Part"
+"""Behind the name of a form: a part of it, as a reading may have it."""
+_Schema = dict[str, Any]
 
-def case_schema() -> dict[str, Any]:
+
+def schema_text() -> str:
+    """The JSON Schema as a file holds it: ``cases/case.schema.json`` is this text."""
+    return json.dumps(case_schema(), indent=1) + "\n"
+
+
+def case_schema() -> _Schema:
     """JSON Schema of a case file, for editors that complete and check YAML."""
-    schema = CaseForm.model_json_schema(by_alias=True)
-    schema["$defs"] |= {f"{name}{_PART}": _part_of(form) for name, form in schema["$defs"].items()}
-    overrides = {key: _override(value) for key, value in schema["properties"].items() if key in READING_KEYS}
-    schema["properties"]["readings"] = {
+    forms: dict[str, _Schema] = {}
+    whole, forms = _ordered(_form(CaseForm, forms)), _ordered(forms)
+    overrides = {key: _override(value) for key, value in whole["properties"].items() if key in READING_KEYS}
+    whole["properties"]["readings"] = {
         "type": "object",
         "description": "name: overrides of the keys above; mappings merge, anything else replaces, null removes",
         "additionalProperties": {"type": "object", "properties": overrides, "additionalProperties": False},
         "propertyNames": {"pattern": NAME_PATTERN},
     }
     # With readings, a required key may stand in every reading instead of at the top.
-    schema["required"] = ["schema", "name", "title"]
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+    whole["required"] = ["schema", "name", "title"]
+    forms |= {f"{name}{_PART}": _part_of(form) for name, form in forms.items()}
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "$defs": forms, **whole}
 
 
-_PART = "Part"
-"""Behind the name of a form: a part of it, as a reading may have it."""
+def _ordered(value: Any, key: str = "") -> Any:
+    """A schema with its keywords in alphabetical order, keys of a file in their own."""
+    if isinstance(value, dict):
+        names = value if key in ("properties", "default") else sorted(value)
+        return {name: _ordered(value[name], name) for name in names}
+    return [_ordered(item) for item in value] if isinstance(value, list) else value
 
 
-def _override(value: dict[str, Any]) -> dict[str, Any]:
+# -- forms ----------------------------------------------------------------------------------------------
+
+
+def _form(form: type, forms: dict[str, _Schema]) -> _Schema:
+    """A form; those in it are put among ``forms``."""
+    found: _Schema = {"title": _name(form), "type": "object", "additionalProperties": False, "properties": {}}
+    if form.__doc__ and not form.__doc__.startswith(f"{form.__name__}("):  # which is a dataclass's own
+        found["description"] = form.__doc__
+    if hasattr(form, "OTHERS"):
+        found["additionalProperties"] = _kind(kind_of(form.OTHERS), "", forms)
+    for name, kind in keys_of(form).items():
+        schema = found["properties"][name] = _kind(kind, name, forms)
+        if not kind.is_form:
+            schema["title"] = name.replace("_", " ").title()
+        if kind.description:
+            schema["description"] = kind.description
+        if kind.default is MISSING:
+            found.setdefault("required", []).append(name)
+        else:
+            schema["default"] = _plain(kind.default)
+    return found
+
+
+def _name(form: type) -> str:
+    return f"{form.__name__.removesuffix('Form')}Form"
+
+
+def _plain(default: Any) -> Any:
+    """A default as JSON has it."""
+    if is_dataclass(default) and not isinstance(default, type):
+        return asdict(default)
+    return int(default) if isinstance(default, Decimal) else default
+
+
+def _kind(kind: Kind, name: str, forms: dict[str, _Schema]) -> _Schema:
+    """What the key of a name, or an entry of it, holds."""
+    sizes: _Schema = {way: size for way, size in (("min", kind.size.least or None), ("max", kind.size.most)) if size}
+    found: _Schema
+    if isinstance(kind.type, Scalar):
+        found = dict(kind.type.schema)
+    elif isinstance(kind.type, tuple):
+        found = {"type": "string"} | ({"enum": list(kind.type)} if kind.type[1:] else {"const": kind.type[0]})
+    elif kind.type is tuple:
+        found = {"type": "array", "items": _kind(kind_of(kind.inner[0]), name, forms)}
+        found |= {f"{way}Items": size for way, size in sizes.items()}
+    elif kind.type is Any:
+        found = {"anyOf": _BODIES if name == "bodies" else _CONNECTIONS}
+    elif kind.is_form:
+        forms[_name(kind.type)] = _form(kind.type, forms)
+        found = {"$ref": f"#/$defs/{_name(kind.type)}"}
+    else:
+        found = {"type": "object", "additionalProperties": _kind(kind_of(kind.inner[1]), name, forms)}
+        found |= {f"{way}Properties": size for way, size in sizes.items()}
+    return {"anyOf": [found, {"type": "null"}]} if kind.optional else found
+
+
+# -- scenes ---------------------------------------------------------------------------------------------
+
+
+def _mapping(properties: _Schema, required: list[str]) -> _Schema:
+    return {"type": "object", "properties": properties, "required": required, "additionalProperties": False}
+
+
+def _body(key: str, kind: str, unit: str) -> _Schema:
+    """A body that a key says what it is."""
+    properties: _Schema = {key: _EXPRESSION | {"description": f"[{unit}]"}}
+    if kind in ("mass", "rotor"):
+        properties["states"] = _TWO_NAMES | {"description": "names of its states, position or angle first"}
+    return _mapping(properties, [key])
+
+
+def _connection(name: str) -> _Schema:
+    """A connection of a kind, under its name."""
+    kind = KINDS[name]
+    properties: _Schema = (
+        {"on": _NAME | {"description": "the body"}}
+        if kind.on
+        else {"between": _TWO_NAMES | {"description": "first and second body"}}
+    )
+    required = [*properties, *(key.name for key in kind.keys if not key.optional)]
+    properties |= {key.name: _of_connection(key) for key in kind.keys}
+    properties["name"] = _NAME | {"description": "the symbol of its sign, in place of one made of the bodies' names"}
+    return _mapping({name: _mapping(properties, required) | {"description": kind.meaning}}, [name])
+
+
+def _of_connection(key: Key) -> _Schema:
+    if key.words:
+        return {"enum": list(key.words), "description": key.meaning}
+    unit = f" [{key.unit}{f', between rotors {key.angular}' if key.angular != key.unit else ''}]"
+    return _EXPRESSION | {"description": key.meaning + unit}
+
+
+_BODIES = [{"const": "fixed"}, *(_body(key, kind, unit) for key, (kind, unit) in KEYS.items())]
+_CONNECTIONS = [_connection(name) for name in KINDS]
+
+
+# -- readings -------------------------------------------------------------------------------------------
+
+
+def _override(value: _Schema) -> _Schema:
     """What a reading may lay over a value: a part of a mapping, anything else whole, or null."""
-    described: dict[str, Any] = {key: value[key] for key in ("description", "title") if key in value}
+    described: _Schema = {key: value[key] for key in ("description", "title") if key in value}
     return {"anyOf": [*(_part(way) for way in value.get("anyOf", [value])), {"type": "null"}], **described}
 
 
-def _part(value: dict[str, Any]) -> dict[str, Any]:
+def _part(value: _Schema) -> _Schema:
     if "$ref" in value:
         return {"$ref": value["$ref"] + _PART}
     return _part_of(value) if value.get("type") == "object" else value
 
 
-def _part_of(mapping: dict[str, Any]) -> dict[str, Any]:
+def _part_of(mapping: _Schema) -> _Schema:
     """A mapping of which every key may be left out, and be overridden in its turn."""
     part = {key: value for key, value in mapping.items() if key not in ("required", "minProperties", "default")}
     if "properties" in part:
@@ -48,8 +169,3 @@ def _part_of(mapping: dict[str, Any]) -> dict[str, Any]:
     if isinstance(part.get("additionalProperties"), dict):
         part["additionalProperties"] = _override(part["additionalProperties"])
     return part
-
-
-def schema_text() -> str:
-    """The JSON Schema as a file holds it: ``cases/case.schema.json`` is this text."""
-    return json.dumps(case_schema(), indent=1) + "\n"

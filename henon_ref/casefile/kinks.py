@@ -7,21 +7,17 @@ that is a surface of the model, or another argument, times a factor that always 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from itertools import product
 
 import sympy as sp
 
 from henon_ref.errors import ExpressionError
-from henon_ref.modes.algebra import signed_form
 from henon_ref.modes.bounds import shown, terms
-from henon_ref.modes.exact_numbers import exact_sign
 from henon_ref.modes.switched_field import up_to_a_number
 
 MAX_INNER = 4
 """Kinks that the argument of another one may have: its branches are twice as many with each."""
-
-
 MAX_TERMS = 1_000
 """Terms, multiplied out, of a difference that is looked at whether it is zero."""
 
@@ -44,8 +40,12 @@ def sgn(argument: sp.Expr) -> sp.Expr:
     if inner is None:
         form, sign = up_to_a_number(argument)
         return sign * Sgn(form)
-    above, below = (sgn(argument.xreplace({inner: sp.Integer(side)})) for side in (1, -1))
-    return above if above == below else above * (1 + inner) / 2 + below * (1 - inner) / 2
+    return either(inner, *(sgn(argument.xreplace({inner: sp.Integer(side)})) for side in (1, -1)))
+
+
+def either(sign: sp.Expr, above: sp.Expr, below: sp.Expr) -> sp.Expr:
+    """One of two expressions by a sign."""
+    return above if above == below else above * (1 + sign) / 2 + below * (1 - sign) / 2
 
 
 def _inner(argument: sp.Expr) -> sp.Expr | None:
@@ -54,12 +54,12 @@ def _inner(argument: sp.Expr) -> sp.Expr | None:
     return min(found, key=sp.default_sort_key) if found else None
 
 
-def _branches(argument: sp.Expr) -> list[sp.Expr]:
+def branches(argument: sp.Expr) -> list[sp.Expr]:
     """What the sign of an expression is made of: itself, or its branches where it has kinks of its own."""
     inner = _inner(argument)
     if inner is None:
         return [argument]
-    return [part for side in (1, -1) for part in _branches(argument.xreplace({inner: sp.Integer(side)}))]
+    return [part for side in (1, -1) for part in branches(argument.xreplace({inner: sp.Integer(side)}))]
 
 
 def without_signs(expression: sp.Expr, signs: Collection[sp.Symbol]) -> sp.Expr:
@@ -72,8 +72,9 @@ def _chosen_by_signs(term: sp.Expr, signs: Collection[sp.Symbol]) -> sp.Expr:
     if not held:
         return term
     sign = min(held, key=lambda s: s.name)
-    above, below = (_chosen_by_signs(_normal(term.xreplace({sign: sp.Integer(side)})), signs) for side in (1, -1))
-    return above if above == below else above * (1 + sign) / 2 + below * (1 - sign) / 2
+    return either(
+        sign, *(_chosen_by_signs(_normal(term.xreplace({sign: sp.Integer(side)})), signs) for side in (1, -1))
+    )
 
 
 def _normal(expression: sp.Expr) -> sp.Expr:
@@ -98,9 +99,7 @@ def chosen(first: sp.Expr, difference: sp.Expr, second: sp.Expr) -> sp.Expr:
     symbol, way = (sign, 1) if isinstance(sign, Sgn) else (-sign, -1)
     if isinstance(symbol, Sgn):  # what one of the two is on the other's side never counts
         first, second = (e.xreplace({symbol: sp.Integer(side)}) for e, side in ((first, way), (second, -way)))
-    if first == -second:
-        return sign * first
-    return first if first == second else first * (1 + sign) / 2 + second * (1 - sign) / 2
+    return sign * first if first == -second else either(sign, first, second)
 
 
 def compared(name: str, arguments: Sequence[sp.Expr]) -> Sequence[sp.Expr]:
@@ -129,15 +128,16 @@ def _check_inner(name: str, difference: sp.Expr) -> None:
         )
 
 
-def call(name: str, arguments: Sequence[sp.Expr], offset: int) -> sp.Expr:
-    """``abs``, ``sign``, ``min``, ``max``; and ``piecewise``, each condition given as what is positive where it holds.
+def call(name: str, arguments: Sequence[sp.Expr], offset: int, strict: Sequence[bool] = ()) -> sp.Expr:
+    """``abs``, ``sign``, ``min``, ``max`` and ``piecewise`` as an expression in signs.
 
-    Raises
-    ------
-    ExpressionError
-        Where an argument has too many kinks of its own.
+    Of ``piecewise`` each condition is given as what is positive where it holds; ``strict`` says of each whether it does
+    not hold where that is 0. An ExpressionError tells of arguments with too many kinks of their own, and of a value on
+    a surface that is neither side's.
     """
     try:
+        if name == "piecewise":
+            _check_on_surface(arguments[::2], arguments[1::2], strict)
         return _called(name, arguments)
     except ExpressionError as error:
         raise ExpressionError(error.message, offset) from None
@@ -156,17 +156,10 @@ def _called(name: str, arguments: Sequence[sp.Expr]) -> sp.Expr:
     return sgn(arguments[0]) * (arguments[0] if name == "abs" else 1)
 
 
-def check_on_surface(
-    values: Sequence[sp.Expr], conditions: Sequence[sp.Expr], strict: Sequence[bool], offset: int
-) -> None:
+def _check_on_surface(values: Sequence[sp.Expr], conditions: Sequence[sp.Expr], strict: Sequence[bool]) -> None:
     """Refuse a ``piecewise`` of one surface that has a value on it which is neither side's, nor halfway between them.
 
-    Parameters
-    ----------
-    values, conditions : sequences of Expr
-        The last value is that where no condition holds; each condition is what is positive where it holds.
-    strict : sequence of bool
-        Whether a condition does not hold where it is 0.
+    The last value is that where no condition holds.
     """
     signs = [sgn(condition) for condition in conditions]
     surfaces = set().union(*(sign.atoms(Sgn) for sign in signs))
@@ -187,8 +180,7 @@ def check_on_surface(
         raise ExpressionError(
             f"where {shown(surface.args[0])} is 0 this is {value}, which it is on neither side: a field is what it is "
             "beside a surface. Friction that holds more than it slides with has a 'static' in a scene, or "
-            "'sliding' with 'entry: inside'",
-            offset,
+            "'sliding' with 'entry: inside'"
         )
 
 
@@ -199,97 +191,3 @@ def _first(holds: Iterable[object]) -> int:
         if held:
             return count
     return count + 1
-
-
-class Kinks:
-    """Collects the surfaces of a model's kinks.
-
-    Parameters
-    ----------
-    parameters : mapping
-        Parameter -> exact number: the sign of what holds nothing else is a number.
-    """
-
-    def __init__(self, parameters: Mapping[sp.Symbol, sp.Expr]) -> None:
-        self.parameters = dict(parameters)
-        self.surfaces: dict[sp.Symbol, sp.Expr] = {}
-        """Sign -> what it is the sign of, as it was written first."""
-        self.declared: dict[sp.Symbol, sp.Expr] = {}
-        """The same of the model's own surfaces."""
-        self.conditions: list[sp.Expr] = []
-        """What has been taken as positive for the values of the parameters."""
-        self.declared_late = False
-        """Whether a kink has turned out to be a surface that was declared behind it."""
-        self._waiting: dict[sp.Symbol, sp.Expr] = {}
-        """Those whose forms are not known yet."""
-        self._signs: dict[sp.Expr, sp.Expr] = {}
-        """Form -> its sign: a symbol, minus one, or a number."""
-        self._known: dict[object, sp.Expr] = {}
-        """Form of :func:`henon_ref.modes.algebra.signed_form` -> its sign, a symbol or minus one."""
-
-    def declare(self, sign: sp.Symbol, surface: sp.Expr) -> None:
-        """Take in a surface of the model: what is one up to a factor has its sign."""
-        self.declared[sign] = self._waiting[sign] = surface
-        if self.surfaces:
-            self._take_in()
-
-    def _take_in(self) -> None:
-        """Forms of the surfaces that have been declared; where there are no kinks nobody asks for them."""
-        for sign, surface in self._waiting.items():
-            form, way = signed_form(surface, self.parameters)
-            own = self._known.setdefault(form, way * sign)
-            self.declared_late |= not own.free_symbols.isdisjoint(self.surfaces)
-        self._waiting.clear()
-
-    def resolved(self, expression: sp.Expr, arguments: Sequence[sp.Expr]) -> sp.Expr:
-        """An expression with symbols for its signs; ``arguments`` are those of its kinks in order of appearance."""
-        for argument in (part for whole in arguments for part in _branches(whole)):
-            form, way = (argument, 1) if argument.is_number else up_to_a_number(argument)
-            if form not in self._signs and expression.has(Sgn(form)):
-                self._signs[form] = way * self._sign(argument)
-        found = ((sign, self._signs.get(sign.args[0])) for sign in expression.atoms(Sgn))
-        return expression.xreplace({sign: value for sign, value in found if value is not None})
-
-    def guard(
-        self, sign: sp.Symbol, expression: sp.Expr, arguments: Sequence[sp.Expr]
-    ) -> tuple[dict[sp.Symbol, sp.Expr], sp.Expr]:
-        """Surfaces of an expression that may have kinks, and its sign by theirs.
-
-        Without kinks that is the sign itself; with them each branch is a surface: ``s``, ``s_2``, ...
-        """
-        surfaces: dict[sp.Symbol, sp.Expr] = {}
-        signs: dict[sp.Expr, sp.Expr] = {}
-        parts = _branches(expression)
-        for part in parts:
-            form, way = (part, 1) if part.is_number else up_to_a_number(part)
-            if Sgn(form) not in signs and not part.free_symbols <= set(self.parameters):
-                own = sp.Symbol(f"{sign.name}_{len(surfaces) + 1}", real=True) if surfaces else sign
-                surfaces[own] = part
-                signs[Sgn(form)] = way * own
-        return surfaces, self.resolved(sgn(expression).xreplace(signs), [*arguments, *parts])
-
-    def positive_part(self, expression: sp.Expr, arguments: Sequence[sp.Expr] = ()) -> sp.Expr:
-        """max(0, expression), which may have kinks itself, of ``arguments``."""
-        return self.resolved(chosen(expression, expression, sp.S.Zero), [*arguments, expression])
-
-    def limited(self, expression: sp.Expr, bound: sp.Expr) -> sp.Expr:
-        """The expression where it lies between -bound and bound, else the one of these that it is beyond."""
-        above, below = bound + expression, bound - expression
-        return self.resolved((sgn(above) * above - sgn(below) * below) / 2, [above, below])
-
-    def used(self, expression: sp.Expr) -> dict[sp.Symbol, sp.Expr]:
-        """The kinks whose signs an expression holds."""
-        held = expression.free_symbols
-        return {sign: surface for sign, surface in self.surfaces.items() if sign in held}
-
-    def _sign(self, argument: sp.Expr) -> sp.Expr:
-        if argument.free_symbols <= set(self.parameters):
-            value = exact_sign(argument.xreplace(self.parameters))
-            self.conditions.append(-argument if value < 0 else argument)
-            return sp.Integer(value)
-        self._take_in()
-        form, way = signed_form(argument, self.parameters)
-        if form not in self._known:
-            sign = sp.Symbol(f"kink{len(self.surfaces) + 1}", real=True)
-            self.surfaces[sign], self._known[form] = argument, way * sign
-        return way * self._known[form]

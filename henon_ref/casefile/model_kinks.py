@@ -6,26 +6,109 @@ from collections.abc import Collection, Mapping, Sequence
 
 import sympy as sp
 
-from henon_ref.casefile.kinks import MAX_INNER, Kinks, at_signs, without_signs
+from henon_ref.casefile.kinks import MAX_INNER, Sgn, at_signs, branches, chosen, sgn, without_signs
 from henon_ref.casefile.source import Names, Path, Source
+from henon_ref.modes.algebra import signed_form
+from henon_ref.modes.exact_numbers import exact_sign
+from henon_ref.modes.switched_field import up_to_a_number
 
 Kinked = tuple[sp.Expr, list[sp.Expr]]
 """An expression, and what it has kinks for in order of appearance."""
+
+
+class Kinks:
+    """Collects the surfaces of a model's kinks; the sign of what holds parameters alone is a number."""
+
+    def __init__(self, parameters: Mapping[sp.Symbol, sp.Expr]) -> None:
+        """``parameters``: parameter -> exact number."""
+        self.parameters = dict(parameters)
+        self.surfaces: dict[sp.Symbol, sp.Expr] = {}
+        """Sign -> what it is the sign of, as it was written first."""
+        self.declared: dict[sp.Symbol, sp.Expr] = {}
+        """The same of the model's own surfaces."""
+        self.conditions: list[sp.Expr] = []
+        """What has been taken as positive for the values of the parameters."""
+        self.declared_late = False
+        """Whether a kink has turned out to be a surface that was declared behind it."""
+        self._waiting: dict[sp.Symbol, sp.Expr] = {}
+        """Those whose forms are not known yet."""
+        self._signs: dict[sp.Expr, sp.Expr] = {}
+        """Form -> its sign: a symbol, minus one, or a number."""
+        self._known: dict[object, sp.Expr] = {}
+        """Form of :func:`henon_ref.modes.algebra.signed_form` -> its sign, a symbol or minus one."""
+
+    def declare(self, sign: sp.Symbol, surface: sp.Expr) -> None:
+        """Take in a surface of the model: what is one up to a factor has its sign."""
+        self.declared[sign] = self._waiting[sign] = surface
+        if self.surfaces:
+            self._take_in()
+
+    def _take_in(self) -> None:
+        """Forms of the surfaces that have been declared; where there are no kinks nobody asks for them."""
+        for sign, surface in self._waiting.items():
+            form, way = signed_form(surface, self.parameters)
+            own = self._known.setdefault(form, way * sign)
+            self.declared_late |= not own.free_symbols.isdisjoint(self.surfaces)
+        self._waiting.clear()
+
+    def resolved(self, expression: sp.Expr, arguments: Sequence[sp.Expr]) -> sp.Expr:
+        """An expression with symbols for its signs; ``arguments`` are those of its kinks in order of appearance."""
+        for argument in (part for whole in arguments for part in branches(whole)):
+            form, way = (argument, 1) if argument.is_number else up_to_a_number(argument)
+            if form not in self._signs and expression.has(Sgn(form)):
+                self._signs[form] = way * self._sign(argument)
+        found = ((sign, self._signs.get(sign.args[0])) for sign in expression.atoms(Sgn))
+        return expression.xreplace({sign: value for sign, value in found if value is not None})
+
+    def guard(
+        self, sign: sp.Symbol, expression: sp.Expr, arguments: Sequence[sp.Expr]
+    ) -> tuple[dict[sp.Symbol, sp.Expr], sp.Expr]:
+        """Surfaces of an expression that may have kinks, and its sign by theirs.
+
+        Without kinks that is the sign itself; with them each branch is a surface: ``s``, ``s_2``, ...
+        """
+        surfaces: dict[sp.Symbol, sp.Expr] = {}
+        signs: dict[sp.Expr, sp.Expr] = {}
+        parts = branches(expression)
+        for part in parts:
+            form, way = (part, 1) if part.is_number else up_to_a_number(part)
+            if Sgn(form) not in signs and not part.free_symbols <= set(self.parameters):
+                own = sp.Symbol(f"{sign.name}_{len(surfaces) + 1}", real=True) if surfaces else sign
+                surfaces[own] = part
+                signs[Sgn(form)] = way * own
+        return surfaces, self.resolved(sgn(expression).xreplace(signs), [*arguments, *parts])
+
+    def positive_part(self, expression: sp.Expr, arguments: Sequence[sp.Expr] = ()) -> sp.Expr:
+        """max(0, expression), which may have kinks itself, of ``arguments``."""
+        return self.resolved(chosen(expression, expression, sp.S.Zero), [*arguments, expression])
+
+    def limited(self, expression: sp.Expr, bound: sp.Expr) -> sp.Expr:
+        """The expression where it lies between -bound and bound, else the one of these that it is beyond."""
+        above, below = bound + expression, bound - expression
+        return self.resolved((sgn(above) * above - sgn(below) * below) / 2, [above, below])
+
+    def used(self, expression: sp.Expr) -> dict[sp.Symbol, sp.Expr]:
+        """The kinks whose signs an expression holds."""
+        held = expression.free_symbols
+        return {sign: surface for sign, surface in self.surfaces.items() if sign in held}
+
+    def _sign(self, argument: sp.Expr) -> sp.Expr:
+        if argument.free_symbols <= set(self.parameters):
+            value = exact_sign(argument.xreplace(self.parameters))
+            self.conditions.append(-argument if value < 0 else argument)
+            return sp.Integer(value)
+        self._take_in()
+        form, way = signed_form(argument, self.parameters)
+        if form not in self._known:
+            sign = sp.Symbol(f"kink{len(self.surfaces) + 1}", real=True)
+            self.surfaces[sign], self._known[form] = argument, way * sign
+        return way * self._known[form]
 
 
 def with_kinks(
     source: Source, names: Names, surfaces: Mapping[sp.Symbol, Kinked], rates: Sequence[Kinked]
 ) -> tuple[dict[sp.Symbol, sp.Expr], list[sp.Expr], frozenset[int], tuple[sp.Expr, ...]]:
     """Surfaces of a system and of its kinks, and its field by their signs.
-
-    Parameters
-    ----------
-    source : Source
-    names : Names
-    surfaces : mapping
-        Sign -> its surface.
-    rates : sequence
-        Of the states.
 
     Returns
     -------
@@ -36,11 +119,6 @@ def with_kinks(
         Surfaces that stand for kinks.
     sections : tuple of Expr
         Signs of surfaces that have kinks, by those of their branches.
-
-    Raises
-    ------
-    CaseError
-        At the place of a kink that cannot be one.
     """
     kinks = Kinks(names.exact_parameters())
     for sign, (surface, arguments) in surfaces.items():
@@ -54,12 +132,10 @@ def with_kinks(
     field = []
     for i, rate in enumerate(rates):
         field.append(resolved(source, ("system", "field", i), kinks, rate, names.signs.values()).xreplace(values))
-    signs = list(names.signs)
-    _check_guards(source, names, signs, own)
-    _check_names(source, kinks, {*names.states, *(sign.name for sign in own), *names.parameters})
-    branches = {sign for sign in own if sign.name not in signs or values[sign] != sign}
+    _check_names(source, names, list(own), list(kinks.surfaces))
+    parts = {sign for sign in own if sign.name not in names.signs or values[sign] != sign}
     made = {**own, **kinks.surfaces}
-    numbers = frozenset(i for i, sign in enumerate(made) if sign in kinks.surfaces or sign in branches)
+    numbers = frozenset(i for i, sign in enumerate(made) if sign in kinks.surfaces or sign in parts)
     return made, field, numbers, tuple(value for sign, value in values.items() if value != sign)
 
 
@@ -96,23 +172,20 @@ def check_kinks(source: Source, path: Path, kinks: Kinks, arguments: Sequence[sp
         raise source.error(path, f"{message} (where abs(...) is allowed)")
 
 
-def _check_guards(source: Source, names: Names, signs: list[str], surfaces: dict[sp.Symbol, sp.Expr]) -> None:
-    """Refuse a surface with kinks whose branches' names are taken."""
+def _check_names(source: Source, names: Names, surfaces: list[sp.Symbol], kinks: list[sp.Symbol]) -> None:
+    """Refuse names of branches of surfaces, and of kinks, that are taken; and too many kinks."""
     taken = {*names.states, *names.parameters}
     for sign in surfaces:
-        if sign.name in signs:
+        if sign.name in names.signs:
             name = sign.name
-            continue
-        path: Path = ("system", "surfaces", name)
-        if sign.name in taken:
-            raise source.error(path, f"'{sign.name}' is the name of a branch of '{name}'; rename what has it", key=True)
-
-
-def _check_names(source: Source, kinks: Kinks, taken: set[str]) -> None:
-    for sign in kinks.surfaces:
+        elif sign.name in taken:
+            message = f"'{sign.name}' is the name of a branch of '{name}'; rename what has it"
+            raise source.error(("system", "surfaces", name), message, key=True)
+    taken |= {sign.name for sign in surfaces}
+    for sign in kinks:
         if sign.name in taken:
             message = f"kink1, kink2, ... are the names of what has a kink here; '{sign.name}' is taken: rename it"
             raise source.error(("system", "field"), message, key=True)
-    if len(kinks.surfaces) > source.most_states:
-        message = f"'field' has {len(kinks.surfaces)} kinks; at most {source.most_states} are allowed"
+    if len(kinks) > source.most_states:
+        message = f"'field' has {len(kinks)} kinks; at most {source.most_states} are allowed"
         raise source.error(("system", "field"), message, key=True)

@@ -15,14 +15,7 @@ HEADINGS = ("reading", "states", "surfaces", "from t [s]", "to t [s]")
 
 
 def case_html(name: str, title: str, problems: Mapping[str, Problem]) -> str:
-    """A table of readings, then the equations; whoever wrote the case, nothing in it is a tag.
-
-    Parameters
-    ----------
-    name, title : str
-    problems : mapping
-        Reading -> its problem.
-    """
+    """A table of the readings' problems, then the equations; whoever wrote the case, nothing in it is a tag."""
     rows = [_row(reading, problem) for reading, problem in list(problems.items())[:MOST_READINGS]]
     head = "".join(f"<th>{heading}</th>" for heading in HEADINGS)
     body = "".join(f"<tr>{''.join(f'<td>{html(cell)}</td>' for cell in row)}</tr>" for row in rows)

@@ -113,13 +113,7 @@ class Operation:
 
 
 def checked_nesting(operation: Operation) -> Operation:
-    """An operation in which functions and powers nest no deeper than ``MAX_NESTING``.
-
-    Raises
-    ------
-    ExpressionError
-        At the first that is deeper.
-    """
+    """An operation in which functions and powers nest no deeper than ``MAX_NESTING``."""
     waiting = [(operation, 0)]
     while waiting:
         part, level = waiting.pop()

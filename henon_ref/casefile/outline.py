@@ -11,8 +11,8 @@ from henon_ref.casefile.tree import MappingNode, Node, ScalarNode, SequenceNode,
 from henon_ref.casefile.yaml_file import read_yaml
 from henon_ref.errors import CaseError
 
-SURFACES_OF = {"friction": 1, "stop": 1}
-"""Kind of connection -> the surfaces that it makes."""
+CONTACTS = ("friction", "stop")
+"""Kinds of connections that make a surface."""
 
 
 @dataclass(frozen=True)
@@ -30,21 +30,23 @@ class Outline:
 
 
 def outline(path: Path) -> Outline:
-    """A case file at a glance.
-
-    Raises
-    ------
-    CaseError
-        For what is no YAML, and for a file without a name, a title or a model.
-    """
+    """A case file at a glance; a CaseError for what is no YAML, and without a name, a title or a model."""
     tree = read_yaml(path)
     readings = list(_readings(tree))
     name, title = (_text(tree, key, path) for key in ("name", "title"))
     tags = dict.fromkeys(tag for reading in readings for tag in _items(reading.entries.get("tags")))
-    sizes = _read_sizes(path) if any(map(_has_kinks, readings)) else [_sizes(reading, path) for reading in readings]
-    return Outline(
-        name, title, tuple(tags), len(readings), tuple(states for states, _ in sizes), tuple(s for _, s in sizes)
-    )
+    models = (reading.entries[key] for reading in readings for key in ("system", "scene") if key in reading.entries)
+    if any(
+        map(_may_hold_kink, models)
+    ):  # which make surfaces of their own, that only who reads the equations can count
+        from henon_ref.casefile.case import load_case  # SymPy, which no other outline needs
+
+        systems = [reading.problem.system for reading in load_case(path).readings]
+        sizes = [(len(system.states), len(system.surfaces)) for system in systems]
+    else:
+        sizes = [_sizes(reading, path) for reading in readings]
+    states, surfaces = zip(*sizes, strict=True)
+    return Outline(name, title, tuple(tags), len(readings), states, surfaces)
 
 
 def _readings(tree: MappingNode) -> Iterator[MappingNode]:
@@ -78,34 +80,15 @@ def _sizes(reading: MappingNode, path: Path) -> tuple[int, int]:
         if isinstance(states, SequenceNode) and isinstance(surfaces, MappingNode):
             return len(states.items), len(surfaces.entries)
     elif isinstance(initial, MappingNode):  # a scene's states stand in its start
-        return sum(key not in NOT_STATES for key in initial.entries), _contacts(reading)
+        connections = child(reading, ("scene", "connections"))
+        entries = connections.items if isinstance(connections, SequenceNode) else ()
+        kinds = [kind for entry in entries if isinstance(entry, MappingNode) for kind in entry.entries]
+        return sum(key not in NOT_STATES for key in initial.entries), sum(kind in CONTACTS for kind in kinds)
     raise CaseError("there is no model: give 'system' or 'scene', and 'initial'", file=str(path))
 
 
-def _has_kinks(reading: MappingNode) -> bool:
-    """Whether an expression of a model may make surfaces of its own, which only who reads it can count."""
-    return any(_holds_kink(reading.entries[key]) for key in ("system", "scene") if key in reading.entries)
-
-
-def _holds_kink(node: Node) -> bool:
+def _may_hold_kink(node: Node) -> bool:
+    """Whether an expression of a model may have a kink or a jump."""
     if isinstance(node, MappingNode):
-        return "normal" in node.entries or any(_holds_kink(child) for child in node.entries.values())
-    if isinstance(node, SequenceNode):
-        return any(_holds_kink(child) for child in node.items)
-    return may_have_kinks(node.text)
-
-
-def _read_sizes(path: Path) -> list[tuple[int, int]]:
-    """States and surfaces of each reading, from their equations."""
-    from henon_ref.casefile.case import load_case  # SymPy, which no other outline needs
-
-    systems = [reading.problem.system for reading in load_case(path).readings]
-    return [(len(system.states), len(system.surfaces)) for system in systems]
-
-
-def _contacts(reading: MappingNode) -> int:
-    """Surfaces of a scene."""
-    connections = child(reading, ("scene", "connections"))
-    entries = connections.items if isinstance(connections, SequenceNode) else ()
-    kinds = [kind for entry in entries if isinstance(entry, MappingNode) for kind in entry.entries]
-    return sum(SURFACES_OF.get(kind, 0) for kind in kinds)
+        return "normal" in node.entries or any(map(_may_hold_kink, node.entries.values()))
+    return any(map(_may_hold_kink, node.items)) if isinstance(node, SequenceNode) else may_have_kinks(node.text)

@@ -7,7 +7,7 @@ Characters, names, parentheses and the order of operands and operators are check
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 
 import sympy as sp
@@ -38,21 +38,7 @@ _CONNECTIVES = ("and", "or", "not")
 
 
 def parsed(text: str, names: Collection[str], functions: Mapping[str, int]) -> Operation:
-    """What a text says.
-
-    Parameters
-    ----------
-    text : str
-    names : collection of str
-        Names that may stand in it besides ``pi`` and ``e``.
-    functions : mapping
-        Functions that may -> how many arguments they take.
-
-    Raises
-    ------
-    ExpressionError
-        With the offset of the first thing that is not allowed.
-    """
+    """What a text says, in some names besides ``pi`` and ``e``, and in functions -> how many arguments they take."""
     if len(text) > MAX_LENGTH:
         raise ExpressionError(f"an expression of {len(text)} characters; at most {MAX_LENGTH} are allowed", 0)
     return _Parser(text, names, functions).whole()
@@ -68,48 +54,33 @@ class _Token:
     offset: int
 
 
-@dataclass
-class _Open:
-    """A parenthesis that is open."""
-
-    bracket: _Token
-    function: _Token | None
-    """The function before it."""
-    commas: int = 0
-    """So far."""
-    compared: bool = False
-    """Whether this argument has its comparison."""
-
-    @property
-    def is_condition(self) -> bool:
-        """Whether the argument is a condition: every second one of ``piecewise`` but for the last."""
-        return self.function is not None and self.function.text == "piecewise" and self.commas % 2 == 1
-
-
 class _Parser:
     """Reads a text by recursive descent; powers bind as in Python: ``-x^2`` is ``-(x^2)``, ``2^3^2`` is ``2^(3^2)``."""
 
     def __init__(self, text: str, names: Collection[str], functions: Mapping[str, int]) -> None:
         self.text, self.names, self.functions = text, names, functions
-        self.open: list[_Open] = []
-        self.position = self.count = 0
+        self.conditions: list[bool] = []
+        """Of each parenthesis that is open, whether a condition of ``piecewise`` stands in it."""
+        self.tokens = self._tokens()
         self.last: _Token | None = None
-        self.token: _Token | None = None
-        self._advance()
+        self.token = next(self.tokens, None)
+
+    def _tokens(self) -> Iterator[_Token]:
+        position = count = 0
+        while position < len(self.text):
+            match = _TOKEN.match(self.text, position)
+            if match is None:
+                raise _bad_character(self.text, position)
+            if match.lastgroup != "space":
+                count += 1
+                if count > MAX_TOKENS:
+                    raise ExpressionError(f"more than {MAX_TOKENS} numbers, names and operators", position)
+                yield _Token(str(match.lastgroup), match.group(), position)
+            position = match.end()
 
     def _advance(self) -> _Token | None:
         """Take the token and look at the next one."""
-        self.last, self.token = self.token, None
-        while self.position < len(self.text) and self.token is None:
-            match = _TOKEN.match(self.text, self.position)
-            if match is None:
-                raise _bad_character(self.text, self.position)
-            if match.lastgroup != "space":
-                self.token = _Token(str(match.lastgroup), match.group(), self.position)
-                self.count += 1
-                if self.count > MAX_TOKENS:
-                    raise ExpressionError(f"more than {MAX_TOKENS} numbers, names and operators", self.position)
-            self.position = match.end()
+        self.last, self.token = self.token, next(self.tokens, None)
         return self.last
 
     def _takes(self, *texts: str) -> _Token | None:
@@ -123,26 +94,20 @@ class _Parser:
         return found
 
     def _sum(self) -> Operation:
-        first = self._product()
-        terms = list(first.arguments) if first.kind == "+" else [first]
-        while operator := self._takes("+", "-"):
-            term = self._product()
-            terms.append(Operation("-", (term,)) if operator.text == "-" else term)
-        return self._joined("+", first, terms)
+        return self._chain("+", "-", self._product)
 
     def _product(self) -> Operation:
-        first = self._power()
-        factors = list(first.arguments) if first.kind == "*" else [first]
-        while operator := self._takes("*", "/"):
-            factor = self._power()
-            factors.append(Operation("/", (factor,), "", operator.offset) if operator.text == "/" else factor)
-        return self._joined("*", first, factors)
+        return self._chain("*", "/", self._power)
 
-    @staticmethod
-    def _joined(kind: str, first: Operation, parts: list[Operation]) -> Operation:
-        """A sum or a product, which is the first of its parts where nothing follows that."""
-        alone = len(parts) == 1 or (first.kind == kind and len(parts) == len(first.arguments))
-        return first if alone else Operation(kind, tuple(parts), "", first.begin)
+    def _chain(self, kind: str, inverse: str, part: Callable[[], Operation]) -> Operation:
+        """A sum or a product, or its first part where nothing follows that."""
+        first = part()
+        parts = list(first.arguments) if first.kind == kind else [first]
+        count = len(parts)
+        while operator := self._takes(kind, inverse):
+            found = part()
+            parts.append(Operation(inverse, (found,), "", operator.offset) if operator.text == inverse else found)
+        return first if len(parts) == count else Operation(kind, tuple(parts), "", first.begin)
 
     def _power(self) -> Operation:
         """A tower of powers, each with the signs before it; in a loop, since it may be high."""
@@ -191,7 +156,7 @@ class _Parser:
             before = self.last.text if self.last is not None else "the beginning"
             between = f"a number or a name is missing between '{before}' and '{token.text}'"
             return ExpressionError(between, token.offset)
-        if token.kind == "comparison" and not (self.open and self.open[-1].is_condition):
+        if token.kind == "comparison" and not any(self.conditions[-1:]):
             return self._misplaced(token)
         after = f" after '{self.last.text}'" if self.last is not None and token.kind == "operator" else ""
         return ExpressionError(f"a number or a name is missing{after} before '{token.text}'", token.offset)
@@ -207,7 +172,7 @@ class _Parser:
             what = f"an operator is missing between '{last.text}' and '{token.text}'"
         elif token.text == "(":
             what = f"'{last.text}' is no function" if last.kind == "name" else "an operator is missing before '('"
-        elif token.kind == "comparison" and not (self.open and self.open[-1].is_condition):
+        elif token.kind == "comparison" and not any(self.conditions[-1:]):
             raise self._misplaced(token)
         else:
             return
@@ -215,7 +180,7 @@ class _Parser:
 
     def _misplaced(self, token: _Token) -> ExpressionError:
         """What is said of a comparison that stands in no condition."""
-        if any(bracket.is_condition for bracket in self.open):
+        if any(self.conditions):
             return ExpressionError(f"a comparison has no parentheses of its own; {TWO_CONDITIONS}", token.offset)
         return ExpressionError(f"'{token.text}' stands in a condition of 'piecewise' only", token.offset)
 
@@ -240,49 +205,49 @@ class _Parser:
         """What stands in parentheses: arguments of a function, or one expression."""
         bracket = self._advance()
         assert bracket is not None
-        own = _Open(bracket, function)
-        self.open.append(own)
-        if len(self.open) > MAX_DEPTH:
+        if len(self.conditions) == MAX_DEPTH:
             raise ExpressionError(f"parentheses nest deeper than {MAX_DEPTH}", bracket.offset)
+        self.conditions.append(False)
         arity = self.functions[function.text] if function is not None else 1
-        arguments = [self._argument(own)]
+        arguments = [self._argument()]
         while comma := self._takes(","):
-            if own.commas + 1 >= arity:
+            if len(arguments) >= arity:
                 several = f"'{function.text}' takes {arity} argument{'s' if arity > 1 else ''}" if function else ""
                 what = several or "',' stands between arguments only"
                 raise ExpressionError(f"{what}; a decimal point is written '.'", comma.offset)
-            own.commas += 1
-            own.compared = False
-            arguments.append(self._argument(own))
+            # Every second argument of piecewise is a condition but for the last.
+            self.conditions[-1] = function is not None and function.text == "piecewise" and len(arguments) % 2 == 1
+            arguments.append(self._argument())
         if not self._takes(")"):
             raise ExpressionError("'(' is never closed", bracket.offset)
-        self.open.pop()
+        self.conditions.pop()
         if function is not None:
-            _check_arguments(function, arity, own.commas)
+            _check_arguments(function, arity, len(arguments))
         return arguments
 
-    def _argument(self, own: _Open) -> Operation:
+    def _argument(self) -> Operation:
         """An argument; a condition is a comparison."""
         found = self._sum()
+        compared = False
         while operator := self._takes("<", "<=", ">", ">="):
-            if own.compared:
+            if compared:
                 raise ExpressionError(TWO_CONDITIONS, operator.offset)
-            own.compared = True
+            compared = True
             found = Operation(operator.text, (found, self._sum()), "", found.begin)
-        if own.is_condition and not own.compared and self.token is not None:
+        if self.conditions[-1] and not compared and self.token is not None:
             raise ExpressionError("a condition has one comparison, as in x < 1", self.token.offset)
         return found
 
 
-def _check_arguments(function: _Token, arity: int, commas: int) -> None:
+def _check_arguments(function: _Token, arity: int, count: int) -> None:
     """Refuse a call with too few arguments, or a ``piecewise`` that does not end with a value."""
-    if function.text == "piecewise" and (commas < 2 or commas % 2):
+    if function.text == "piecewise" and (count < 3 or count % 2 == 0):
         raise ExpressionError(
             f"'{function.text}' takes a value and its condition, more of both, and the value otherwise, "
             "as in piecewise(1, x < 0, 2)",
             function.offset,
         )
-    if commas + 1 < (2 if arity == MANY else arity):
+    if count < (2 if arity == MANY else arity):
         several = "two arguments or more" if arity == MANY else f"{arity} arguments"
         raise ExpressionError(f"'{function.text}' takes {several}", function.offset)
 

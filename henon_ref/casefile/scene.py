@@ -10,15 +10,12 @@ from collections.abc import Sequence
 import sympy as sp
 
 from henon_ref.casefile.assembly import Connection, Scene
-from henon_ref.casefile.bodies import Body, Requirements, read_bodies
-from henon_ref.casefile.connection import Key, Kind, Link
-from henon_ref.casefile.connections import KINDS
+from henon_ref.casefile.bodies import Body, Quantities, read_bodies
+from henon_ref.casefile.connections import KINDS, Key, Kind, Link
 from henon_ref.casefile.grammar import MAX_STATES, name_problem
-from henon_ref.casefile.kinks import Kinks
-from henon_ref.casefile.model_kinks import check_kinks, resolved
+from henon_ref.casefile.model_kinks import Kinks, check_kinks, resolved
 from henon_ref.casefile.source import Names, Path, Source
 from henon_ref.casefile.tree import MappingNode, ScalarNode, SequenceNode, child
-from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed
 
 CONNECTIONS = ("scene", "connections")
@@ -27,14 +24,7 @@ _KINK = "a kink"
 
 
 def build_scene(source: Source) -> tuple[Scene, Names]:
-    """The scene of a case file.
-
-    Raises
-    ------
-    CaseError
-        At the place of a body, connection or key that is not known, of one that is missing, and of a value out of
-        its range.
-    """
+    """The scene of a case file."""
     return _read(source)[1]
 
 
@@ -44,7 +34,7 @@ def conditions(source: Source) -> list[sp.Expr]:
     Values with which they all are larger are allowed.
     """
     reader, _ = _read(source)
-    return [*reader.requirements.expressions, *reader.kinks.conditions]
+    return [*reader.quantities.wanted, *reader.kinks.conditions]
 
 
 def _read(source: Source) -> tuple[_Reader, tuple[Scene, Names]]:
@@ -65,15 +55,14 @@ class _Reader:
 
     def __init__(self, source: Source) -> None:
         self.source = source
-        self.values = source.parameters(("scene", "parameters"))
-        self.symbols = {name: sp.Symbol(name, real=True) for name in self.values}
-        self.requirements = Requirements(source)
+        self.quantities = Quantities(source)
+        self.values = self.quantities.values
         self.bodies: dict[str, Body] = {}
         self.states: dict[str, sp.Symbol] = {}
-        self.kinks = Kinks({self.symbols[name]: value for name, value in self.values.items()})
+        self.kinks = Kinks({self.quantities.symbols[name]: value for name, value in self.values.items()})
 
     def scene(self) -> tuple[Scene, Names]:
-        self.bodies = read_bodies(self.source, self.values, self.requirements)
+        self.bodies = read_bodies(self.quantities)
         self.states = {x.name: x for body in self.bodies.values() for x in body.states}
         if not self.states:
             message = "no body moves freely: give one a 'mass' or an 'inertia'"
@@ -130,8 +119,7 @@ class _Reader:
         (name,) = entry.entries
         path = (*CONNECTIONS, number, name)
         if name not in KINDS:
-            message = f"unknown connection '{name}'{did_you_mean(name, KINDS)}; kinds: {listed(KINDS)}"
-            raise self.source.error(path, message, key=True)
+            raise self.source.unknown(path, f"unknown connection '{name}'", "kinds", KINDS)
         kind = KINDS[name]
         own = child(self.source.tree, path)
         if not isinstance(own, MappingNode):
@@ -139,7 +127,7 @@ class _Reader:
             raise self.source.error(path, f"'{name}' must be a mapping of its keys, as in {{{example}, ...}}")
         self._check_keys(path, kind, own)
         ends = self._on(path, name, kind) if kind.on else self._between(path, name)
-        link = Link(name, ends, {}, {}, self.source, path, self._name(path, own), self.kinks)
+        link = Link(name, ends, self.source, path, self._name(path, own), self.kinks)
         turns = any(body.kind == "rotor" for body in ends)
         for key in kind.keys:
             self._read(link, key, turns, key.name in own.entries)
@@ -218,10 +206,15 @@ class _Reader:
             return
         if key.of != "states":
             self._check_states(path, key)
-        if key.of == "states":
-            link.values[key.name], link.kinked_values[key.name] = self._of_states(path)
+        if key.of == "parameters":
+            link.values[key.name] = self.quantities.constant(path, what, key.range)
+            return
+        written = self.quantities.moving(self.source.field, path, self.states if key.of == "states" else {})
+        if key.of == "time":  # kinks and jumps become surfaces
+            link.values[key.name] = link.kinked(resolved(self.source, path, self.kinks, written))
         else:
-            link.values[key.name] = self._kinked(link, path) if key.of == "time" else self._expression(path, key, what)
+            check_kinks(self.source, path, self.kinks, written[1])
+            link.values[key.name], link.kinked_values[key.name] = written
 
     def _check_states(self, path: Path, key: Key) -> None:
         """Refuse states where a value is none of states."""
@@ -234,38 +227,13 @@ class _Reader:
                 "a damper, a friction with a 'law'; for others write the equations as 'system' in place of 'scene'",
             )
 
-    def _kinked(self, link: Link, path: Path) -> sp.Expr:
-        """A function of time, whose kinks and jumps become surfaces."""
-        written = self.source.field(path, {**self.symbols, "t": TIME})
-        self.source.field(path, {**self.values, "t": TIME}, " (with the values of the parameters)")
-        return link.kinked(resolved(self.source, path, self.kinks, written))
-
-    def _of_states(self, path: Path) -> tuple[sp.Expr, list[sp.Expr]]:
-        """A function of time and states, and what it has kinks and jumps for."""
-        moving = {"t": TIME, **self.states}
-        written = self.source.field(path, {**self.symbols, **moving})
-        self.source.field(path, {**self.values, **moving}, " (with the values of the parameters)")
-        check_kinks(self.source, path, self.kinks, written[1])
-        return written
-
-    def _expression(self, path: Path, key: Key, what: str) -> sp.Expr:
-        expression = self.source.expression(path, self.symbols)
-        value = self.source.number(path, self.values)
-        if key.range == "positive":
-            self.requirements.want(expression, value, path, f"{what} must be larger than 0", above=True)
-        elif key.range in ("nonnegative", "fraction"):
-            self.requirements.want(expression, value, path, f"{what} must be 0 or larger")
-        if key.range == "fraction":
-            self.requirements.want(1 - expression, 1 - value, path, f"{what} must be at most 1")
-        return expression
-
     def _check_static(self, link: Link) -> None:
         """Static friction below kinetic friction would let go and catch a body at the same instant."""
         if "static" in link.values and "force" in link.values:
             path = (*link.path, "static")
             value = self.source.number(path, self.values) - self.source.number((*link.path, "force"), self.values)
             message = "'static' must not be smaller than 'force': a contact holds at least what it slides with"
-            self.requirements.want(link.values["static"] - link.values["force"], value, path, message)
+            self.quantities.want(link.values["static"] - link.values["force"], value, path, message)
 
 
 def _choice(words: Sequence[str]) -> str:

@@ -1,8 +1,7 @@
 """The case file's form: which keys there are, what they hold, and what is said where they do not.
 
-The models only check form; what the expressions in them mean is checked where they are read
-(:mod:`henon_ref.casefile.problem`, :mod:`henon_ref.casefile.expected`). A system is built of the tree, not of them:
-a model from Python is checked without them (:mod:`henon_ref.casefile.model_form`).
+Forms only check form; what the expressions in them mean is checked where they are read
+(:mod:`henon_ref.casefile.problem`, :mod:`henon_ref.casefile.expected`). A system is built of the tree, not of them.
 """
 
 from __future__ import annotations
@@ -10,25 +9,31 @@ from __future__ import annotations
 import math
 import re
 import unicodedata
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
 from decimal import Decimal
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema
-
-from henon_ref.casefile.grammar import MAX_STATES
-from henon_ref.casefile.model_form import DATE
-from henon_ref.casefile.scene_schema import bodies_schema, connections_schema
+from henon_ref.casefile.form import Scalar, Size, read_form
+from henon_ref.casefile.grammar import MAX_STATES, MOST_STATES
+from henon_ref.casefile.source import Source
+from henon_ref.casefile.tree import MappingNode
 from henon_ref.text import shortened
 
-DEFAULT_TOLERANCES = (1e-6, 1e-9, 1e-12)
-"""A coarse, a usual and a tight one: enough for a work-precision line."""
-DEFAULT_STEPS = (1e-3,)
 MAX_NAME = 64
 """Characters the name of a case or of a reading may have: files are called after both."""
+NAME_PATTERN = f"^[a-z0-9_]{{1,{MAX_NAME}}}$"
+_DATE = re.compile(r"[0-9]{4}-[0-9]{1,2}-[0-9]{1,2}")
+"""What YAML 1.1 takes for one."""
+_CONTROLS = ("Cc", "Zl", "Zp", "Cs")
+"""Control characters, separators of lines and paragraphs, and halves of surrogate pairs, which no file can hold."""
 
 ExpectedVerdict = Literal["ill-conditioned"]
 ExpectedStatus = Literal["ok", "diverged", "nonunique", "invalid", "failed"]
 GateStatus = Literal["ok", "wrong", "diverged", "nonunique", "invalid", "unsupported"]
+
+
+# -- scalars --------------------------------------------------------------------------------------------
 
 
 def _expression(value: Any) -> str:
@@ -36,33 +41,26 @@ def _expression(value: Any) -> str:
         raise ValueError("must be a number or an expression (text)")
     if isinstance(value, Decimal) and not value.is_finite():
         raise ValueError("must be a finite number or an expression")
-    if isinstance(value, str) and DATE.fullmatch(value.strip()):
+    if isinstance(value, str) and _DATE.fullmatch(value.strip()):
         raise ValueError(f"{value.strip()} is a date; a difference is written with blanks, as in 3 - 2 - 1")
     return str(value)
 
 
 def _decimal(value: Any) -> Decimal:
     if isinstance(value, bool) or not isinstance(value, int | Decimal):
-        raise ValueError(f"must be a number{_text_note(value)}")
+        note = f", not the text {shortened(value)}" if isinstance(value, str) else ""
+        raise ValueError(f"must be a number{note}")
     value = Decimal(value)
     if not value.is_finite() or not math.isfinite(float(value)):
         raise ValueError("must be a finite number")
     return value
 
 
-def _text_note(value: Any) -> str:
-    return f", not the text {shortened(value)}" if isinstance(value, str) else ""
-
-
-def _positive_decimal(value: Any) -> Decimal:
+def _positive(value: Any) -> Decimal:
     number = _decimal(value)
     if float(number) <= 0:  # a double that is too small is 0
         raise ValueError("must be larger than 0")
     return number
-
-
-def _positive(value: Any) -> float:
-    return float(_positive_decimal(value))
 
 
 def _tolerance(value: Any) -> float:
@@ -81,29 +79,13 @@ def _text(value: Any) -> str:
     return value
 
 
-# Control characters, separators of lines and paragraphs, and halves of surrogate pairs, which no file can hold.
-_CONTROLS = ("Cc", "Zl", "Zp", "Cs")
-
-
 def one_line(value: Any) -> str:
-    """Text that reports set in one line: line breaks and runs of blanks become one blank.
-
-    Raises
-    ------
-    ValueError
-        For what is no text, is empty, or holds a control character.
-    """
+    """Text that reports set in one line: line breaks and runs of blanks become one blank."""
     return re.sub(r"[ \t\n]+", " ", _text(value)).strip()
 
 
 def file_name(value: Any) -> str:
-    """The name of a case or a reading, which files and folders are called after.
-
-    Raises
-    ------
-    ValueError
-        For a name that is too long or has characters that not every file system takes.
-    """
+    """The name of a case or a reading, which files and folders are called after."""
     if not isinstance(value, str) or not re.fullmatch(r"[a-z0-9_]+", value):
         shown = shortened(value) if isinstance(value, str) else f"{value} (a number alone stands in quotes)"
         raise ValueError(f"a name is made of a-z, 0-9 and _ only, not {shown}")
@@ -118,196 +100,218 @@ def _solver(value: Any) -> str:
     return value
 
 
-def _version(value: Any) -> int:
-    if type(value) is not int or value != 1:
-        raise ValueError("must be 1, the version of the case file's form")
-    return value
+def whole_number(message: str, *values: int, schema: Mapping[str, Any] | None = None) -> Scalar:
+    """One of some whole numbers; true, 1.0 and text are none."""
+
+    def read(value: Any) -> int:
+        if type(value) is not int or value not in values:
+            raise ValueError(message)
+        return value
+
+    return Scalar(read, {"enum": list(values)} if schema is None else schema)
 
 
-def _side(value: Any) -> int:
-    if type(value) is not int or value not in (-1, 1):
-        raise ValueError("must be -1 or 1")
-    return value
-
-
-def _entry(value: Any) -> int:
-    if type(value) is not int or value not in (-1, 0, 1):
-        raise ValueError("a mode is -1 or 1 (slip, the side of the surface) or 0 (sliding)")
-    return value
-
-
-_NUMBER: dict[str, Any] = {"type": "number"}
-Expression = Annotated[str, BeforeValidator(_expression), WithJsonSchema({"type": ["number", "string"]})]
-Digits = Annotated[Decimal, BeforeValidator(_decimal), WithJsonSchema(_NUMBER)]
-PositiveDigits = Annotated[
-    Decimal, BeforeValidator(_positive_decimal), WithJsonSchema(_NUMBER | {"exclusiveMinimum": 0})
+_NUMBER = {"type": "number"}
+_ABOVE_ZERO = _NUMBER | {"exclusiveMinimum": 0}
+Expression = Annotated[Any, Scalar(_expression, {"type": ["number", "string"]})]
+"""Read as text; a number once it has been worked out (:mod:`henon_ref.casefile.expected`)."""
+Digits = Annotated[Decimal, Scalar(_decimal, _NUMBER)]
+PositiveDigits = Annotated[Decimal, Scalar(_positive, _ABOVE_ZERO)]
+Positive = Annotated[float, Scalar(lambda value: float(_positive(value)), _ABOVE_ZERO)]
+Tolerance = Annotated[float, Scalar(_tolerance, _NUMBER | {"minimum": 1e-16, "exclusiveMaximum": 1})]
+Text = Annotated[str, Scalar(_text, {"type": "string"})]
+OneLine = Annotated[str, Scalar(one_line, {"type": "string"})]
+CaseName = Annotated[str, Scalar(file_name, {"type": "string", "pattern": NAME_PATTERN})]
+SolverName = Annotated[str, Scalar(_solver, {"type": "string"})]
+ModeEntry = Annotated[int, whole_number("a mode is -1 or 1 (slip, the side of the surface) or 0 (sliding)", -1, 0, 1)]
+Side = Annotated[int, whole_number("must be -1 or 1", -1, 1, schema={"enum": [-1, 1], "type": "integer"})]
+Version = Annotated[
+    int, whole_number("must be 1, the version of the case file's form", 1, schema={"const": 1, "type": "integer"})
 ]
-Positive = Annotated[float, BeforeValidator(_positive), WithJsonSchema(_NUMBER | {"exclusiveMinimum": 0})]
-Tolerance = Annotated[
-    float, BeforeValidator(_tolerance), WithJsonSchema(_NUMBER | {"minimum": 1e-16, "exclusiveMaximum": 1})
-]
-Text = Annotated[str, BeforeValidator(_text), WithJsonSchema({"type": "string"})]
-OneLine = Annotated[str, BeforeValidator(one_line), WithJsonSchema({"type": "string"})]
-NAME_PATTERN = f"^[a-z0-9_]{{1,{MAX_NAME}}}$"
-CaseName = Annotated[str, BeforeValidator(file_name), WithJsonSchema({"type": "string", "pattern": NAME_PATTERN})]
-SolverName = Annotated[str, BeforeValidator(_solver), WithJsonSchema({"type": "string"})]
-ModeEntry = Annotated[int, BeforeValidator(_entry), WithJsonSchema({"enum": [-1, 0, 1]})]
 
 
-class Form(BaseModel):
-    """A mapping of the case file: unknown keys are refused."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, populate_by_name=False)
+# -- the model ------------------------------------------------------------------------------------------
 
 
-class SystemForm(Form):
+@dataclass(frozen=True, kw_only=True)
+class SystemForm:
     """A piecewise-smooth system, written out."""
 
-    state: Annotated[list[Text], Field(min_length=1, max_length=MAX_STATES, description="names of the states")]
-    parameters: dict[str, Expression] = Field({}, description="name: number, or expression in other parameters")
-    surfaces: dict[str, Expression] = Field(
-        {}, max_length=MAX_STATES, description="sign symbol: the expression whose sign it is"
+    state: Annotated[tuple[Text, ...], Size(1, MAX_STATES), "names of the states"]
+    parameters: Annotated[Mapping[str, Expression], "name: number, or expression in other parameters"] = field(
+        default_factory=dict
     )
-    field: list[Expression] = Field(
-        description="x', one expression a state; t is time; abs, sign, min, max, piecewise become surfaces kink1, ..."
-    )
-    valid: list[Expression] = Field([], description="the model holds while these are > 0")
+    surfaces: Annotated[
+        Mapping[str, Expression], Size(0, MAX_STATES), "sign symbol: the expression whose sign it is"
+    ] = field(default_factory=dict)
+    field: Annotated[
+        tuple[Expression, ...],
+        "x', one expression a state; t is time; abs, sign, min, max, piecewise become surfaces kink1, ...",
+    ]
+    valid: Annotated[tuple[Expression, ...], "the model holds while these are > 0"] = ()
 
 
-class SceneForm(Form):
+@dataclass(frozen=True, kw_only=True)
+class SceneForm:
     """Bodies and what connects them; what is named is built, nothing else (:mod:`henon_ref.casefile.scene`)."""
 
-    parameters: dict[str, Expression] = Field({}, description="name: number, or expression in other parameters")
-    bodies: Annotated[dict[str, Any], WithJsonSchema(bodies_schema())] = Field(
-        min_length=1, description="name: what it is, as in {mass: 1}, {inertia: 1}, {velocity: cos(t)} or fixed"
+    parameters: Annotated[Mapping[str, Expression], "name: number, or expression in other parameters"] = field(
+        default_factory=dict
     )
-    connections: Annotated[list[Any], WithJsonSchema(connections_schema())] = Field(
-        description="one kind with its keys each, as in spring: {between: [a, wall], stiffness: 1}"
-    )
+    bodies: Annotated[
+        Mapping[str, Any], Size(1), "name: what it is, as in {mass: 1}, {inertia: 1}, {velocity: cos(t)} or fixed"
+    ]
+    connections: Annotated[
+        tuple[Any, ...], "one kind with its keys each, as in spring: {between: [a, wall], stiffness: 1}"
+    ]
 
 
-class InitialForm(Form):
+@dataclass(frozen=True, kw_only=True)
+class InitialForm:
     """The start: time, every state by its name, and the mode where the fields leave it open."""
 
-    model_config = ConfigDict(extra="allow")
-    __pydantic_extra__: dict[str, Expression]
+    OTHERS: ClassVar = Expression
 
     t: Expression = "0"
-    mode: dict[str, ModeEntry] = {}
+    mode: Mapping[str, ModeEntry] = field(default_factory=dict)
 
 
-class ReleaseForm(Form):
+@dataclass(frozen=True, kw_only=True)
+class ReleaseForm:
     """One way out of a sliding mode."""
 
-    when: Expression = Field(description="the sliding ends where this crosses zero")
+    when: Annotated[Expression, "the sliding ends where this crosses zero"]
     direction: Literal["rising", "falling"]
-    to: Annotated[Literal[-1, 1], BeforeValidator(_side)] = Field(description="the side released into")
+    to: Annotated[Side, "the side released into"]
 
 
-class SlidingForm(Form):
+@dataclass(frozen=True, kw_only=True)
+class SlidingForm:
     """Sliding in a source's own way, in place of Filippov's."""
 
-    field: list[Expression]
-    release: Annotated[list[ReleaseForm], Field(min_length=1)]
-    entry: Literal["attracting", "inside"] = Field(
-        "attracting",
-        description="a trajectory on the surface sticks where both slip fields point at it (attracting), "
+    field: tuple[Expression, ...]
+    release: Annotated[tuple[ReleaseForm, ...], Size(1)]
+    entry: Annotated[
+        Literal["attracting", "inside"],
+        "a trajectory on the surface sticks where both slip fields point at it (attracting), "
         "or where no release is due (inside: static friction)",
-    )
+    ] = "attracting"
 
 
-class ResetForm(Form):
+@dataclass(frozen=True, kw_only=True)
+class ResetForm:
     """A jump of the state where a surface falls through zero."""
 
-    when: Literal["falling"] = Field("falling", description="the way in which the surface goes through zero")
-    map: Annotated[dict[str, Expression], Field(min_length=1)] = Field(
-        description="state: its value after the jump, in t, the states before it, and parameters; the others stay"
-    )
-    priority: Digits = Field(
-        Decimal(0),
-        json_schema_extra={"default": 0},
-        description="of several resets that are due at one instant the lowest goes first",
-    )
+    when: Annotated[Literal["falling"], "the way in which the surface goes through zero"] = "falling"
+    map: Annotated[
+        Mapping[str, Expression],
+        Size(1),
+        "state: its value after the jump, in t, the states before it, and parameters; the others stay",
+    ]
+    priority: Annotated[Digits, "of several resets that are due at one instant the lowest goes first"] = Decimal(0)
 
 
-class MeasureForm(Form):
-    after: Expression = Field(default="0", description="sticks that end before this time are left out [s]")
+# -- what a reading is scored against -------------------------------------------------------------------
 
 
-class PublishedForm(Form):
+@dataclass(frozen=True, kw_only=True)
+class MeasureForm:
+    after: Annotated[Expression, "sticks that end before this time are left out [s]"] = "0"
+
+
+@dataclass(frozen=True)
+class Published:
     """Figures of the source, scored apart from the truth; their last digit is taken to be rounded."""
 
-    stick_durations: list[PositiveDigits] = Field([], description="[s]")
-    stick_lengths: list[Digits] = []
-    transition_times: list[Digits] = Field([], description="[s], of any of the transitions")
+    stick_durations: Annotated[tuple[PositiveDigits, ...], "[s]"] = ()
+    # A source that prints fewer than there are sticks means them to repeat in this order.
+    stick_lengths: tuple[Digits, ...] = ()
+    transition_times: Annotated[tuple[Digits, ...], "[s], of any of the transitions"] = ()
+    # Each stands beside the exact one that is nearest.
 
 
-class ExactForm(Form):
+@dataclass(frozen=True)
+class Exact:
     """Closed forms; they outrank computed truth."""
 
-    transition_times: list[Expression] = Field(description="[s], from the first transition on")
-    modes: list[list[ModeEntry]] = Field([], description="mode after each transition, of all of them, by surface")
+    transition_times: Annotated[tuple[Expression, ...], "[s], from the first transition on"]
+    modes: Annotated[tuple[tuple[ModeEntry, ...], ...], "mode after each transition, of all of them, by surface"] = ()
 
 
-class OrbitForm(Form):
+@dataclass(frozen=True)
+class Orbit:
     """A periodic orbit that is known or claimed."""
 
-    period: Expression = Field(description="[s]")
-    sticks: list[PositiveDigits] = Field([], description="stick durations within one period [s]")
-    crossings: list[Digits] = Field([], description="times of the crossings modulo the period [s]")
+    period: Annotated[Expression, "[s]"]
+    sticks: Annotated[tuple[PositiveDigits, ...], "stick durations within one period [s]"] = ()
+    crossings: Annotated[tuple[Digits, ...], "times of the crossings modulo the period [s]"] = ()
 
 
-class GateForm(Form):
+@dataclass(frozen=True)
+class Gate:
     """What one solver must reach for ``--gate``."""
 
-    at: Tolerance | None = Field(None, description="tolerance of the row; the tightest if left out")
-    max_time_error: Positive | None = Field(None, description="worst error of a transition [s]")
-    max_stick_error: Positive | None = Field(None, description="worst error of a stick duration [s]")
-    status: GateStatus | None = Field(None, description="the status the row must have; ok if left out")
+    at: Annotated[Tolerance | None, "tolerance of the row; the tightest if left out"] = None
+    max_time_error: Annotated[Positive | None, "worst error of a transition [s]"] = None
+    max_stick_error: Annotated[Positive | None, "worst error of a stick duration [s]"] = None
+    status: Annotated[GateStatus | None, "the status the row must have; ok if left out"] = None
 
 
-class ExpectForm(Form):
+@dataclass(frozen=True)
+class Expect:
     """How the run has to end, where that is not at the horizon, and whether the question is a fair one."""
 
-    status: ExpectedStatus = Field("ok", description="how it ends; ok, at the horizon, if left out")
-    reason: OneLine | None = Field(None, description="why")
-    verdict: ExpectedVerdict | None = Field(
-        None, description="no double-precision state decides what happens: its transitions have no finite conditioning"
-    )
-    time: Expression | None = Field(None, description="where it ends [s]")
+    status: Annotated[ExpectedStatus, "how it ends; ok, at the horizon, if left out"] = "ok"
+    reason: Annotated[OneLine | None, "why"] = None
+    verdict: Annotated[
+        ExpectedVerdict | None,
+        "no double-precision state decides what happens: its transitions have no finite conditioning",
+    ] = None
+    time: Annotated[Expression | None, "where it ends [s]"] = None
 
 
-class CaseForm(Form):
+@dataclass(frozen=True, kw_only=True)
+class CaseForm:
     """A case file, schema 1."""
 
-    schema_: Annotated[Literal[1], BeforeValidator(_version)] = Field(
-        alias="schema", description="version of this form"
-    )
-    name: CaseName = Field(description="the report's folder")
+    BESIDE: ClassVar = ("readings",)
+    """Keys that are read before (:func:`henon_ref.casefile.case.reading_sources`)."""
+    HINTS: ClassVar = {"points": " (a sweep file is run by henon-ref sweep)"}
+
+    schema: Annotated[Version, "version of this form"]
+    name: Annotated[CaseName, "the report's folder"]
     title: OneLine
-    source: OneLine | None = Field(None, description="where the case comes from")
-    story: Text | None = Field(None, description="what happens, what makes it hard, what is right")
-    equations: Text | None = Field(None, description="the equations as a reader would write them")
-    links: list[OneLine] = []
-    tags: list[OneLine] = []
+    source: Annotated[OneLine | None, "where the case comes from"] = None
+    story: Annotated[Text | None, "what happens, what makes it hard, what is right"] = None
+    equations: Annotated[Text | None, "the equations as a reader would write them"] = None
+    links: tuple[OneLine, ...] = ()
+    tags: tuple[OneLine, ...] = ()
     system: SystemForm | None = None
     scene: SceneForm | None = None
     initial: InitialForm
-    until: Expression = Field(description="the horizon [s]")
-    sliding: dict[str, SlidingForm] = Field({}, description="sign symbol: sliding in the source's own way")
-    resets: dict[str, ResetForm] = Field({}, description="sign symbol: how the state jumps at its surface")
-    measure: MeasureForm = MeasureForm()
-    published: PublishedForm | None = None
-    exact: ExactForm | None = None
-    orbit: OrbitForm | None = None
-    solvers: Annotated[list[SolverName], Field(min_length=1)] | None = Field(None, description="all if left out")
-    tolerances: Annotated[list[Tolerance], Field(min_length=1)] = list(DEFAULT_TOLERANCES)
-    steps: Annotated[list[Positive], Field(min_length=1)] = Field(
-        list(DEFAULT_STEPS), description="for fixed-step solvers [s]"
+    until: Annotated[Expression, "the horizon [s]"]
+    sliding: Annotated[Mapping[str, SlidingForm], "sign symbol: sliding in the source's own way"] = field(
+        default_factory=dict
     )
-    gate: dict[SolverName, GateForm] = {}
-    expect: ExpectForm | None = None
+    resets: Annotated[Mapping[str, ResetForm], "sign symbol: how the state jumps at its surface"] = field(
+        default_factory=dict
+    )
+    measure: MeasureForm = MeasureForm()
+    published: Published | None = None
+    exact: Exact | None = None
+    orbit: Orbit | None = None
+    solvers: Annotated[Annotated[tuple[SolverName, ...], Size(1)] | None, "all if left out"] = None
+    tolerances: Annotated[tuple[Tolerance, ...], Size(1)] = (1e-6, 1e-9, 1e-12)
+    # A coarse, a usual and a tight one: enough for a work-precision line.
+    steps: Annotated[tuple[Positive, ...], Size(1), "for fixed-step solvers [s]"] = (1e-3,)
+    gate: Mapping[SolverName, Gate] = field(default_factory=dict)
+    expect: Expect | None = None
 
 
-READING_KEYS = frozenset(CaseForm.model_fields) - {"schema_", "name"}
+READING_KEYS = frozenset(own.name for own in fields(CaseForm)) - {"schema", "name"}
 """Keys that a reading may override."""
+
+
+def check_form(tree: MappingNode) -> None:
+    """Check the form of a model from Python, which has some of a case file's keys and may be larger."""
+    read_form(CaseForm, Source(tree, most_states=MOST_STATES), partial=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -29,6 +29,7 @@ from henon_ref.casefile.tree import MappingNode, Place, ScalarNode, SequenceNode
 from henon_ref.casefile.work import Work, key_of, names_in, overlaid
 from henon_ref.errors import CaseError, ExpressionError
 from henon_ref.taylor.tape import TIME
+from henon_ref.text import did_you_mean, listed
 
 T = TypeVar("T")
 WITH_VALUES = " (with the values of the parameters)"
@@ -51,8 +52,15 @@ class Source:
 
     def error(self, path: Path, message: str, *, key: bool = False) -> CaseError:
         """An error at what a path leads to (``key``: at its key rather than its value)."""
-        place = locate(self.tree, path, key=key)
+        return self.error_at(locate(self.tree, path, key=key), message)
+
+    def error_at(self, place: Place, message: str) -> CaseError:
+        """An error at a place."""
         return CaseError(message + self.within, file=self.file, line=place.line, column=place.column)
+
+    def unknown(self, path: Path, what: str, kind: str, known: Collection[str]) -> CaseError:
+        """An error at a key that is none of those known, which are of a kind."""
+        return self.error(path, f"{what}{did_you_mean(str(path[-1]), known)}; {kind}: {listed(known)}", key=True)
 
     def text(self, path: Path) -> str:
         """The text of a scalar as it is written."""
@@ -148,17 +156,10 @@ class Source:
             start = node.text_place if isinstance(node, ScalarNode) else None
             if start is None:
                 raise self.error(path, message) from None
-            place = Place(start.line, start.column + error.offset)
-            raise CaseError(message + self.within, file=self.file, line=place.line, column=place.column) from None
+            raise self.error_at(Place(start.line, start.column + error.offset), message) from None
 
     def parameters(self, path: Path) -> dict[str, sp.Expr]:
-        """Exact values of a mapping of parameters, each of which may use the others.
-
-        Raises
-        ------
-        CaseError
-            Also for a name that is taken and for parameters that depend on each other in a circle.
-        """
+        """Exact values of a mapping of parameters, each of which may use the others."""
         node = child(self.tree, path)
         if not isinstance(node, MappingNode):
             return {}

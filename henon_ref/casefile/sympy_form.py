@@ -27,19 +27,7 @@ _COMPARISONS = (sp.StrictLessThan, sp.LessThan, sp.StrictGreaterThan, sp.Greater
 
 
 def operation_of(expression: sp.Expr, names: Collection[str], functions: Mapping[str, int]) -> Operation:
-    """What an expression of SymPy says.
-
-    Parameters
-    ----------
-    expression : Expr
-    names, functions
-        As for :func:`henon_ref.casefile.parser.parsed`.
-
-    Raises
-    ------
-    ExpressionError
-        For a name or a function that is not allowed, and for what is no expression.
-    """
+    """What an expression of SymPy says, in names and functions as in :func:`henon_ref.casefile.parser.parsed`."""
     found = _Reader().of(expression, 0)
     for part in found.parts():
         if part.kind == "name":

@@ -91,23 +91,16 @@ def _values(node: Node, of: Callable[[ScalarNode], Scalar]) -> PythonValue:
 def locate(node: Node, path: Sequence[str | int], *, key: bool = False) -> Place:
     """The place of what a path of keys and indices leads to, or of the last part of it that is there.
 
-    Parameters
-    ----------
-    node : Node
-    path : sequence of str or int
-    key : bool
-        The place of the last key, where the path ends in one, rather than of its value.
+    With ``key`` that of the last key, where the path ends in one, rather than of its value.
     """
     place = node.place
     for depth, part in enumerate(path):
-        if isinstance(node, MappingNode) and part in node.entries:
-            place = node.keys[str(part)] if key and depth == len(path) - 1 else node.entries[str(part)].place
-            node = node.entries[str(part)]
-        elif isinstance(node, SequenceNode) and isinstance(part, int) and part < len(node.items):
-            node = node.items[part]
-            place = node.place
-        else:
+        found = child(node, [part])
+        if found is None:
             break
+        at_key = key and depth == len(path) - 1
+        place = node.keys[str(part)] if at_key and isinstance(node, MappingNode) else found.place
+        node = found
     return place
 
 

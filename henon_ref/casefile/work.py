@@ -37,13 +37,7 @@ class Work:
     """What is built of parts of the file, by these parts, which are kept beside it."""
 
     def charge(self, characters: int, offset: int) -> None:
-        """Count work before it is done.
-
-        Raises
-        ------
-        ExpressionError
-            Where it is more than a file may cost.
-        """
+        """Count work before it is done."""
         self.done += characters
         most = self.files * MAX_WORK
         if self.done > most:

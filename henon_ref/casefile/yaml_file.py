@@ -10,7 +10,6 @@ from __future__ import annotations
 import re
 import stat
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from decimal import Decimal
 from pathlib import Path
 
@@ -30,6 +29,7 @@ MAX_NODES = 20_000
 MAX_DEPTH = 32
 """How deep mappings and sequences may nest."""
 
+_SEVERAL = "several YAML documents; a case file is one document, without a second '---'"
 _INTEGER = re.compile(r"[-+]?[0-9]{1,400}")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]{1,5})?")
 _NOT_FINITE = re.compile(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
@@ -50,93 +50,85 @@ def read_yaml(path: str | Path) -> MappingNode:
         With file, line and column: not a regular file, too large, not UTF-8, not YAML, more than one
         document, a duplicate key, a tag, a merge key, aliases that expand without bound.
     """
-    text = _text_of(Path(path))
-    return parse_yaml(text, file=str(path))
+    return parse_yaml(_text_of(Path(path)), file=str(path))
 
 
 def parse_yaml(text: str, *, file: str | None = None) -> MappingNode:
     """Read YAML text whose top level is a mapping (see :func:`read_yaml`)."""
-    node = _Builder(_events(text, file), file).document()
+    reader = _Reader(text, file)
+    node = reader.document()
     if not isinstance(node, MappingNode):
         empty = "" if node else "the file is empty; "
         message = f"{empty}a case file is a mapping of keys to values, 'schema: 1' first"
-        raise _error(message, file, node.place if node else Place(1, 1))
+        raise reader.error(message, node.place if node else Place(1, 1))
     return node
 
 
-def _events(text: str, file: str | None) -> Iterator[ev.Event]:
-    """The parser's events; whatever the parser raises is an error of the file."""
-    end = Place(1, 1)
-    try:
-        for event in YAML(typ="safe", pure=True).parse(text):
-            end = Place(event.end_mark.line + 1, event.end_mark.column + 1)
-            yield event
-    except MarkedYAMLError as error:
-        raise _from_marked(error, file) from None
-    except ReaderError as error:
-        before = text[: error.position]
-        place = Place(before.count("\n") + 1, len(before) - before.rfind("\n"))
-        raise _error("a control character that YAML does not allow", file, place) from None
-    except (AssertionError, ArithmeticError, ValueError):
-        # The parser's own checks of '%YAML 1.3' and of "\U00110000"; they tell no place.
-        what = "a version other than 1.1 and 1.2, or the number of a character that there is not"
-        raise _error(f"what follows here is not YAML: {what}", file, end) from None
-
-
-def _error(message: str, file: str | None, place: Place) -> CaseError:
-    return CaseError(message, file=file, line=place.line, column=place.column)
-
-
 def _text_of(path: Path) -> str:
+    def error(message: str, line: int | None = None, column: int | None = None) -> CaseError:
+        return CaseError(message, file=str(path), line=line, column=column)
+
     try:
         mode = path.stat().st_mode
         if stat.S_ISDIR(mode):
-            raise CaseError("this is a folder; give a case file (YAML)", file=str(path))
+            raise error("this is a folder; give a case file (YAML)")
         if not stat.S_ISREG(mode):
-            raise CaseError("this is no regular file; give a case file (YAML)", file=str(path))
+            raise error("this is no regular file; give a case file (YAML)")
         with path.open("rb") as stream:
             data = stream.read(MAX_BYTES + 1)
     except FileNotFoundError:
-        raise CaseError("there is no such file", file=str(path)) from None
-    except (OSError, ValueError) as error:
-        raise CaseError(f"cannot be read: {getattr(error, 'strerror', None) or error}", file=str(path)) from None
+        raise error("there is no such file") from None
+    except (OSError, ValueError) as found:
+        raise error(f"cannot be read: {getattr(found, 'strerror', None) or found}") from None
     if len(data) > MAX_BYTES:
-        raise CaseError(f"larger than {MAX_BYTES // 1024} KiB, the most a case file may have", file=str(path))
+        raise error(f"larger than {MAX_BYTES // 1024} KiB, the most a case file may have")
     try:
         return data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = data.count(b"\n", 0, error.start) + 1
-        column = error.start - data.rfind(b"\n", 0, error.start)
-        raise CaseError(
-            f"byte 0x{data[error.start]:02x} is not UTF-8; save the file as UTF-8",
-            file=str(path),
-            line=line,
-            column=column,
-        ) from None
+    except UnicodeDecodeError as found:
+        line, column = data.count(b"\n", 0, found.start) + 1, found.start - data.rfind(b"\n", 0, found.start)
+        raise error(f"byte 0x{data[found.start]:02x} is not UTF-8; save the file as UTF-8", line, column) from None
 
 
-def _from_marked(error: MarkedYAMLError, file: str | None) -> CaseError:
-    mark = error.problem_mark or error.context_mark
-    message = " ".join(str(part) for part in (error.context, error.problem) if part)
-    hint = "; YAML indents with blanks" if "\\t" in message or "'\t'" in message else ""
-    if "expected a single document" in message:
-        return CaseError(_SEVERAL, file=file)
-    place = Place(mark.line + 1, mark.column + 1) if mark is not None else Place(1, 1)
-    return _error(f"not YAML: {' '.join(message.split())}{hint}", file, place)
-
-
-_SEVERAL = "several YAML documents; a case file is one document, without a second '---'"
-
-
-@dataclass
-class _Builder:
+class _Reader:
     """Builds the tree from the parser's events, bounded in depth and size."""
 
-    events: Iterator[ev.Event]
-    file: str | None
-    anchors: dict[str, Node | None] = field(default_factory=dict)
-    """Anchor -> its node; None while the node is being built."""
-    nodes: int = 0
+    def __init__(self, text: str, file: str | None) -> None:
+        self.text, self.file = text, file
+        self.events = self._events()
+        self.anchors: dict[str, Node | None] = {}
+        """Anchor -> its node; None while the node is being built."""
+        self.nodes = 0
+
+    def error(self, message: str, at: Place | ev.Event) -> CaseError:
+        place = at if isinstance(at, Place) else _place(at)
+        return CaseError(message, file=self.file, line=place.line, column=place.column)
+
+    def _events(self) -> Iterator[ev.Event]:
+        """The parser's events; whatever the parser raises is an error of the file."""
+        end = Place(1, 1)
+        try:
+            for event in YAML(typ="safe", pure=True).parse(self.text):
+                end = Place(event.end_mark.line + 1, event.end_mark.column + 1)
+                yield event
+        except MarkedYAMLError as error:
+            raise self._from_marked(error) from None
+        except ReaderError as error:
+            before = self.text[: error.position]
+            place = Place(before.count("\n") + 1, len(before) - before.rfind("\n"))
+            raise self.error("a control character that YAML does not allow", place) from None
+        except (AssertionError, ArithmeticError, ValueError):
+            # The parser's own checks of '%YAML 1.3' and of "\U00110000"; they tell no place.
+            what = "a version other than 1.1 and 1.2, or the number of a character that there is not"
+            raise self.error(f"what follows here is not YAML: {what}", end) from None
+
+    def _from_marked(self, error: MarkedYAMLError) -> CaseError:
+        mark = error.problem_mark or error.context_mark
+        message = " ".join(str(part) for part in (error.context, error.problem) if part)
+        hint = "; YAML indents with blanks" if "\\t" in message or "'\t'" in message else ""
+        if "expected a single document" in message:
+            return CaseError(_SEVERAL, file=self.file)
+        place = Place(mark.line + 1, mark.column + 1) if mark is not None else Place(1, 1)
+        return self.error(f"not YAML: {' '.join(message.split())}{hint}", place)
 
     def document(self) -> Node | None:
         """The one document of the stream; None where there is none."""
@@ -146,26 +138,23 @@ class _Builder:
                 break
             if isinstance(event, ev.DocumentStartEvent):
                 if root is not None:
-                    raise _error(_SEVERAL, self.file, _place(event))
+                    raise self.error(_SEVERAL, event)
                 root = self._node(next(self.events), 0)
         return root
-
-    def _fail(self, message: str, event: ev.Event) -> CaseError:
-        return _error(message, self.file, _place(event))
 
     def _count(self, size: int, event: ev.Event) -> None:
         self.nodes += size
         if self.nodes > MAX_NODES:
-            raise self._fail(f"more than {MAX_NODES} keys and values (aliases written out)", event)
+            raise self.error(f"more than {MAX_NODES} keys and values (aliases written out)", event)
 
     def _node(self, event: ev.Event, depth: int) -> Node:
         if isinstance(event, ev.AliasEvent):
             return self._alias(event)
         assert isinstance(event, ev.ScalarEvent | ev.MappingStartEvent | ev.SequenceStartEvent)
         if event.tag is not None:
-            raise self._fail(f"the tag '{event.tag}' is not allowed; write plain YAML without tags", event)
+            raise self.error(f"the tag '{event.tag}' is not allowed; write plain YAML without tags", event)
         if depth > MAX_DEPTH:
-            raise self._fail(f"nested deeper than {MAX_DEPTH}", event)
+            raise self.error(f"nested deeper than {MAX_DEPTH}", event)
         anchor = event.anchor
         if anchor is not None:
             self.anchors[anchor] = None
@@ -176,17 +165,17 @@ class _Builder:
         elif isinstance(event, ev.SequenceStartEvent):
             node = self._sequence(event, depth)
         else:
-            node = _scalar(event, self.file)
+            node = self._scalar(event)
         if anchor is not None:
             self.anchors[anchor] = node
         return node
 
     def _alias(self, event: ev.AliasEvent) -> Node:
         if event.anchor not in self.anchors:
-            raise self._fail(f"the alias '*{event.anchor}' has no anchor '&{event.anchor}' before it", event)
+            raise self.error(f"the alias '*{event.anchor}' has no anchor '&{event.anchor}' before it", event)
         node = self.anchors[event.anchor]
         if node is None:
-            raise self._fail(f"the alias '*{event.anchor}' contains itself", event)
+            raise self.error(f"the alias '*{event.anchor}' contains itself", event)
         self._count(node.size, event)
         return node
 
@@ -206,7 +195,7 @@ class _Builder:
                 break
             key = self._key(event, depth)
             if key in entries:
-                raise self._fail(f"the key '{key}' stands here twice (first in line {keys[key].line})", event)
+                raise self.error(f"the key '{key}' stands here twice (first in line {keys[key].line})", event)
             keys[key] = _place(event)
             value = self._node(next(self.events), depth + 1)
             if isinstance(value, ScalarNode) and not value.text and value.value is None:
@@ -218,39 +207,36 @@ class _Builder:
     def _key(self, event: ev.Event, depth: int) -> str:
         node = self._node(event, depth + 1)
         if not isinstance(node, ScalarNode) or not isinstance(node.value, str) or not node.value:
-            raise self._fail("a key must be a name (text), not a number, list, mapping or empty", event)
+            raise self.error("a key must be a name (text), not a number, list, mapping or empty", event)
         if node.value == "<<":
-            raise self._fail("the merge key '<<' is not YAML 1.2; write the keys out, or use an alias", event)
+            raise self.error("the merge key '<<' is not YAML 1.2; write the keys out, or use an alias", event)
         return node.value
+
+    def _scalar(self, event: ev.ScalarEvent) -> ScalarNode:
+        place, text = _place(event), event.value
+        one_line = event.start_mark.line == event.end_mark.line
+        width = event.end_mark.column - event.start_mark.column
+        if event.style is None:
+            return ScalarNode(place, self._core(text, place), text, place if one_line else None)
+        same = one_line and event.style in "'\"" and width == len(text) + 2
+        return ScalarNode(place, text, text, Place(place.line, place.column + 1) if same else None)
+
+    def _core(self, text: str, place: Place) -> Scalar:
+        """Resolve a plain scalar by the core schema of YAML 1.2."""
+        if text in _NAMED_SCALARS:
+            return _NAMED_SCALARS[text]
+        if _INTEGER.fullmatch(text):
+            return int(text)
+        if _BASED.fullmatch(text):
+            return int(text, 0)
+        if _FLOAT.fullmatch(text):
+            if len(text) > 800:
+                raise self.error(f"the number {shortened(text, 24)} is too long", place)
+            return Decimal(text)
+        if _NOT_FINITE.fullmatch(text):
+            return Decimal(text.replace(".", "").lower())
+        return text
 
 
 def _place(event: ev.Event) -> Place:
     return Place(event.start_mark.line + 1, event.start_mark.column + 1)
-
-
-def _scalar(event: ev.ScalarEvent, file: str | None) -> ScalarNode:
-    place = _place(event)
-    text = event.value
-    one_line = event.start_mark.line == event.end_mark.line
-    width = event.end_mark.column - event.start_mark.column
-    if event.style is None:
-        return ScalarNode(place, _core(text, file, place), text, place if one_line else None)
-    same = one_line and event.style in "'\"" and width == len(text) + 2
-    return ScalarNode(place, text, text, Place(place.line, place.column + 1) if same else None)
-
-
-def _core(text: str, file: str | None, place: Place) -> Scalar:
-    """Resolve a plain scalar by the core schema of YAML 1.2."""
-    if text in _NAMED_SCALARS:
-        return _NAMED_SCALARS[text]
-    if _INTEGER.fullmatch(text):
-        return int(text)
-    if _BASED.fullmatch(text):
-        return int(text, 0)
-    if _FLOAT.fullmatch(text):
-        if len(text) > 800:
-            raise _error(f"the number {shortened(text, 24)} is too long", file, place)
-        return Decimal(text)
-    if _NOT_FINITE.fullmatch(text):
-        return Decimal(text.replace(".", "").lower())
-    return text

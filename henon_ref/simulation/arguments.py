@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from henon_ref.casefile.model_form import check_form
 from henon_ref.casefile.problem import build_problem
+from henon_ref.casefile.schema import check_form
 from henon_ref.casefile.source import Source
 from henon_ref.casefile.tree import MappingNode, Node
 from henon_ref.errors import ArgumentError, HenonRefError

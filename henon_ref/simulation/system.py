@@ -11,8 +11,8 @@ from typing import Any
 import sympy as sp
 
 from henon_ref.casefile.expressions import parse_expression, parse_number
-from henon_ref.casefile.model_form import check_form
 from henon_ref.casefile.problem import written_model
+from henon_ref.casefile.schema import check_form
 from henon_ref.casefile.source import Source
 from henon_ref.casefile.tree import MappingNode, ScalarNode, child, merged
 from henon_ref.casefile.work import Work

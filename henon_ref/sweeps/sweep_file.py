@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from decimal import Decimal
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
-
-from pydantic import BeforeValidator, Field
+from typing import Annotated, Any, TypeVar
 
 from henon_ref.casefile.case import check_model, check_surfaces
+from henon_ref.casefile.form import Scalar, Size, read_form
 from henon_ref.casefile.problem import build_problem
 from henon_ref.casefile.schema import (
+    CaseForm,
     CaseName,
     Expression,
-    Form,
     InitialForm,
     OneLine,
     ResetForm,
@@ -26,11 +25,11 @@ from henon_ref.casefile.schema import (
     SystemForm,
     Text,
     Tolerance,
+    whole_number,
 )
 from henon_ref.casefile.source import Path as KeyPath
 from henon_ref.casefile.source import Source
 from henon_ref.casefile.tree import MappingNode, Node, ScalarNode, SequenceNode, child
-from henon_ref.casefile.validation import validated, validated_as
 from henon_ref.casefile.yaml_file import read_yaml
 from henon_ref.errors import ArgumentError, CaseError
 from henon_ref.integrator.start import MOST_STEPS
@@ -43,37 +42,37 @@ from henon_ref.sweeps.points import Points, check_names, continuation, grid, num
 from henon_ref.text import did_you_mean, listed
 
 
-def _version(value: Any) -> int:
-    if type(value) is not int or value != 1:
-        raise ValueError("must be 1, the version of the sweep file's form")
-    return value
-
-
 def _size(value: Any) -> int:
     if type(value) is not int or value < 1:
         raise ValueError("must be a whole number from 1 on")
     return value
 
 
-class SweepForm(Form):
+Version = Annotated[int, whole_number("must be 1, the version of the sweep file's form", 1)]
+Count = Annotated[int, Scalar(_size, {"type": "integer", "minimum": 1})]
+One = Annotated[Mapping[str, Any], Size(1, 1)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SweepForm:
     """A sweep file, schema 1."""
 
-    schema_: Annotated[Literal[1], BeforeValidator(_version)] = Field(alias="schema")
+    schema: Version
     name: CaseName
     title: OneLine
     source: OneLine | None = None
     story: Text | None = None
     system: SystemForm | None = None
     scene: SceneForm | None = None
-    sliding: dict[str, SlidingForm] = Field({})
-    resets: dict[str, ResetForm] = Field({})
+    sliding: Mapping[str, SlidingForm] = field(default_factory=dict)
+    resets: Mapping[str, ResetForm] = field(default_factory=dict)
     initial: InitialForm
     until: Expression
-    points: Annotated[dict[str, Any], Field(min_length=1, max_length=1)]
-    observe: Annotated[list[Annotated[dict[str, Any], Field(min_length=1, max_length=1)]], Field(min_length=1)]
+    points: One
+    observe: Annotated[tuple[One, ...], Size(1)]
     rtol: Tolerance = RTOL
-    chunk: Annotated[int, BeforeValidator(_size)] | None = None
-    max_steps: Annotated[int, BeforeValidator(_size)] = MOST_STEPS
+    chunk: Count | None = None
+    max_steps: Count = MOST_STEPS
 
 
 T = TypeVar("T")
@@ -101,14 +100,14 @@ def load_sweep(path: str | Path) -> SweepFile:
         With file, line and column, what is wrong and what is allowed.
     """
     tree = read_yaml(path)
-    form = validated_as(SweepForm, tree, file=str(path))
+    whole = Source(tree, str(path))
+    form = read_form(SweepForm, whole)
     common = {key: tree.entries[key] for key in CASE_KEYS if key in tree.entries}
     source = Source(MappingNode(tree.place, common, tree.keys, tree.size), str(path))
-    case = validated(source.tree, file=str(path))
+    case = read_form(CaseForm, source)
     check_model(source, case)
     problem, _ = build_problem(source)
     check_surfaces(source, case, problem)
-    whole = Source(tree, str(path))
     system = System.from_tree(source.tree)
     points = _points(whole, system, Path(path).parent)
     observations = [_observation(whole, system, k) for k in range(len(form.observe))]
@@ -124,8 +123,8 @@ def load_sweep(path: str | Path) -> SweepFile:
             observe=observations,
             rtol=form.rtol,
             chunk=form.chunk,
-            start=source.text(("initial", "t")) if "t" in form.initial.model_fields_set else 0,
-            mode=form.initial.mode or None,
+            start=source.text(("initial", "t")) if "t" in source.keys(("initial",)) else 0,
+            mode=dict(form.initial.mode) or None,
             max_steps=form.max_steps,
         ),
     )

@@ -7,12 +7,13 @@ from pathlib import Path
 import pytest
 import sympy as sp
 
-import henon_ref.casefile.connections
+from henon_ref.casefile import connections
 from henon_ref.casefile.case import load_case, parse_case
 from henon_ref.casefile.connections import KINDS
+from henon_ref.casefile.form import read_form
 from henon_ref.casefile.scene import build_scene, conditions
+from henon_ref.casefile.schema import CaseForm
 from henon_ref.casefile.source import Names, Source
-from henon_ref.casefile.validation import validated
 from henon_ref.casefile.yaml_file import parse_yaml
 from henon_ref.modes.overrides import Release
 from henon_ref.modes.system import FilippovSystem
@@ -41,8 +42,9 @@ initial: {{}}
 until: 1
 """
     tree = parse_yaml(text, file="case.yaml")
-    validated(tree, file="case.yaml")
-    scene, names = build_scene(Source(tree, "case.yaml"))
+    source = Source(tree, "case.yaml")
+    read_form(CaseForm, source)
+    scene, names = build_scene(source)
     return scene.system(), names
 
 
@@ -223,9 +225,7 @@ def test_every_kind_of_connection_is_in_that_test() -> None:
     assert {param.values[0].split(":")[0] for param in EVERY} == {"", *KINDS}
 
 
-def test_kinds_are_the_files_of_their_folder_and_say_what_they_mean_in_which_units() -> None:
-    (folder,) = henon_ref.casefile.connections.__path__
-    assert set(KINDS) == {file.stem for file in Path(folder).glob("[a-z]*.py")}
+def test_kinds_say_what_they_mean_in_which_units() -> None:
     for kind in KINDS.values():
         assert kind.meaning
         assert all(key.meaning and (key.words or (key.unit and key.angular)) for key in kind.keys)
@@ -242,11 +242,11 @@ def test_the_scene_of_the_documentation() -> None:
     assert system.effects[3] == "friction (a, belt)"
 
 
-def test_the_kind_of_the_documentation_is_the_file() -> None:
+def test_the_kind_of_the_documentation_is_that_of_the_code() -> None:
     text = (DOCS / "scenes.md").read_text().replace("\n    ", "\n")
-    (folder,) = henon_ref.casefile.connections.__path__
-    for part in (Path(folder) / "spring.py").read_text().split("\n\n\n")[1:]:
-        assert part.strip() in text
+    code = Path(connections.__file__).read_text()
+    for begin, end in (("def _spring", "\n\n\n"), ('    "spring": Kind(', '    ),\n    "stop')):
+        assert code[code.index(begin) :].partition(end)[0] in text
 
 
 def test_the_paper_s_oscillator_is_eq_18_term_by_term() -> None:

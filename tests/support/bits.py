@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from henon_ref.casefile.case import Reading, load_case
-from henon_ref.casefile.catalogue import case_files
+from henon_ref.casefile.shipped import yaml_files
 from henon_ref.errors import UnsupportedError
 from henon_ref.harness.registry import fixed_step, solver
 from henon_ref.jit.target import target
@@ -78,7 +78,7 @@ def record(
 
 
 def _readings(only: Collection[str], name: str, first: bool) -> Iterator[tuple[str, Reading]]:
-    for path in case_files(CASES):
+    for path in yaml_files(CASES):
         if not only or path.stem in only or path.parent.name in only:
             case = load_case(path)
             readings = [each for each in case.readings if each.solvers is None or name in each.solvers]

@@ -21,7 +21,7 @@ from pathlib import Path
 import sympy as sp
 
 from henon_ref.casefile.case import load_case
-from henon_ref.casefile.catalogue import case_files
+from henon_ref.casefile.shipped import yaml_files
 from henon_ref.errors import ModelError
 from henon_ref.jit.ir_writer import row_length
 from henon_ref.modes.decoupled_contacts import switched_equations
@@ -44,7 +44,7 @@ def record(only: Collection[str] = (), orders: Sequence[int] = ORDERS) -> Record
     """Hashes of the code of all modes of the suite; a system that several readings share is written once."""
     found: Record = {}
     seen: set[str] = set()
-    for path in case_files(CASES):
+    for path in yaml_files(CASES):
         if only and path.stem not in only and path.parent.name not in only:
             continue
         case = load_case(path)

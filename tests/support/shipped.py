@@ -10,14 +10,14 @@ from functools import cache
 from pathlib import Path
 
 from henon_ref.casefile.case import DEFAULT_READING, Case, load_case
-from henon_ref.casefile.catalogue import case_files
+from henon_ref.casefile.shipped import yaml_files
 
 CASES = Path(__file__).parents[2] / "cases"
 
 
 def paths(*folders: str) -> list[Path]:
     """Files of all cases, or of those in some folders (``.``: the first), in order."""
-    return [path for path in case_files(CASES) if not folders or path.parent.relative_to(CASES).as_posix() in folders]
+    return [path for path in yaml_files(CASES) if not folders or path.parent.relative_to(CASES).as_posix() in folders]
 
 
 def shipped(*folders: str) -> tuple[Case, ...]:

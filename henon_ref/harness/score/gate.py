@@ -59,7 +59,7 @@ def bounds_of(case: Case) -> list[Bounds]:
             reading.name,
             solver,
             min(reading.tolerances) if gate.at is None else gate.at,
-            gate.status,
+            gate.status or "ok",
             gate.max_time_error,
             gate.max_stick_error,
         )

@@ -1,17 +1,18 @@
-"""The form of a model from Python is that of a case file's, and what is wrong is said in the same words."""
+"""A form is read into its dataclass, or refused; a model from Python has that of a case file."""
 
 from __future__ import annotations
 
+from decimal import Decimal
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 import henon_ref as hr
-from henon_ref.casefile.model_form import check_form
+from henon_ref.casefile.form import read_form
+from henon_ref.casefile.schema import CaseForm, Gate, Published, check_form
+from henon_ref.casefile.source import Source
 from henon_ref.casefile.tree import MappingNode
-from henon_ref.casefile.validation import validated
+from henon_ref.casefile.yaml_file import parse_yaml
 from henon_ref.errors import CaseError
 from henon_ref.simulation.written import tree_of
 
@@ -41,11 +42,11 @@ OTHERS: list[tuple[str, Any]] = [
 
 
 def refusal(model: dict[str, Any], *, of_file: bool) -> str | None:
-    """What is said of a model, by the form of a case file or that of a model from Python."""
+    """What is said of a model, as one of a file or from Python."""
     tree = tree_of({**REST, **model} if of_file else model, "the model")
     assert isinstance(tree, MappingNode)
     try:
-        validated(tree, file=None) if of_file else check_form(tree)
+        read_form(CaseForm, Source(tree)) if of_file else check_form(tree)
     except CaseError as error:
         return error.message
     return None
@@ -62,34 +63,21 @@ def test_what_does_not_fit_is_refused_in_the_words_for_a_file(path: str, value: 
     model: dict[str, Any] = {"system": dict(SYSTEM)}
     part, _, key = path.rpartition(".")
     (model[part] if part else model)[key] = value
-    ours, theirs = refusal(model, of_file=False), refusal(model, of_file=True)
-    assert ours is not None
-    assert theirs is not None
-    assert ours.partition("; here it is")[0].split(": ")[0] == theirs.partition("; here it is")[0].split(": ")[0]
+    found = refusal(model, of_file=False)
+    assert found is not None
+    assert found == refusal(model, of_file=True)
 
 
-WORDS = st.sampled_from(
-    ["x", "v", "s", "t", "state", "field", "map", "when", "falling", "rising", "to", "2001-2-3", ""]
-)
-VALUES = st.recursive(
-    st.none() | WORDS | st.integers(-2, 2) | st.floats(-2, 2),
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(WORDS, inner, max_size=3),
-    max_leaves=6,
-)
-
-
-@settings(max_examples=200, deadline=None)
-@given(st.data())
-def test_what_fits_here_fits_a_file_and_the_other_way_round(data: st.DataObject) -> None:
-    """Any part of a model, or several, replaced by anything."""
-    model: dict[str, Any] = {
-        key: dict(value) for key, value in data.draw(st.sampled_from(FITTING[:4])).items() if isinstance(value, dict)
-    }
-    for _ in range(data.draw(st.integers(1, 2))):
-        part = model[data.draw(st.sampled_from(sorted(model)))]
-        key = data.draw(st.sampled_from([*sorted(part), "x", "s"]))
-        part[key] = data.draw(VALUES)
-    assert (refusal(model, of_file=False) is None) == (refusal(model, of_file=True) is None)
+def test_a_form_holds_what_is_read() -> None:
+    text = """\
+{schema: 1, name: a, title: "b\n c", initial: {x: 1}, until: 2, tolerances: [1e-3], solvers: ~,
+ published: {stick_durations: [1.00]}, gate: {henon: {at: 1e-3}}}
+"""
+    found = read_form(CaseForm, Source(parse_yaml(text)))
+    assert (found.title, found.tolerances, found.solvers, found.steps) == ("b c", (1e-3,), None, (1e-3,))
+    assert found.published == Published((Decimal("1.00"),))
+    assert str(found.published.stick_durations[0]) == "1.00"
+    assert found.gate == {"henon": Gate(at=1e-3)}
 
 
 def test_messages_are_those_of_a_file() -> None:

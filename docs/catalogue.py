@@ -1,17 +1,17 @@
 """The list of cases, ``cases/README.md``, made from the case files themselves.
 
-Run ``python -m henon_ref.casefile.catalogue cases`` after a case has been added or changed.
+Run ``python docs/catalogue.py`` after a case has been added or changed.
 """
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from henon_ref.casefile.case import Case, Reading, load_case
 from henon_ref.text import link, markdown
 
+CASES = Path(__file__).resolve().parents[1] / "cases"
 GROUPS = {
     "": "The paper and its neighbours",
     "classic": "Classic systems with known answers",
@@ -22,7 +22,7 @@ GROUPS = {
 HEADER = """\
 # Cases
 
-<!-- Made by `python -m henon_ref.casefile.catalogue cases`; edit the case files, not this page. -->
+<!-- Made by `python docs/catalogue.py`; edit the case files, not this page. -->
 
 One YAML file a case. Each tells its story, its equations, where it comes from, what makes it hard and what is right;
 a case with several readings is a family. *Answer* says how the truth is known: `closed form` (all transitions, times
@@ -31,34 +31,20 @@ A run that cannot reach its horizon has the status it must end with.
 """
 
 
-def case_files(folder: str | Path) -> list[Path]:
-    """Every case file under a folder, stored truths left out, in the order of the list."""
-    root = Path(folder)
-    return [path for group in GROUPS for path in sorted((root / group).glob("*.yaml"))]
-
-
-def catalogue(folder: str | Path) -> str:
-    """The page that lists the cases of a folder, as Markdown.
-
-    Raises
-    ------
-    CaseError
-        Where a case file cannot be read.
-    """
-    root = Path(folder)
+def catalogue() -> str:
+    """The page that lists the cases, as Markdown."""
     parts = [HEADER]
     for group, heading in GROUPS.items():
-        cases = [load_case(path) for path in sorted((root / group).glob("*.yaml"))]
-        if cases:
-            parts += [f"\n## {heading}\n\n", *_table(cases, root)]
+        cases = [load_case(path) for path in sorted((CASES / group).glob("*.yaml"))]
+        parts += [f"\n## {heading}\n\n", *_table(cases)]
     return "".join(parts)
 
 
-def _table(cases: Sequence[Case], root: Path) -> Iterable[str]:
+def _table(cases: Sequence[Case]) -> Iterable[str]:
     yield "| case | idea | readings | answer | from |\n|---|---|---|---|---|\n"
     for case in cases:
         assert case.path is not None  # read from a file just now
-        link = case.path.relative_to(root).as_posix()
+        link = case.path.relative_to(CASES).as_posix()
         readings = str(len(case.readings))
         cells = [f"[{case.name}]({link})", _idea(case), readings, _origins_of_truths(case), _origin(case)]
         yield "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |\n"
@@ -108,14 +94,5 @@ def _short(link: str) -> str:
     return "doi" if "doi.org" in link else parts[2]
 
 
-def main(arguments: Sequence[str]) -> int:
-    """Write ``README.md`` into the folder of cases that is named."""
-    if len(arguments) != 1:
-        sys.stderr.write("usage: python -m henon_ref.casefile.catalogue FOLDER\n")
-        return 2
-    (Path(arguments[0]) / "README.md").write_text(catalogue(arguments[0]), encoding="utf-8")
-    return 0
-
-
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    (CASES / "README.md").write_text(catalogue(), encoding="utf-8")

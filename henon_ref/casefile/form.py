@@ -1,0 +1,194 @@
+"""A mapping of a file to the dataclass that describes it; what does not fit is told by its line and column.
+
+The annotations of a form, which is such a dataclass, say what its keys hold: a scalar (``Annotated`` with a
+:class:`Scalar`), one of some words (``Literal``), a list (``tuple``), a mapping of names (``Mapping``), another form,
+or anything (``Any``). In ``Annotated`` also stand how many entries it has (:class:`Size`) and what it means (text).
+:mod:`henon_ref.casefile.schema` has the forms of a case file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
+from functools import cache
+from types import NoneType
+from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin, get_type_hints
+
+from henon_ref.casefile.grammar import MAX_STATES
+from henon_ref.casefile.source import Source
+from henon_ref.casefile.tree import MappingNode, Node, Place, ScalarNode, SequenceNode, to_python
+from henon_ref.text import did_you_mean, listed, shortened
+
+AnyForm = TypeVar("AnyForm")
+
+
+@dataclass(frozen=True, eq=False)
+class Scalar:
+    """A kind of scalar."""
+
+    read: Callable[[Any], Any]
+    """Its value as it is kept; a ValueError says what is wrong with it."""
+    schema: Mapping[str, Any]
+    """The same as JSON Schema."""
+
+
+@dataclass(frozen=True)
+class Size:
+    """How many entries a list or a mapping has."""
+
+    least: int = 0
+    most: int | None = None
+    """``MAX_STATES`` stands for as many states as the model may have."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What a key, or an entry, holds."""
+
+    type: Any
+    """A :class:`Scalar`, the words of a ``Literal``, ``tuple``, ``Mapping``, a form, or ``Any``."""
+    inner: tuple[Any, ...] = ()
+    """Annotations: of a list's entries; of a mapping's names and entries."""
+    size: Size = Size()
+    optional: bool = False
+    """Whether it may be null."""
+    description: str = ""
+    """What a key means."""
+    default: Any = None
+    """What holds where a key is left out; ``MISSING`` where that cannot be."""
+
+    @property
+    def is_form(self) -> bool:
+        """Whether it is a mapping with keys of its own."""
+        return isinstance(self.type, type) and is_dataclass(self.type)
+
+
+_NOTES = {Scalar: "type", Size: "size", str: "description"}
+"""What may stand in ``Annotated``."""
+
+
+@cache
+def kind_of(annotation: Any) -> Kind:
+    """What an annotation says."""
+    inner = get_args(annotation)
+    if get_origin(annotation) is Annotated:
+        return replace(kind_of(inner[0]), **{_NOTES[type(note)]: note for note in inner[1:]})
+    if NoneType in inner:
+        return replace(kind_of(inner[0]), optional=True)
+    if get_origin(annotation) is Literal:
+        return Kind(inner)
+    return Kind(get_origin(annotation) or annotation, inner)
+
+
+@cache
+def keys_of(form: type) -> dict[str, Kind]:
+    """Keys of a form, and what they hold."""
+    hints = get_type_hints(form, include_extras=True)
+    defaults: dict[str, Any] = {own.name: own.default if own.default_factory is MISSING else {} for own in fields(form)}
+    return {name: replace(kind_of(hints[name]), default=default) for name, default in defaults.items()}
+
+
+def read_form(form: type[AnyForm], source: Source, *, partial: bool = False) -> AnyForm:
+    """Read a mapping of a file.
+
+    Parameters
+    ----------
+    form : type
+    source : Source
+    partial : bool
+        Whether keys at the top may be missing that have no default; nothing is returned then.
+
+    Raises
+    ------
+    CaseError
+        At the line and column of the first key or value that does not fit.
+    """
+    reader = _Reader(source.most_states)
+    found: AnyForm = reader.form(form, source.tree, "", source.tree.place, partial=partial)
+    if reader.faults:
+        # A misspelt key is unknown and missing at once; only the first is of use.
+        _, place, message = min(reader.faults, key=lambda fault: (fault[0], fault[1].line, fault[1].column))
+        raise source.error_at(place, message)
+    return found
+
+
+class _Reader:
+    """Reads values, and takes down what does not fit: whether a key is missing, its place, and the message."""
+
+    def __init__(self, most_states: int) -> None:
+        self.most_states = most_states
+        self.faults: list[tuple[bool, Place, str]] = []
+
+    def form(self, form: type, node: MappingNode, name: str, place: Place, *, partial: bool = False) -> Any:
+        """A form under a key (at ``place``), or in a list (no name)."""
+        keys, others, where = keys_of(form), getattr(form, "OTHERS", None), f" in '{name}'" if name else ""
+        values = {}
+        for own, entry in node.entries.items():
+            if own in keys:
+                values[own] = self.value(keys[own], entry, own, name, node.keys[own])
+            elif others is not None:
+                self.value(kind_of(others), entry, own, name, node.keys[own])
+            else:
+                known = [*keys, *getattr(form, "BESIDE", ())]
+                hint = getattr(form, "HINTS", {}).get(own, "")
+                message = f"unknown key '{own}'{where}{did_you_mean(own, known)}; allowed: {listed(known)}{hint}"
+                self.faults.append((False, node.keys[own], message))
+        if partial:
+            return None
+        missing = [own for own, kind in keys.items() if kind.default is MISSING and own not in node.entries]
+        self.faults += [(True, place, f"the key '{own}' is missing{where}") for own in missing]
+        return None if self.faults else form(**values)
+
+    def value(self, kind: Kind, node: Node, name: str, within: str, place: Place) -> Any:
+        """What a key (at ``place``), or an entry of a list (no name), holds; None where it does not fit."""
+        if kind.optional and isinstance(node, ScalarNode) and node.value is None:
+            return None
+        if kind.type is Any:
+            return node
+        try:
+            if isinstance(kind.type, Scalar):
+                return kind.type.read(to_python(node))
+            self._check(kind, node)
+        except ValueError as error:
+            what, where = f"'{name}'" if name else "an entry", f" in '{within}'" if within else ""
+            return self.faults.append((False, node.place, f"{what}{where}: {error}"))
+        if kind.is_form and isinstance(node, MappingNode):
+            return self.form(kind.type, node, name, place)
+        if isinstance(node, SequenceNode):
+            of = kind_of(kind.inner[0])
+            return tuple(self.value(of, item, "", name, item.place) for item in node.items)
+        if isinstance(node, MappingNode):
+            names, of = map(kind_of, kind.inner)
+            for own, entry in node.entries.items():
+                if isinstance(names.type, Scalar):
+                    self.value(names, ScalarNode(entry.place, own, own, None), own, name, place)
+            return {own: self.value(of, entry, own, name, node.keys[own]) for own, entry in node.entries.items()}
+        return node.value
+
+    def _check(self, kind: Kind, node: Node) -> None:
+        """Refuse a word, a list or a mapping that is none, and one with too few entries or too many."""
+        if isinstance(kind.type, tuple):
+            if not isinstance(node, ScalarNode) or node.value not in kind.type:
+                words = [*map(repr, kind.type)]
+                listed_words = " or ".join([", ".join(words[:-1]), words[-1]] if words[1:] else words)
+                raise ValueError(f"must be {listed_words}{_given(node)}")
+            return
+        wanted = SequenceNode if kind.type is tuple else MappingNode
+        if not isinstance(node, wanted):
+            example = f"{{{'key' if kind.is_form else 'name'}: value}}"
+            what = "a list, as in [1, 2]" if kind.type is tuple else f"a mapping, as in {example}"
+            raise ValueError(f"must be {what}{_given(node)}")
+        count = len(node.items if isinstance(node, SequenceNode) else node.entries)
+        most = self.most_states if kind.size.most == MAX_STATES else kind.size.most
+        if count < kind.size.least:
+            raise ValueError("must have at least one entry")
+        if most is not None and count > most:
+            raise ValueError(f"may have at most {most} entries")
+
+
+def _given(node: Node) -> str:
+    """What stands where something else has to, for a message."""
+    if isinstance(node, ScalarNode):
+        shown = f"the text {shortened(node.text)}" if isinstance(node.value, str) else node.text
+        return f"; here it is {shown or 'empty'}"
+    return "; here it is a mapping" if isinstance(node, MappingNode) else "; here it is a list"
