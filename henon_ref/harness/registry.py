@@ -216,7 +216,7 @@ def with_restart(name: str, restart: str) -> str:
 def fixed_step(name: str) -> bool | None:
     """Whether a solver is driven by a step instead of tolerances; None for a third party's, which must be imported.
 
-    (See :func:`henon_ref.harness.campaign.plugin_probe.fixed_step`, which has a worker import it.)
+    (See :func:`henon_ref.harness.campaign.case_files.fixed_step`, which has a worker import it.)
     """
     name = base_name(check(name))
     return _BUILT_IN[name].fixed_step if name in _BUILT_IN else None

@@ -71,7 +71,6 @@ def main(
     _check_taken(study, own, [name for name, value in given.items() if value])
     options = Options(
         solvers=_solvers(solvers), timeout=timeout or Options().timeout, processes=jobs or own.jobs, resume=resume,
-        keep_journals=True,
     )  # fmt: skip
     loaded, folder = load_cases(cases) if cases else [], out / own.folder
     check_writable(folder)

@@ -15,7 +15,8 @@ from often import daily
 from henon_ref.errors import CaseError, HenonRefError
 from henon_ref.harness import registry
 from henon_ref.harness.campaign import run_jobs, truth_job
-from henon_ref.harness.campaign.comparison import Comparison, compare, compare_all
+from henon_ref.harness.campaign.campaign import compare, compare_all
+from henon_ref.harness.campaign.comparison import Comparison
 from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.campaign.run_jobs import TimeJob
 from henon_ref.harness.campaign.truth_job import Statement
@@ -131,7 +132,7 @@ def test_a_run_that_hangs_is_a_timeout_and_is_not_tried_at_tighter_tolerances():
 
 def test_what_is_demanded_is_run_at_all_its_tolerances_after_a_timeout_too(tmp_path):
     """By the gate of the case, which names henon, or by the caller, in a comparison that goes on too."""
-    options = Options(timeout=0.2, repeats=1, folder=tmp_path, keep_journals=True)
+    options = Options(timeout=0.2, repeats=1, folder=tmp_path)
     found: list[list[str]] = []
     for name, how in (("henon", {}), ("heyoka", {}), ("heyoka", {"resume": True, "required": ("heyoka",)})):
         own = replace(options, solvers=(Fake(name, "hangs"),), **how)

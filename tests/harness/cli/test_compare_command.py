@@ -18,8 +18,8 @@ from henon_ref.casefile.files import case_files
 from henon_ref.errors import CaseError
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.case_files import load_cases
+from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.cli.compare_cases import rerun_command
-from henon_ref.harness.cli.request import Request
 from henon_ref.harness.rows import JUDGED_COLUMNS, RUN_COLUMNS, STICK_COLUMNS, TRANSITION_COLUMNS
 
 pytestmark = [
@@ -225,19 +225,10 @@ def test_a_gate_on_a_fixed_step_solver_at_a_tolerance_is_refused_with_its_line(m
 
 
 def test_the_rerun_command_has_every_digit_that_was_given():
-    request = Request(
-        cases=(Path("a.yaml"),),
-        out=Path("out"),
-        solvers=None,
-        tolerances=(1e-3, 1e-6, 1.23456789e-7),
-        repeats=None,
-        timeout=1234.56789,
-        processes=1,
-        resume=False,
-    )
+    options = Options(tolerances=(1e-3, 1e-6, 1.23456789e-7), timeout=1234.56789)
     words = "python -m henon_ref.compare a.yaml --tolerances 0.001,1e-06,1.23456789e-07 --timeout 1234.56789"
-    assert rerun_command(request) == words
-    assert rerun_command(replace(request, timeout=5.0)).endswith("--timeout 5")
+    assert rerun_command([Path("a.yaml")], options) == words
+    assert rerun_command([Path("a.yaml")], replace(options, timeout=5.0)).endswith("--timeout 5")
 
 
 def test_a_folder_is_compared_and_no_study_is_begun(made_up, tmp_path):

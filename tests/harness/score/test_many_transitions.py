@@ -10,8 +10,8 @@ import pytest
 from fakes import TIMES, Reference, case, expected, found, trajectory
 from random_scenes import deadline
 
+from henon_ref.harness.campaign.options import Setting
 from henon_ref.harness.campaign.rows import Outcome, record
-from henon_ref.harness.campaign.settings import Setting
 from henon_ref.harness.rows import StickRow, TransitionRow, rows_text
 from henon_ref.harness.score.errors import score
 from henon_ref.harness.score.matching import match
