@@ -222,13 +222,6 @@ class StickRow(PartRow):
 
 AnyRow = TypeVar("AnyRow", bound=Row)
 
-RUN_COLUMNS = RunRow.columns()
-STICK_COLUMNS = StickRow.columns()
-TRANSITION_COLUMNS = TransitionRow.columns()[: TransitionRow.columns().index("transversality")]
-"""Those before the states."""
-JUDGED_COLUMNS = TransitionRow.columns()[len(TRANSITION_COLUMNS) :]
-"""Those behind the states: what a verdict on one transition rests on, and the verdict."""
-
 
 def number(value: float | None) -> float:
     """A number, NaN where it is missing."""

@@ -45,7 +45,7 @@ class LoadJob(Job):
 
     point: tuple[str, str, str]
     """Name, value and group of the entry point."""
-    seconds: float
+    seconds: float = LOADING_SECONDS
 
     def run(self, state: WorkerState) -> bool:
         return registry.loaded(EntryPoint(*self.point)).fixed_step

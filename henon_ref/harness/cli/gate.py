@@ -31,7 +31,7 @@ from henon_ref.harness.report.text.gate import (
     step_summary,
     why_unchecked,
 )
-from henon_ref.harness.rows import RUN_COLUMNS, AnyRow, Key, RunRow, TableError, read_rows
+from henon_ref.harness.rows import AnyRow, Key, RunRow, TableError, read_rows
 from henon_ref.harness.score.gate import Gate, demand, gate, held_against
 from henon_ref.harness.score.row_result import KnownFailure, RowResult, check_status, row_result
 from henon_ref.harness.table import count
@@ -215,7 +215,7 @@ def read_known(path: Path) -> list[KnownFailure]:
         header = next(csv.reader(file), [])
     allowed = KnownFailure.columns()
     for name in map(str.strip, header):
-        if name not in (*allowed, *RUN_COLUMNS):  # a word that is misspelt would stand for any
+        if name not in (*allowed, *RunRow.columns()):  # a word that is misspelt would stand for any
             words = f"{shortened(name)} is no column here; there are {', '.join(allowed)}{did_you_mean(name, allowed)}"
             raise CaseError(words, file=str(path), line=1, column=1)
     return found

@@ -68,7 +68,7 @@ def test_many_pairs_at_one_instant_are_matched_soon() -> None:
         for surface in (0, 1)
     ]
     with deadline(PATIENCE):
-        assert match(both, both, start=0.0, until=5.0).exact
+        assert match(dict(enumerate(both)), dict(enumerate(both)), start=0.0, until=5.0).exact
 
 
 @pytest.mark.parametrize("right", [True, False])
