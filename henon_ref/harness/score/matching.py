@@ -29,7 +29,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.harness.score.alignment import align
+from henon_ref.harness.score.alignment import Keyed, align
 from henon_ref.trajectory import Event
 
 IN_STEP_FRACTION = 1e-3
@@ -165,17 +165,15 @@ def _align(
     """Pairs (reference, found): loosely bounded up to the first edit, tightly from there on."""
     if not ref_slots or not run_slots:
         return []
-    ref_times = np.array([reference[i].time for i in ref_slots])
-    run_times = np.array([found[j].time for j in run_slots])
-    ref_keys, run_keys = _codes(reference, ref_slots, found, run_slots, radius)
-    loose, gaps = _bounds(ref_times, ref_keys[:, 0], span)
-    first = align(ref_keys, ref_times, run_keys, run_times, loose)
+    ref, run = _keyed(reference, ref_slots, found, run_slots, radius)
+    loose, gaps = _bounds(ref.times, ref.keys[:, 0], span)
+    first = align(ref, run, loose)
     edit = _first_edit(first, len(ref_slots), len(run_slots))
     if edit < len(first) or len(first) < max(len(ref_slots), len(run_slots)):
         head = first[:edit]
-        bound = np.minimum(loose, _in_step_bound(gaps, np.abs(ref_times[head[:, 0]] - run_times[head[:, 1]])))[edit:]
-        tail = align(ref_keys[edit:], ref_times[edit:], run_keys[edit:], run_times[edit:], bound)
-        first = np.concatenate([head, tail + edit])
+        slips = np.abs(ref.times[head[:, 0]] - run.times[head[:, 1]])
+        bound = np.minimum(loose, _in_step_bound(gaps, slips))[edit:]
+        first = np.concatenate([head, align(ref.since(edit), run.since(edit), bound) + edit])
     return [(ref_slots[i], run_slots[j]) for i, j in first.tolist()]
 
 
@@ -187,10 +185,10 @@ def _first_edit(pairs: NDArray[np.intp], n_ref: int, n_run: int) -> int:
     return int(broken[0]) if broken.size else min(len(pairs), n_ref, n_run)
 
 
-def _codes(
+def _keyed(
     reference: Events, ref_slots: list[int], found: Events, run_slots: list[int], radius: float
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Integer keys, two a transition: the full one, and the own-surface one (for reference groups only)."""
+) -> tuple[Keyed, Keyed]:
+    """Times, and integer keys, two a transition: the full one, and the own-surface one (for reference groups only)."""
     table: dict[tuple[object, ...], int] = {}
 
     def code(key: tuple[object, ...]) -> int:
@@ -199,7 +197,10 @@ def _codes(
     grouped = set().union(*_groups(reference, ref_slots, radius))
     ref_keys = [(code(_key(reference[i])), code(_own_key(reference[i])) if i in grouped else -1) for i in ref_slots]
     run_keys = [(code(_key(found[j])), code(_own_key(found[j]))) for j in run_slots]
-    return np.array(ref_keys, dtype=np.int64), np.array(run_keys, dtype=np.int64)
+    return (
+        Keyed(np.array(ref_keys, dtype=np.int64), np.array([reference[i].time for i in ref_slots])),
+        Keyed(np.array(run_keys, dtype=np.int64), np.array([found[j].time for j in run_slots])),
+    )
 
 
 def _bounds(times: NDArray[np.float64], keys: NDArray[np.int64], span: float) -> tuple[NDArray[np.float64], ...]:

@@ -104,9 +104,9 @@ def test_a_run_with_a_clock_of_its_own_is_timed_by_that_in_one_go():
 
 def test_a_turn_of_such_a_run_is_one_more_exchange_at_most():
     run = SelfTimed()
-    assert turn_times(run, 1.0, 20) == [0.25] * 4
-    assert turn_times(run, 0.1, 20) == [0.25]
-    assert turn_times(run, 100.0, 20) == [0.25] * 20
+    assert turn_times(run, 1.0) == [0.25] * 4
+    assert turn_times(run, 0.1) == [0.25]
+    assert turn_times(run, 100.0) == [0.25] * 20
     assert run.asked == [1, 4, 1, 1, 20]
     slow = Counting()
-    assert len(turn_times(slow, 0.0, 20)) == slow.calls == 1
+    assert len(turn_times(slow, 0.0)) == slow.calls == 1
