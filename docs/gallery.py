@@ -80,7 +80,7 @@ def _scene(case: Case) -> Iterator[str]:
 def _table(case: Case, reading: Reading) -> Iterator[str]:
     statement = stored_statement(case, reading)
     if statement is None or statement.expected is None:
-        raise SystemExit(f"{case.name}, {reading.name}: no truth is stored; run python -m henon_ref.truth {case.path}")
+        raise SystemExit(f"{case.name}, {reading.name}: no truth is stored; run henon-ref truth {case.path}")
     found = statement.expected.transitions
     if not found:
         yield "\nNo transition happens.\n"

@@ -33,7 +33,8 @@ if TYPE_CHECKING:  # modules, too, under the names by which they go here
         UnavailableError,
         UnsupportedError,
     )
-    from henon_ref.harness.campaign.comparison import Comparison, compare
+    from henon_ref.harness.campaign.campaign import compare
+    from henon_ref.harness.campaign.comparison import Comparison
     from henon_ref.harness.report.sweep import sweep
     from henon_ref.simulation.scene import Scene
     from henon_ref.simulation.simulate import load_run, simulate, stream
@@ -46,7 +47,7 @@ __version__ = "0.2.0"
 
 _HOME = {
     "Comparison": "harness.campaign.comparison",
-    "compare": "harness.campaign.comparison",
+    "compare": "harness.campaign.campaign",
     "ArgumentError": "errors",
     "ModeSolver": "baselines.adapter",
     "SmoothMode": "baselines.smooth_mode",

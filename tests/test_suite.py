@@ -141,7 +141,7 @@ def _check_truth(case: Case, reading: Reading, run: Trajectory) -> None:
     if reading.expect is not None and reading.expect.status != "ok":
         return
     truth = stored_truth(case, reading, folder_of(case.path))
-    assert truth is not None, "no truth of this is stored: run python -m henon_ref.truth with its case file"
+    assert truth is not None, "no truth of this is stored: run henon-ref truth with its case file"
     found = [(t.kind, t.surface, t.from_mode, t.to_mode) for t in run.transitions]
     assert found == [(t.kind, t.surface, t.from_mode, t.to_mode) for t in truth.transitions]
     unit = _unit(reading.problem)

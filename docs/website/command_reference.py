@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from importlib import import_module
 from typing import Any
 
 import typer
@@ -21,15 +20,10 @@ OPTIONS = "Options"
 
 def page() -> str:
     """A section a command: usage, arguments, options, examples."""
-    sections = [_section("henon-ref", typer.main.get_command(application([])), examples=True)]
+    sections = [_section("henon-ref", typer.main.get_command(application()), examples=True)]
     for name, subcommand in SUBCOMMANDS.items():
-        sections.append(_section(f"henon-ref {name}", typer.main.get_command(_app(subcommand.module)), examples=True))
+        sections.append(_section(f"henon-ref {name}", typer.main.get_command(subcommand.app), examples=True))
     return "\n\n".join(sections)
-
-
-def _app(module: str) -> Any:
-    """The typer application of a subcommand; ``compare`` has its in a module of its own."""
-    return import_module(re.sub(r"\bcli\.compare$", "cli.arguments", module)).app
 
 
 def _section(name: str, command: Any, *, examples: bool) -> str:

@@ -199,7 +199,7 @@ def with_restart(name: str, restart: str) -> str:
 def fixed_step(name: str) -> bool | None:
     """Whether a solver is driven by a step instead of tolerances; None for a third party's, which must be imported.
 
-    (See :func:`henon_ref.harness.campaign.plugin_probe.fixed_step`, which has a worker import it.)
+    (See :func:`henon_ref.harness.campaign.case_files.fixed_step`, which has a worker import it.)
     """
     file = _file(check(name))
     return None if file is None else file.fixed_step

@@ -222,13 +222,6 @@ class StickRow(PartRow):
 
 AnyRow = TypeVar("AnyRow", bound=Row)
 
-RUN_COLUMNS = RunRow.columns()
-STICK_COLUMNS = StickRow.columns()
-TRANSITION_COLUMNS = TransitionRow.columns()[: TransitionRow.columns().index("transversality")]
-"""Those before the states."""
-JUDGED_COLUMNS = TransitionRow.columns()[len(TRANSITION_COLUMNS) :]
-"""Those behind the states: what a verdict on one transition rests on, and the verdict."""
-
 
 def number(value: float | None) -> float:
     """A number, NaN where it is missing."""
@@ -290,23 +283,15 @@ def read_rows(kind: type[AnyRow], path: Path) -> list[AnyRow]:
     reader, rows = csv.reader(lines, strict=True), []
     try:
         present = [name.strip() for name in next(reader, [])]
-        types = get_type_hints(kind)
-        readers = {column: _READERS[types[column]] for column in kind.columns()}
-        needed = [own.name for own in fields(kind) if own.default is MISSING and own.default_factory is MISSING]
-        for column in needed:
-            if column not in present:
-                raise TableError(f"there is no column '{column}'; needed are {', '.join(needed)}")
-        if len(set(present)) < len(present):
-            raise TableError("a column is there twice")
-        states = [name for name in present if name not in readers] if kind is TransitionRow else []
+        readers = _readers(kind, present)
         for cells in filter(None, reader):
             if len(cells) != len(present):
                 raise TableError(f"{len(cells)} fields; there are {len(present)} columns", reader.line_num)
             line = dict(zip(present, map(str.strip, cells), strict=True))
             where = reader.line_num, lines[reader.line_num - 1]
-            values = {c: _read(read, line[c], *where) for c, read in readers.items() if c in line}
-            if states:
-                values[STATE] = {name: _read(_optional(_number), line[name], *where) for name in states}
+            values = {name: _read(read, line[name], *where) for name, read in readers.items()}
+            if kind is TransitionRow:
+                values[STATE] = {name: values.pop(name) for name in readers if name not in kind.columns()}
             try:
                 rows.append(kind(**values))
             except ValueError as error:
@@ -324,6 +309,23 @@ def earlier_rows(kind: type[AnyRow], path: Path) -> list[AnyRow]:
         return []
 
 
+Reader = Callable[[str], Any]
+
+
+def _readers(kind: type[Row], present: Sequence[str]) -> dict[str, Reader]:
+    """How each column of a file is read: by the field's type, and of a transition's row what is no field is a state."""
+    types = get_type_hints(kind)
+    needed = [own.name for own in fields(kind) if own.default is MISSING and own.default_factory is MISSING]
+    for column in needed:
+        if column not in present:
+            raise TableError(f"there is no column '{column}'; needed are {', '.join(needed)}")
+    if len(set(present)) < len(present):
+        raise TableError("a column is there twice")
+    known = {column: _READERS[types[column]] for column in kind.columns() if column in present}
+    states = [name for name in present if name not in known] if kind is TransitionRow else []
+    return known | dict.fromkeys(states, _READERS[float | None])
+
+
 def _number(text: str) -> float:
     value = float(text)
     if math.isnan(value):
@@ -338,11 +340,11 @@ def _count(text: str) -> int:
     return int(value)
 
 
-def _optional(read: Callable[[str], Any]) -> Callable[[str], Any]:
+def _optional(read: Reader) -> Reader:
     return lambda text: read(text) if text else None
 
 
-_READERS: Mapping[object, Callable[[str], Any]] = {
+_READERS: Mapping[object, Reader] = {
     str: from_cell,
     int: _count,
     float: _number,
@@ -353,7 +355,7 @@ _READERS: Mapping[object, Callable[[str], Any]] = {
 """How a field is read, by its type."""
 
 
-def _read(reader: Callable[[str], Any], text: str, line: int, written: str) -> Any:
+def _read(reader: Reader, text: str, line: int, written: str) -> Any:
     try:
         return reader(text)
     except (OverflowError, ValueError):

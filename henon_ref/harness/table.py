@@ -80,12 +80,9 @@ def significant(value: float, places: int = 3) -> str:
         return f"{value:g}"
     exponent = math.floor(math.log10(abs(value)))
     if -3 <= exponent < 6:
-        rounded = round(value, places - 1 - exponent)
-        return (
-            f"{rounded:.{max(places - 1 - exponent, 0)}f}".rstrip("0").rstrip(".")
-            if exponent < places - 1
-            else (f"{rounded:.0f}")
-        )
+        behind = places - 1 - exponent
+        text = f"{round(value, behind):.{max(behind, 0)}f}"
+        return text.rstrip("0").rstrip(".") if behind > 0 else text
     return exponential(value, places)
 
 
@@ -140,7 +137,7 @@ def setting(rtol: object, step: object) -> str:
     return f"h = {step:g} s" if isinstance(step, float | int) else ""
 
 
-def listing(items: Sequence[str], last: str = "and") -> str:
+def listing(items: Sequence[str]) -> str:
     """Items as a phrase.
 
     Examples
@@ -148,9 +145,7 @@ def listing(items: Sequence[str], last: str = "and") -> str:
     >>> listing(["a"]), listing(["a", "b"]), listing(["a", "b", "c"])
     ('a', 'a and b', 'a, b and c')
     """
-    if len(items) < 2:
-        return "".join(items)
-    return f"{', '.join(items[:-1])} {last} {items[-1]}"
+    return " and ".join(filter(None, [", ".join(items[:-1]), *items[-1:]]))
 
 
 def count(number: int, noun: str) -> str:

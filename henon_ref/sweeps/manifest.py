@@ -44,7 +44,7 @@ def manifest_of(plan: Plan) -> dict[str, Any]:
     """What the results were made with, and how to make them again."""
     own = [o.kind for o in plan.work.observations if o.kind == "function"]
     return {
-        "rerun": shlex.join(["python", "-m", "henon_ref.sweep", SWEEP_FILE, "--out", "again"]),
+        "rerun": shlex.join(["henon-ref", "sweep", SWEEP_FILE, "--out", "again"]),
         "left_out": "functions of one's own, which no file can hold" if own else "",
         "points": len(plan.points),
         "chunk": plan.chunk,

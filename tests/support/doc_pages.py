@@ -43,7 +43,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PICTURES = ROOT / "docs" / "pictures"
 TRUTHS = Path(__file__).parent / "truths"
 """Of cases that pages make and that take half a minute each: a page finds them in the reader's cache, as if it had been
-tried before. Made by ``python -m henon_ref.truth``; what does not fit a case any more is computed anew, as anywhere."""
+tried before. Made by ``henon-ref truth``; what does not fit a case any more is computed anew, as anywhere."""
 SECONDS = 600
 """That a block in a shell may take."""
 SHELLS = ("bash", "sh", "shell", "console")

@@ -16,9 +16,8 @@ from fakes import CASE, case, statement
 from made_reports import ORIGIN, changed, made
 
 from henon_ref.casefile.case import Case
-from henon_ref.harness.campaign.comparison import Comparison
+from henon_ref.harness.campaign.comparison import Comparison, ReadingResult
 from henon_ref.harness.campaign.options import Options
-from henon_ref.harness.campaign.results import ReadingResult
 from henon_ref.harness.report.case_report import write_report
 from henon_ref.harness.report.folder_report import write_folder_report
 from henon_ref.trajectory import Samples

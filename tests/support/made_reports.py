@@ -6,11 +6,9 @@ from dataclasses import replace
 
 from fakes import CASE, case, expected, found, statement, trajectory
 
-from henon_ref.harness.campaign.comparison import Comparison
-from henon_ref.harness.campaign.options import Options
-from henon_ref.harness.campaign.results import ReadingResult
+from henon_ref.harness.campaign.comparison import Comparison, ReadingResult
+from henon_ref.harness.campaign.options import Options, Setting
 from henon_ref.harness.campaign.rows import Outcome, Record, record, scored
-from henon_ref.harness.campaign.settings import Setting
 from henon_ref.harness.report.manifest import Provenance
 from henon_ref.harness.table import Table
 from henon_ref.workers.worker import Failure

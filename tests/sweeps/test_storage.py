@@ -111,7 +111,7 @@ def test_what_stands_beside_the_results_runs_the_sweep_again(tmp_path: Path) -> 
     again = collected(load_sweep(tmp_path / "out" / "sweep.yaml").plan, jobs=1)
     assert_same(again, table)
     manifest = json.loads((tmp_path / "out" / "manifest.json").read_text())
-    assert manifest["rerun"] == "python -m henon_ref.sweep sweep.yaml --out again"
+    assert manifest["rerun"] == "henon-ref sweep sweep.yaml --out again"
     assert manifest["points"] == 11
 
 

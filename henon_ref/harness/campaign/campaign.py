@@ -7,84 +7,165 @@ scored before it is timed, and each finished row goes to the journal before the 
 from __future__ import annotations
 
 import logging
-from collections.abc import Generator, Iterator, Sequence
+import sys
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 from henon_ref.casefile.case import Case, Reading
+from henon_ref.errors import CaseError
 from henon_ref.harness import registry
 from henon_ref.harness.campaign import WORKERS_NEED
-from henon_ref.harness.campaign.options import TRUTH, Deliver, Draw, Observer, Options
+from henon_ref.harness.campaign.comparison import Comparison, ReadingResult
+from henon_ref.harness.campaign.options import Options, Setting
 from henon_ref.harness.campaign.plan import (
     NOT_RUN,
     SAMPLERS,
+    CaseState,
     PendingRuns,
-    case_state,
     check_solvers,
     chosen_solvers,
-    pending_runs,
-    reading_is_drawn,
     sample_job,
 )
-from henon_ref.harness.campaign.results import CaseState, ReadingResult
-from henon_ref.harness.campaign.rows import Outcome, record, scored
+from henon_ref.harness.campaign.progress import TRUTH, Observer, ProgressLine, is_seen
+from henon_ref.harness.campaign.rows import Outcome, Record, record, scored
 from henon_ref.harness.campaign.run_jobs import TOO_LONG_TO_PREPARE, PrepareJob, RunJob, TimeJob, most_transitions
-from henon_ref.harness.campaign.settings import Setting
 from henon_ref.harness.campaign.truth_job import Statement, TruthJob, stored_statement
 from henon_ref.harness.score.verdict import RIGHT
+from henon_ref.jit.cache_folder import cache_root
+from henon_ref.solver import Solver
 from henon_ref.workers.pool import Jobs, WorkerPool
 from henon_ref.workers.worker import Failure, Job
 
 _LOG = logging.getLogger(__name__)
 
+T = TypeVar("T")
+Deliver = Callable[[Comparison], None]
+"""Takes what came out for a case, once the last of its rows is in."""
+Draw = Callable[[ReadingResult, list[Record]], Job]
+"""Makes the job that draws a reading's figures: its result is the files, by name."""
 
-class Campaign:
-    """Runs the cases; hands over each one's results as soon as its last job is done.
+
+def compare(
+    case: Case,
+    *,
+    solvers: Sequence[str | Solver] | None = None,
+    tolerances: Sequence[float] | None = None,
+    repeats: int | None = None,
+    timeout: float = 10.0,
+    processes: int = 2,
+    progress: bool | None = None,
+) -> Comparison:
+    """Run every solver on every reading of a case and score it against the truth.
+
+    Each run is done by a worker (a process of its own with limits on time and memory): a solver that hangs or
+    crashes is a row that says so. An interrupt (Ctrl-C, a notebook's stop button) ends all of them. A script needs no
+    ``if __name__ == "__main__"`` guard, unless it has threads and hands over a solver that it defines itself; in a
+    notebook such a solver must be imported from a module.
+
+    Parameters
+    ----------
+    case : Case
+        From :func:`henon_ref.load_case`.
+    solvers : sequence of str or Solver, optional
+        Names, or instances of your own; None: those the case lists, or all.
+    tolerances : sequence of float, optional
+        Relative tolerances in place of the case's, each from 1e-16 to below 1.
+    repeats : int, optional
+        Timing samples a row, 1 or more; None: as many as fit a fraction of a second.
+    timeout : float
+        Processor time that one run may take [s], 0.01 or more.
+    processes : int
+        Runs at work at once, 1 or more.
+    progress : bool, optional
+        Whether a line on standard error tells how many rows are done; None: where that is a terminal or a notebook.
+
+    Returns
+    -------
+    Comparison
+
+    Raises
+    ------
+    CaseError
+        For an argument that is not allowed: an unknown solver, none that applies to the case, a tolerance of 0.
+    """
+    if not isinstance(case, Case):
+        raise CaseError(f"case is {case!r}, wanted a Case: henon_ref.load_case(path) reads one")
+    options = Options(
+        solvers=_listed("solvers", solvers),
+        tolerances=_listed("tolerances", tolerances),
+        repeats=repeats,
+        timeout=timeout,
+        processes=processes,
+    )
+    if progress not in (None, True, False):
+        raise CaseError(f"progress is {progress!r}, wanted None, True or False")
+    found: list[Comparison] = []
+    shown = sys.stderr is not None and (is_seen(sys.stderr) if progress is None else progress)
+    with ProgressLine(sys.stderr, case.name) if shown else nullcontext() as line:
+        compare_all([case], options, found.append, observer=line)
+    return found[0]
+
+
+def _listed(name: str, values: Sequence[T] | None) -> tuple[T, ...] | None:
+    """An argument that is a sequence, as a tuple; one string or number is none."""
+    if values is None:
+        return None
+    if isinstance(values, str) or not isinstance(values, Iterable):
+        raise CaseError(f"{name} is {values!r}, wanted a sequence: {name}=[{values!r}]")
+    return tuple(values)
+
+
+def compare_all(
+    cases: Sequence[Case],
+    options: Options,
+    deliver: Deliver,
+    *,
+    draw: Draw | None = None,
+    observer: Observer | None = None,
+) -> None:
+    """Compare several cases; each one's comparison is delivered as soon as its last run is in.
 
     Parameters
     ----------
     cases : sequence of Case
     options : Options
     deliver : callable
-        Called with the case, its readings' results and its rows.
     draw : callable, optional
         Makes the job that draws a reading's figures, once its rows are in; None: no figures, and no samples.
     observer : Observer, optional
+        Is told how it gets on.
+
+    Raises
+    ------
+    CaseError
+        Where a solver is unknown, or none of those asked for is meant for a case.
     """
+    cache_root()  # workers use the folder that is found usable here
+    check_solvers(cases, options)
+    _Campaign(cases, options, deliver, draw, observer or Observer()).run()
+
+
+class _Campaign:
+    """The cases at work."""
 
     def __init__(
-        self,
-        cases: Sequence[Case],
-        options: Options,
-        deliver: Deliver,
-        *,
-        draw: Draw | None = None,
-        observer: Observer | None = None,
+        self, cases: Sequence[Case], options: Options, deliver: Deliver, draw: Draw | None, observer: Observer
     ) -> None:
-        self.cases = cases
-        self.options = options
-        self.deliver = deliver
-        self.draw = draw
-        self.observer: Observer = observer or Observer()
+        self.cases, self.options, self.deliver, self.draw, self.observer = cases, options, deliver, draw, observer
         self._pool = WorkerPool(
             workers=options.processes, memory=options.memory, main=options.of_main, modules=WORKERS_NEED
         )
         self._statements: dict[tuple[str, str], Statement] = {}
 
     def run(self) -> None:
-        """Run everything.
-
-        Raises
-        ------
-        CaseError
-            Where a solver is unknown, or none of those asked for is meant for a case.
-        """
-        check_solvers(self.cases, self.options)
+        """Run everything."""
         self._fetch_truths()
-        states = [case_state(case, self._statements, self.options) for case in self.cases]
+        states = [CaseState(case, self._statements, self.options) for case in self.cases]
         waiting = sum(self._queue_runs(state) for state in states)
         kept = sum(len(state.rows) for state in states)
-        self.observer.runs(waiting + kept, kept)
+        self.observer.stage("rows", waiting + kept, kept)
         self._pool.run(self.observer.tick)
         for state in states:
             if not state.delivered:  # all its rows were kept from before, and nothing is drawn
@@ -103,7 +184,7 @@ class Campaign:
                     self._pool.add("truths", self._truth(case, reading))
                 else:
                     self._statements[case.name, reading.name] = stored
-        self.observer.truths(unknown)
+        self.observer.stage("truths", unknown)
         self._pool.run(self.observer.tick)
 
     def _truth(self, case: Case, reading: Reading) -> Jobs:
@@ -120,10 +201,10 @@ class Campaign:
         by_solver: dict[str, list[tuple[ReadingResult, Jobs]]] = {}
         rows = 0
         for result in state.results.values():
-            for pending in pending_runs(state, result, self.options):
+            for pending in state.pending_runs(result):
                 by_solver.setdefault(pending.name, []).append((result, self._rows(state, pending)))
                 rows += len(pending.settings)
-            if self.draw is not None and reading_is_drawn(state, result):
+            if self.draw is not None and state.is_drawn(result):
                 by_solver.setdefault(SAMPLERS[0], []).append((result, self._samples(result)))
         # The registry names the fast solvers first: begun last, they fill the gaps that the slow ones leave.
         for name, sequences in reversed(by_solver.items()):
@@ -141,10 +222,10 @@ class Campaign:
         yield from jobs
         reading = result.reading.name
         state.pending[reading] -= 1
-        drawn = self.draw is None or not reading_is_drawn(state, result) or result.drawn
-        if state.pending[reading] == 0 and not drawn:
+        if state.pending[reading] == 0 and self.draw is not None and state.is_drawn(result) and not result.drawn:
             result.drawn = True
-            self._add("figures", state, result, self._figures(state, result), first=True)
+            drawing = self._figures(result, self.draw(result, state.records(reading)))
+            self._add("figures", state, result, drawing, first=True)
         if not state.pending.total():
             self._deliver(state)
 
@@ -158,7 +239,8 @@ class Campaign:
         for number, setting in enumerate(settings):
             outcome = yield from self._outcome(state, pending, setting, cold=number == 0)
             self._keep(state, outcome, pending.result)
-            if outcome.timed_out and not (outcome.invented or pending.demanded):
+            invented = outcome.score is not None and bool(outcome.score.matching.spurious)
+            if outcome.timed_out and not (invented or pending.demanded):
                 for untried in _untried(outcome, settings):
                     self._keep(state, untried, pending.result)
 
@@ -202,10 +284,8 @@ class Campaign:
                 return
             _LOG.info("%s cannot sample %s: %s", name, result.reading.name, found.reason if found else "no samples")
 
-    def _figures(self, state: CaseState, result: ReadingResult) -> Jobs:
-        if self.draw is None:
-            return
-        drawn: dict[str, bytes] | Failure = yield self.draw(result, state.records(result.reading.name))
+    def _figures(self, result: ReadingResult, job: Job) -> Jobs:
+        drawn: dict[str, bytes] | Failure = yield job
         if isinstance(drawn, Failure):
             result.figures_reason = drawn.reason
         else:
@@ -213,16 +293,15 @@ class Campaign:
 
     def _deliver(self, state: CaseState) -> None:
         state.delivered = True
-        self.deliver(state.case, list(state.results.values()), state.records())
-        if state.journal is not None and not self.options.keep_journals:
-            state.journal.remove()
+        self.deliver(Comparison(state.case, list(state.results.values()), state.records(), self.options))
 
 
 def _untried(outcome: Outcome, settings: Iterator[Setting]) -> Iterator[Outcome]:
     """What is said of tighter settings than one that took too long: an ignored deadline is the fault of them all."""
     step, rtol = outcome.setting.step, outcome.setting.rtol
     at = f"{rtol:g}".replace("e-0", "e-") if step is None else f"a step of {step:g} s"
-    reason = NOT_RUN + (f"timed out at {at}" if outcome.prepared else f"at {at} {TOO_LONG_TO_PREPARE}")
+    prepared = outcome.compile_s is not None
+    reason = NOT_RUN + (f"timed out at {at}" if prepared else f"at {at} {TOO_LONG_TO_PREPARE}")
     ignored = outcome.failure is not None and outcome.failure.ignored
     for setting in settings:
         yield Outcome(

@@ -1,35 +1,54 @@
-"""Comparisons: every solver on every reading of a case, scored against the truth, as data frames."""
+"""What a campaign finds of a case: every solver on every reading, scored against the truth, as data frames."""
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable, Iterable, Sequence
-from contextlib import nullcontext
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
-from henon_ref.casefile.case import Case
+from henon_ref.casefile.case import Case, Reading
 from henon_ref.casefile.notebook import equations_html
 from henon_ref.errors import CaseError
-from henon_ref.harness.campaign.campaign import Campaign
-from henon_ref.harness.campaign.options import Draw, Observer, Options
-from henon_ref.harness.campaign.progress import ProgressLine, is_seen
-from henon_ref.harness.campaign.results import ReadingResult
+from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.campaign.rows import Record
+from henon_ref.harness.campaign.truth_job import Statement
 from henon_ref.harness.rows import AnyRow, RunRow, StickRow, TransitionRow
 from henon_ref.harness.score.gate import Gate, bounds_of, gate
-from henon_ref.harness.score.standing import RIGHT, standings, tightest
+from henon_ref.harness.score.reference import Expected
+from henon_ref.harness.score.standing import RIGHT, standings, standings_table, tightest
 from henon_ref.harness.table import Table
-from henon_ref.jit.cache_folder import cache_root
-from henon_ref.solver import Solver
 from henon_ref.text import html, message
+from henon_ref.trajectory import Samples
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
-T = TypeVar("T")
+LONGEST_NOTE = 60
+"""Characters of a note where the table is printed."""
+
+
+@dataclass(eq=False)
+class ReadingResult:
+    """What is known of one reading besides the runs' rows."""
+
+    reading: Reading
+    statement: Statement
+    samples: Samples | None = None
+    """The motion on a grid of times, where figures are asked for and a solver could sample."""
+    sampled_by: str = ""
+    drawn: bool = False
+    """Whether its figures have been asked for."""
+    figures: dict[str, bytes] = field(default_factory=dict)
+    """File name -> SVG."""
+    figures_reason: str = ""
+    """Why figures are missing."""
+
+    @property
+    def expected(self) -> Expected | None:
+        """What its runs are scored against; None where no truth could be had."""
+        return self.statement.expected
 
 
 @dataclass(repr=False)
@@ -80,17 +99,28 @@ class Comparison:
         return tuple(dict.fromkeys(names))
 
     def __repr__(self) -> str:
-        wrong = sum(run.verdict != "right" for run in self.run_rows)
-        runs = f"{len(self.records)} runs, {len(self.records) - wrong} of them right"
+        right = sum(run.verdict == RIGHT for run in self.run_rows)
+        runs = f"{len(self.records)} runs, {right} of them right"
         readings = f"{len(self.readings)} reading{'s' * (len(self.readings) != 1)}"
         head = message(f"Comparison of {self.case.name}: {readings}, {runs}")
-        return f"{head}\n{summary(self.run_rows, longest=LONGEST_NOTE).text}" if self.records else head
+        return f"{head}\n{self._table(LONGEST_NOTE).text}" if self.records else head
+
+    def _table(self, longest: int | None = None) -> Table:
+        """A row a solver, the best first; ``longest``: characters of a note."""
+        notes: dict[str, str] = {}
+        for line in standings(self.run_rows):
+            wrong = [row for row in tightest(self.run_rows) if row.solver == line.solver and row.verdict != RIGHT]
+            more = f" (and {len(wrong) - 1} more)" if len(wrong) > 1 else ""
+            reason = f": {wrong[0].status_reason}" if wrong and wrong[0].status_reason else ""
+            note = f"{wrong[0].status}{reason}{more}" if wrong else ""
+            notes[line.solver] = note if longest is None or len(note) <= longest else f"{note[: longest - 3]}..."
+        return standings_table(standings(self.run_rows), notes)
 
     def _repr_html_(self) -> str:
         """What a notebook shows: the table that ``print`` shows, and the case's equations as formulas."""
         problems = {result.reading.name: result.reading.problem for result in self.readings}
         title = f"<p><b>{html(self.case.name)}</b>: {html(self.case.title)}</p>"
-        return f"{title}{summary(self.run_rows).html}{equations_html(problems)}"
+        return f"{title}{self._table().html}{equations_html(problems)}"
 
     def plot(self, reading: str | None = None) -> Axes:
         """The work-precision diagram of one reading, which the title names: worst error of a time over wall time.
@@ -139,156 +169,9 @@ class Comparison:
         return [words for _, words in self.gate.unmet]
 
 
-def compare(
-    case: Case,
-    *,
-    solvers: Sequence[str | Solver] | None = None,
-    tolerances: Sequence[float] | None = None,
-    repeats: int | None = None,
-    timeout: float = 10.0,
-    processes: int = 2,
-    progress: bool | None = None,
-) -> Comparison:
-    """Run every solver on every reading of a case and score it against the truth.
-
-    Each run is done by a worker (a process of its own with limits on time and memory): a solver that hangs or
-    crashes is a row that says so. An interrupt (Ctrl-C, a notebook's stop button) ends all of them. A script needs no
-    ``if __name__ == "__main__"`` guard, unless it has threads and hands over a solver that it defines itself; in a
-    notebook such a solver must be imported from a module.
-
-    Parameters
-    ----------
-    case : Case
-        From :func:`henon_ref.load_case`.
-    solvers : sequence of str or Solver, optional
-        Names, or instances of your own; None: those the case lists, or all.
-    tolerances : sequence of float, optional
-        Relative tolerances in place of the case's, each from 1e-16 to below 1.
-    repeats : int, optional
-        Timing samples a row, 1 or more; None: as many as fit a fraction of a second.
-    timeout : float
-        Processor time that one run may take [s], 0.01 or more.
-    processes : int
-        Runs at work at once, 1 or more.
-    progress : bool, optional
-        Whether a line on standard error tells how many rows are done; None: where that is a terminal or a notebook.
-
-    Returns
-    -------
-    Comparison
-
-    Raises
-    ------
-    CaseError
-        For an argument that is not allowed: an unknown solver, none that applies to the case, a tolerance of 0.
-    """
-    if not isinstance(case, Case):
-        raise CaseError(f"case is {case!r}, wanted a Case: henon_ref.load_case(path) reads one")
-    options = Options(
-        solvers=_listed("solvers", solvers),
-        tolerances=_listed("tolerances", tolerances),
-        repeats=repeats,
-        timeout=timeout,
-        processes=processes,
-    )
-    if progress not in (None, True, False):
-        raise CaseError(f"progress is {progress!r}, wanted None, True or False")
-    found: list[Comparison] = []
-    shown = sys.stderr is not None and (is_seen(sys.stderr) if progress is None else progress)
-    with ProgressLine(sys.stderr, case.name) if shown else nullcontext() as line:
-        compare_all([case], options, found.append, observer=line)
-    return found[0]
-
-
-def _listed(name: str, values: Sequence[T] | None) -> tuple[T, ...] | None:
-    """An argument that is a sequence, as a tuple; one string or number is none."""
-    if values is None:
-        return None
-    if isinstance(values, str) or not isinstance(values, Iterable):
-        raise CaseError(f"{name} is {values!r}, wanted a sequence: {name}=[{values!r}]")
-    return tuple(values)
-
-
-def compare_all(
-    cases: Sequence[Case],
-    options: Options,
-    deliver: Callable[[Comparison], None],
-    *,
-    draw: Draw | None = None,
-    observer: Observer | None = None,
-) -> None:
-    """Compare several cases; each one's comparison is delivered as soon as its last run is in.
-
-    Parameters
-    ----------
-    cases : sequence of Case
-    options : Options
-    deliver : callable
-    draw : callable, optional
-        Makes the job that draws a reading's figures; None: no figures.
-    observer : Observer, optional
-        Is told how it gets on.
-    """
-
-    def hand_over(case: Case, readings: list[ReadingResult], records: list[Record]) -> None:
-        deliver(Comparison(case, readings, records, options))
-
-    cache_root()  # workers use the folder that is found usable here
-    Campaign(cases, options, hand_over, draw=draw, observer=observer).run()
-
-
 def _frame(kind: type[AnyRow], rows: Sequence[AnyRow], states: Sequence[str] = ()) -> pd.DataFrame:
     """A data frame with these columns; a missing value is NaN in a column of numbers, else None."""
     import pandas as pd
 
     columns = kind.columns(states)
     return pd.DataFrame([row.values(columns) for row in rows], columns=list(columns))
-
-
-COLUMNS = ("solver", "right of judged", "digits", "time [ms]", "times as long", "note")
-LONGEST_NOTE = 60
-"""Characters of a note where the table is printed."""
-
-
-def summary_rows(rows: Sequence[RunRow]) -> list[tuple[str, ...]]:
-    """A row a solver (:data:`COLUMNS`), the one that is right most often first, among equals the fastest.
-
-    ``digits`` are the fewest of any reading in which it is right, ``time`` is the median of its right runs, ``times as
-    long`` the geometric mean over readings of its time over the fastest right solver's. All of them are of each
-    reading's tightest setting.
-    """
-    last = tightest(rows)
-    return [
-        (
-            line.solver,
-            f"{line.right} of {line.judged}",
-            "" if line.digits is None else f"{line.digits:.1f}",
-            "" if line.time_s is None else _three(1e3 * line.time_s),
-            "" if line.times_as_long is None else _three(line.times_as_long),
-            _note([row for row in last if row.solver == line.solver and row.verdict != RIGHT]),
-        )
-        for line in standings(last)
-    ]
-
-
-def _three(value: float) -> str:
-    """A number to three places, without an exponent up to a million."""
-    return f"{float(f'{value:.3g}'):g}"
-
-
-def _note(rows: Sequence[RunRow]) -> str:
-    """What became of the first run that is not right, and how many others there are."""
-    if not rows:
-        return ""
-    reason = rows[0].status_reason or ""
-    more = f" (and {len(rows) - 1} more)" if len(rows) > 1 else ""
-    return f"{rows[0].status}{': ' if reason else ''}{reason}{more}"
-
-
-def summary(rows: Sequence[RunRow], *, longest: int | None = None) -> Table:
-    """The same as a table; ``longest``: characters of a note."""
-    lines = summary_rows(rows)
-    if longest is not None:
-        short = [note if len(note) <= longest else f"{note[: longest - 3]}..." for *_, note in lines]
-        lines = [(*line[:-1], note) for line, note in zip(lines, short, strict=True)]
-    return Table(COLUMNS, "lrrrrl", lines)

@@ -2,7 +2,7 @@
 
 One JSON line a row with a checksum of its own, written through to the disk before the next run starts. A line that is
 damaged in any way (one that was cut short, say) is told, and set aside in a file beside; its row is run again. The
-journal lies in the case's report folder and is removed once the report is there.
+journal lies in the case's report folder, and who asked for it removes it once the report is there.
 """
 
 from __future__ import annotations
@@ -12,15 +12,16 @@ import json
 import logging
 import os
 import re
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
+from functools import cache
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from henon_ref.atomic_write import replace_file
 from henon_ref.casefile.case import Reading
-from henon_ref.harness.campaign.code_version import code_version
+from henon_ref.harness.campaign.options import Options, Setting
 from henon_ref.harness.campaign.rows import Record
-from henon_ref.harness.campaign.settings import Setting
 from henon_ref.harness.rows import RunRow, StickRow, TransitionRow
 from henon_ref.harness.score.reference import Expected
 
@@ -31,20 +32,25 @@ FORMAT = 4
 FILE = ".partial"
 SET_ASIDE = ".partial.damaged"
 """Where damaged lines are kept."""
+BASELINES = "baselines"
+"""A folder of ``henon_ref`` where it is installed, and beside it in a checkout."""
+PACKAGES = ("henon_ref", f"henon_ref.{BASELINES}")
+LANGUAGES = (".py", ".c", ".h", ".m")
+"""How the names of modules, and of programs in other languages, end."""
 _CHECKSUM = re.compile(rb',"checksum":"([0-9a-f]{64})"\}\n\Z')
 _PARTS = {"key": str, "run": dict, "transitions": list, "sticks": list, "samples": list}
 """What a line holds."""
 
 
 @dataclass(frozen=True)
-class Kept:
+class _Kept:
     """What a journal holds."""
 
-    rows: dict[str, Record]
+    rows: dict[str, Record] = field(default_factory=dict)
     """By key."""
-    lines: list[bytes]
+    lines: list[bytes] = field(default_factory=list)
     """The lines of these rows."""
-    damaged: list[tuple[int, bytes, str]]
+    damaged: list[tuple[int, bytes, str]] = field(default_factory=list)
     """Number, line and what is wrong with it."""
 
 
@@ -61,7 +67,7 @@ class Journal:
 
     def __init__(self, folder: Path, *, resume: bool) -> None:
         self.path = folder / FILE
-        kept = _kept(self.path) if resume else Kept({}, [], [])
+        kept = _kept(self.path) if resume else _Kept()
         self._rows = kept.rows
         self._started = resume
         if kept.damaged:
@@ -86,10 +92,6 @@ class Journal:
             os.fsync(file.fileno())
         self._started = True
 
-    def remove(self) -> None:
-        """The report is written: the rows are no longer needed here."""
-        self.path.unlink(missing_ok=True)
-
 
 def line_of(key: str, record: Record) -> bytes:
     """A row as a line of the journal."""
@@ -104,12 +106,9 @@ def read(path: Path) -> dict[str, Record]:
     return _kept(path).rows
 
 
-def _kept(path: Path) -> Kept:
-    kept = Kept({}, [], [])
-    try:
-        lines = path.read_bytes().splitlines(keepends=True)
-    except FileNotFoundError:
-        return kept
+def _kept(path: Path) -> _Kept:
+    kept = _Kept()
+    lines = path.read_bytes().splitlines(keepends=True) if path.exists() else []
     for number, line in enumerate(lines, 1):
         try:
             key, record = _row(line, case=path.parent.name)
@@ -122,13 +121,7 @@ def _kept(path: Path) -> Kept:
 
 
 def _row(line: bytes, *, case: str) -> tuple[str, Record]:
-    """Key and row of a line.
-
-    Raises
-    ------
-    ValueError
-        Where it is not such as :func:`line_of` writes for a row of this case.
-    """
+    """Key and row of a line; ValueError where it is not such as :func:`line_of` writes for a row of this case."""
     found = _CHECKSUM.search(line)
     if found is None:
         raise ValueError("it is cut short, or no row of this version")
@@ -149,7 +142,7 @@ def _row(line: bytes, *, case: str) -> tuple[str, Record]:
     return content["key"], Record(run, transitions, sticks, content["samples"])
 
 
-def _set_aside(path: Path, kept: Kept) -> None:
+def _set_aside(path: Path, kept: _Kept) -> None:
     """Keep the damaged lines in a file beside, and only the others in the journal; say so."""
     aside = path.with_name(SET_ASIDE)
     with aside.open("ab") as file:
@@ -175,19 +168,34 @@ def reading_key(case: str, reading: Reading, expected: Expected | None) -> str:
     return _hashed(parts)
 
 
-def row_key(
-    reading: str,
-    *,
-    solver: str,
-    version: str,
-    setting: Setting,
-    timeout: float,
-    repeats: int | None,
-    timed: bool,
-) -> str:
+def row_key(reading: str, solver: str, version: str, setting: Setting, options: Options) -> str:
     """A hash of everything that decides what a row says, wall times apart; ``reading``: its :func:`reading_key`."""
-    return _hashed([code_version(), reading, solver, version, asdict(setting), timeout, repeats, timed])
+    how = [options.timeout, options.repeats, options.timed]
+    return _hashed([code_version(), reading, solver, version, asdict(setting), *how])
 
 
 def _hashed(parts: list[Any]) -> str:
     return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()
+
+
+@cache
+def code_version() -> str:
+    """A hash of the text of every module and program at work, the same whether it is committed or installed."""
+    digest = hashlib.sha256()
+    for name in PACKAGES:
+        for top in import_module(name).__path__:
+            for path in sorted(code_files(top)):
+                with open(path, "rb") as file:
+                    text = file.read()
+                digest.update(f"{name} {path.removeprefix(top)} {len(text)}\n".encode() + text)
+    return digest.hexdigest()
+
+
+def code_files(top: str) -> list[str]:
+    """Paths of a package's modules and programs, the baselines aside (Path.rglob takes twenty times as long)."""
+    found = []
+    for folder, below, files in os.walk(top):
+        if folder == top and BASELINES in below:
+            below.remove(BASELINES)
+        found += [os.path.join(folder, file) for file in files if file.endswith(LANGUAGES)]
+    return found

@@ -1,19 +1,18 @@
-"""How a campaign is run, and who is told how it gets on."""
+"""How a campaign is run, and what is asked of each solver: tolerances or steps."""
 
 from __future__ import annotations
 
 import math
 import pickle
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from henon_ref.casefile.case import Case
 from henon_ref.errors import CaseError
-from henon_ref.harness.campaign.results import ReadingResult
-from henon_ref.harness.campaign.rows import Record
+from henon_ref.harness.rows import RunRow
+from henon_ref.harness.score.reference import Expected
+from henon_ref.modes.problem import Problem
 from henon_ref.solver import Solver, fault
-from henon_ref.workers.worker import Job
 
 LEAST_TIMEOUT = 0.01
 """Shortest time that a run may be given [s]."""
@@ -47,11 +46,9 @@ class Options:
     memory: int = 4 * 2**30
     """Bytes one worker may hold, with all that it has started."""
     folder: Path | None = None
-    """Where journals are kept, a folder a case; None: no journal."""
+    """Where journals are kept, a folder a case; None: no journal. Who gives one removes them."""
     resume: bool = False
     """Whether rows that a journal holds are used."""
-    keep_journals: bool = False
-    """Leave the journals where they are: the caller has more to do before nothing of this can be lost."""
     timed: bool = True
     """Whether right runs are repeated for their wall times."""
     required: tuple[str, ...] = ()
@@ -61,12 +58,13 @@ class Options:
         for name, entries in (("solvers", self.solvers), ("tolerances", self.tolerances)):
             if entries is not None and not entries:
                 raise CaseError(f"{name} is empty; None stands for the case's own")
-        for solver in self.solvers or ():
-            if not isinstance(solver, str) and (words := fault(solver)):
+        own = [solver for solver in self.solvers or () if not isinstance(solver, str)]
+        for solver in own:
+            if words := fault(solver):
                 raise CaseError(f"solvers: {_shown(solver)} {words}")
         names = [solver if isinstance(solver, str) else solver.name for solver in self.solvers or ()]
-        for solver in self.solvers or ():
-            if not isinstance(solver, str) and names.count(solver.name) > 1:
+        for solver in own:
+            if names.count(solver.name) > 1:
                 raise CaseError(f"solvers: more than one is named '{solver.name}'; rows are told apart by the name")
         for tolerance in self.tolerances or ():
             if not (_is_number(tolerance) and 1e-16 <= tolerance < 1):
@@ -100,34 +98,54 @@ def _shown(value: object) -> str:
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
-Deliver = Callable[[Case, list[ReadingResult], list[Record]], None]
-"""Takes a case, its readings' results and its rows, once the last of them is in."""
+@dataclass(frozen=True)
+class Setting:
+    """One row's settings: a step for a fixed-step solver, tolerances for any other."""
 
-Draw = Callable[[ReadingResult, list[Record]], Job]
-"""Makes the job that draws a reading's figures: its result is the files, by name."""
+    rtol: float | None = None
+    """Relative tolerance."""
+    atol: float | None = None
+    """Absolute tolerance, in units of the state."""
+    step: float | None = None
+    """Step [s]."""
+
+    @classmethod
+    def of(cls, run: RunRow) -> Setting:
+        """That of a row."""
+        return cls(run.rtol, run.atol, run.step_s)
+
+    @property
+    def label(self) -> str:
+        """As messages name it."""
+        return f"step {self.step:g} s" if self.step is not None else f"rtol {self.rtol:g}"
 
 
-TRUTH = "truth"
-"""What is said to be begun of a reading whose truth is computed, behind its name."""
+def settings(
+    *, fixed_step: bool, tolerances: Sequence[float], steps: Sequence[float], scale: float
+) -> tuple[Setting, ...]:
+    """The settings of one solver on one reading, from the loosest to the tightest.
+
+    Parameters
+    ----------
+    fixed_step : bool
+        Whether the solver is driven by a step.
+    tolerances, steps : sequence of float
+    scale : float
+        Size of the state, see :func:`state_scale`; ``atol = rtol * scale``.
+    """
+    if fixed_step:
+        return tuple(Setting(step=step) for step in sorted(set(steps), reverse=True))
+    return tuple(Setting(rtol=rtol, atol=rtol * scale) for rtol in sorted(set(tolerances), reverse=True))
 
 
-class Observer:
-    """Is told how a campaign gets on; this one shows nothing."""
+def state_scale(problem: Problem, expected: Expected | None) -> float:
+    """Size of the state as a power of ten: of the largest entry at the start and at the truth's transitions.
 
-    def truths(self, readings: int) -> None:
-        """The truths of so many readings are being read or computed."""
-
-    def truth(self, name: str) -> None:
-        """The truth of a reading is known, or that there is none."""
-
-    def runs(self, rows: int, kept: int) -> None:
-        """So many rows are to be made, so many of them are kept from before."""
-
-    def begun(self, case: str, what: str) -> None:
-        """A run of a case is begun, or the computation of a truth."""
-
-    def row(self, finished: Record) -> None:
-        """A row is finished."""
-
-    def tick(self) -> None:
-        """Some time has passed."""
+    A power of ten, rounded towards 1, so that ``atol`` equals ``rtol`` wherever states are of order one, and so
+    that the same system in other units is asked for the same digits.
+    """
+    sizes = [abs(float(value)) for value in problem.initial]
+    if expected is not None:
+        sizes.append(expected.state_size)
+    largest = max((size for size in sizes if math.isfinite(size)), default=0.0)
+    return 10.0 ** math.trunc(math.log10(largest)) if largest > 0 else 1.0

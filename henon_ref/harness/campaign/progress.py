@@ -1,4 +1,4 @@
-"""Progress of a comparison: one line that is written over, on a terminal or in a notebook."""
+"""How a campaign gets on: who is told, and one line that is written over, on a terminal or in a notebook."""
 
 from __future__ import annotations
 
@@ -8,9 +8,8 @@ import time
 from contextlib import AbstractContextManager
 from typing import TextIO
 
-from henon_ref.harness.campaign.options import TRUTH, Observer
+from henon_ref.harness.campaign.options import Setting
 from henon_ref.harness.campaign.rows import Record
-from henon_ref.harness.campaign.settings import Setting
 from henon_ref.terminal import Line, in_notebook, is_terminal
 from henon_ref.text import message
 
@@ -20,6 +19,27 @@ SELDOM = 5.0
 """Seconds between two lines where none can be written over: in a file."""
 PATIENCE = 10.0
 """Seconds after which a command says that a truth is being computed, where it shows no line."""
+TRUTH = "truth"
+"""What is said to be begun of a reading whose truth is computed, behind its name."""
+
+
+class Observer:
+    """Is told how a campaign gets on; this one shows nothing."""
+
+    def stage(self, what: str, total: int, done: int = 0) -> None:
+        """So many truths, or rows, are to be made; so many of them are kept from before."""
+
+    def begun(self, case: str, what: str) -> None:
+        """A run of a case is begun, or the computation of a truth."""
+
+    def truth(self, name: str) -> None:
+        """The truth of a reading is known, or that there is none."""
+
+    def row(self, finished: Record) -> None:
+        """A row is finished."""
+
+    def tick(self) -> None:
+        """Some time has passed."""
 
 
 class ProgressLine(Observer, AbstractContextManager["ProgressLine"]):
@@ -54,28 +74,21 @@ class ProgressLine(Observer, AbstractContextManager["ProgressLine"]):
         elif words:
             self._tell(words)
 
-    def truths(self, readings: int) -> None:
-        """The truths of so many readings are being computed."""
-        self._begin("truths", readings, 0)
-
-    def truth(self, name: str) -> None:
-        """The truth of a reading is known."""
-        self._at_work.pop(f"{name} {TRUTH}", None)
-        self._done += 1
-
-    def runs(self, rows: int, kept: int) -> None:
-        """So many rows are to be made."""
-        self._begin("rows", rows, kept)
+    def stage(self, what: str, total: int, done: int = 0) -> None:
+        self._at_work.clear()
+        self._what, self._total, self._done = what, total, done
 
     def begun(self, case: str, what: str) -> None:
-        """A run is begun, or the computation of a truth."""
         self._at_work[f"{case} {what}"] = time.monotonic()
         self.tick()
 
+    def truth(self, name: str) -> None:
+        self._at_work.pop(f"{name} {TRUTH}", None)
+        self._done += 1
+
     def row(self, finished: Record) -> None:
-        """A row is finished."""
         run = finished.run
-        what = f"{run.case} {run.reading} {run.solver} {Setting(run.rtol, step=run.step_s).label}"
+        what = f"{run.case} {run.reading} {run.solver} {Setting.of(run).label}"
         self._at_work.pop(what, None)
         self._done += 1
         if not self.seen and self._name is None:
@@ -84,27 +97,18 @@ class ProgressLine(Observer, AbstractContextManager["ProgressLine"]):
             self._tell(f"{self._done} of {self._total}: {what}: {run.verdict or run.status}{found}")
 
     def tick(self) -> None:
-        """Some time has passed: show the line, now and then."""
+        """Show the line, now and then; say once which truth takes its time where no line can be shown."""
         now = time.monotonic()
-        if not self._wait_is_said:
-            self._tell_of_truths(now)
+        late = [what for what, since in self._at_work.items() if what.endswith(f" {TRUTH}") and now - since > PATIENCE]
+        if late and not self._wait_is_said:
+            self._wait_is_said = True
+            how_long = "(at most some minutes; `truth` computes it without a limit)"
+            self._tell(f"computing what is not stored: {late[0]} {how_long}")
         if (self.seen or self._name is not None) and now - self._shown >= (PERIOD if self.seen else SELDOM):
             self._shown = now
             work = ", ".join(f"{what} ({now - since:.0f} s)" for what, since in self._at_work.items())
             words = f"{self._counted()}, {now - self._began:.0f} s{'; at work: ' if work else ''}{work}"
             (self._line.show if self.seen else self._tell)(words)
-
-    def _begin(self, what: str, total: int, done: int) -> None:
-        self._at_work.clear()
-        self._what, self._done, self._total = what, done, total
-
-    def _tell_of_truths(self, now: float) -> None:
-        """Say, once, which truth takes its time where no line can be shown."""
-        late = [what for what, since in self._at_work.items() if what.endswith(f" {TRUTH}") and now - since > PATIENCE]
-        if late:
-            self._wait_is_said = True
-            how_long = "(at most some minutes; `truth` computes it without a limit)"
-            self._tell(f"computing what is not stored: {late[0]} {how_long}")
 
     def _counted(self) -> str:
         name = "" if self._name is None else f"{self._name}: "

@@ -7,21 +7,22 @@ from typing import Any
 
 from henon_ref.casefile.case import Reading
 from henon_ref.harness.campaign.causes import cause_of
-from henon_ref.harness.campaign.settings import Setting
+from henon_ref.harness.campaign.options import Setting
 from henon_ref.harness.campaign.timing import summarise
 from henon_ref.harness.rows import REPEATED, RunRow, StickRow, TransitionRow
-from henon_ref.harness.score.errors import Score, score
+from henon_ref.harness.score.errors import Score, published_partners, score
 from henon_ref.harness.score.matching import Matching
 from henon_ref.harness.score.reference import Expected
-from henon_ref.harness.score.sticks import published_partners
 from henon_ref.harness.score.verdict import granted_error, graze_distance, missed_verdict, spurious_verdict
-from henon_ref.modes.mode import Mode, mode_text
+from henon_ref.modes.mode import mode_text
 from henon_ref.text import short_line
-from henon_ref.trajectory import Counts, Stick, Trajectory, sticks
+from henon_ref.trajectory import Counts, Event, Stick, Trajectory, sticks
 from henon_ref.workers.worker import Failure
 
 FAILURES = {"unsupported": "not run", "unavailable": "not run", "timeout": "not judged"}
 """Verdicts on runs without an answer, by status; any other is the solver's fault, and so is an ignored deadline."""
+Values = dict[str, Any]
+"""Some fields of a row."""
 UNJUDGED = (None, "not run", "not judged")
 """Verdicts of runs whose row says why there is none, in ``status_reason``: in the solver's own words, or else ..."""
 NO_TRUTH, UNSAID = "there is no truth to judge it by", "the solver gives no reason"
@@ -38,6 +39,7 @@ class Outcome:
     library_version: str = ""
     landing: str = ""
     compile_s: float | None = None
+    """One-time work before the first run [s]; None where its preparation did not come to an end."""
     trajectory: Trajectory | None = None
     samples: tuple[float, ...] = ()
     failure: Failure | None = None
@@ -47,20 +49,17 @@ class Outcome:
     score: Score | None = None
 
     @property
-    def prepared(self) -> bool:
-        """Whether its preparation came to an end."""
-        return self.compile_s is not None
-
-    @property
     def timed_out(self) -> bool:
         """Whether it took too long, by its own word or by ours."""
         known = self.failure or self.trajectory
         return known is not None and known.status == "timeout"
 
     @property
-    def invented(self) -> bool:
-        """Whether it has transitions that are not the truth's."""
-        return self.score is not None and bool(self.score.matching.spurious)
+    def identity(self) -> Values:
+        """What all of its rows begin with."""
+        rtol, step = self.setting.rtol, self.setting.step
+        run = {"case": self.case, "reading": self.reading.name, "solver": self.solver}
+        return {**run, "rtol": rtol, "step_s": step}
 
 
 @dataclass(frozen=True)
@@ -88,64 +87,46 @@ def record(outcome: Outcome, expected: Expected | None) -> Record:
         transitions = _transition_rows(outcome, outcome.trajectory, expected, outcome.score)
         stick_rows = _stick_rows(outcome, outcome.trajectory, expected, outcome.score)
     run = _run_row(outcome, expected, stick_rows)
-    run = replace(run, cause=cause_of(run, transitions))
-    return Record(run, transitions, stick_rows, list(outcome.samples))
-
-
-Values = dict[str, Any]
-"""Some fields of a row."""
-
-
-def _identity(outcome: Outcome) -> Values:
-    """What all rows of one outcome begin with."""
-    setting = outcome.setting
-    return {"case": outcome.case, "reading": outcome.reading.name, "solver": outcome.solver, "rtol": setting.rtol,
-            "step_s": setting.step}  # fmt: skip
+    return Record(replace(run, cause=cause_of(run, transitions)), transitions, stick_rows, list(outcome.samples))
 
 
 def _run_row(outcome: Outcome, expected: Expected | None, stick_rows: list[StickRow]) -> RunRow:
-    row = _identity(outcome) | {"library_version": outcome.library_version or None, "atol": outcome.setting.atol}
-    row.update(landing=outcome.landing or None, compile_s=outcome.compile_s)
+    """What is known of the run, from its question to its times: what comes later stands in place of what came first."""
+    row = outcome.identity | {"atol": outcome.setting.atol, "library_version": outcome.library_version or None}
+    row |= {"landing": outcome.landing or None, "compile_s": outcome.compile_s}
     if expected is not None:
-        counted = [event for event in expected.transitions if event.kind != "graze"]
-        row.update(reference_transitions=len(counted), time_unit_s=expected.time_unit)
-        row.update(expected_status=None if expected.nothing_known else expected.status)
-        row.update(reference_radius_s=expected.radius if expected.transitions else None)
+        row |= {
+            "reference_transitions": sum(event.kind != "graze" for event in expected.transitions),
+            "time_unit_s": expected.time_unit,
+            "expected_status": None if expected.nothing_known else expected.status,
+            "reference_radius_s": expected.radius if expected.transitions else None,
+        }
     if outcome.trajectory is not None:
-        row.update(_trajectory_values(outcome.trajectory))
+        row |= _trajectory_values(outcome.trajectory)
     if outcome.score is not None:
-        row.update(_score_values(outcome.score))
         errors = [abs(stick.error_s) for stick in stick_rows if stick.error_s is not None]
-        row.update(stick_count=sum(stick.duration_s is not None for stick in stick_rows))
-        row.update(max_stick_error_s=max(errors, default=None))
-    if outcome.failure is not None:
-        row.update(status=outcome.failure.status, status_reason=outcome.failure.reason or None)
-        forgiven = None if outcome.failure.ignored else FAILURES.get(outcome.failure.status)
-        row.update(verdict=forgiven or "solver defect")
-    if row.get("verdict") in UNJUDGED and not row.get("status_reason"):
-        row.update(status_reason=row.get("verdict_basis") or (UNSAID if expected else NO_TRUTH))
-    if outcome.repeat_failure is not None:
-        row.update(status_reason=_and_then(row.get("status_reason"), outcome.repeat_failure))
-    timing = summarise(outcome.samples)
-    if timing is not None:
-        row.update(wall_s=timing.median, wall_s_iqr=timing.iqr, wall_s_low=timing.low, wall_s_high=timing.high)
-        row.update(timed_runs=len(outcome.samples))
-    return RunRow(**row)
-
-
-def _and_then(reason: str | None, failure: Failure) -> str:
-    """The reason of a row, and what happened when its run was repeated."""
-    how = f"{REPEATED}{failure.status}: {failure.reason}"
-    return short_line(f"{reason}; {how}" if reason else how)
+        row |= _score_values(outcome.score)
+        row |= {"stick_count": sum(stick.duration_s is not None for stick in stick_rows)}
+        row |= {"max_stick_error_s": max(errors, default=None)}
+    if (failure := outcome.failure) is not None:
+        verdict = None if failure.ignored else FAILURES.get(failure.status)
+        row |= {"status": failure.status, "status_reason": failure.reason, "verdict": verdict or "solver defect"}
+    reason = row.get("status_reason")
+    if not reason and row.get("verdict") in UNJUDGED:
+        reason = row.get("verdict_basis") or (UNSAID if expected else NO_TRUTH)
+    if (later := outcome.repeat_failure) is not None:
+        how = f"{REPEATED}{later.status}: {later.reason}"
+        reason = short_line(f"{reason}; {how}" if reason else how)
+    return RunRow(**row | summarise(outcome.samples) | {"status_reason": reason or None})
 
 
 def _trajectory_values(trajectory: Trajectory) -> Values:
     """What a run says of itself. Counts that a solver leaves at nought it did not count."""
     landings = sorted({event.landing for event in trajectory.transitions if event.landing})
     counts: Counts = trajectory.counts
-    values = {
+    return {
         "status": trajectory.status,
-        "status_reason": trajectory.reason or None,
+        "status_reason": trajectory.reason,
         "found_transitions": sum(event.kind != "graze" for event in trajectory.transitions),
         "max_surface_drift": trajectory.max_surface_drift,
         "steps": counts.steps or None,
@@ -153,15 +134,15 @@ def _trajectory_values(trajectory: Trajectory) -> Values:
         "event_evaluations": counts.event_evaluations or None,
         "end_time_s": trajectory.end_time,
         "undecided_after_s": min((time for _, time in trajectory.undecided_after), default=None),
+        **({"landing": short_line("+".join(landings))} if landings else {}),
     }
-    return values | ({"landing": short_line("+".join(landings))} if landings else {})
 
 
 def _score_values(score: Score) -> Values:
     matching = score.matching
     return {
         "status": score.status,
-        "status_reason": score.reason or None,
+        "status_reason": score.reason,
         "verdict": score.verdict.word,
         "verdict_basis": score.verdict.basis or None,
         "matched": len(matching.pairs),
@@ -179,62 +160,68 @@ def _score_values(score: Score) -> Values:
 
 def _transition_rows(outcome: Outcome, trajectory: Trajectory, expected: Expected, score: Score) -> list[TransitionRow]:
     """The union of the truth's transitions and the run's, in order of time."""
-    reading, allowed = outcome.reading, granted_error(expected, outcome.setting.rtol)
-    system, identity = reading.problem.system, _identity(outcome)
+    system, allowed = outcome.reading.problem.system, granted_error(expected, outcome.setting.rtol)
     matching = score.matching
     partner = dict(matching.pairs + matching.touch_pairs)
-    matched_runs = set(partner.values())
-    order: list[tuple[float, int | None, int | None]] = [
-        (event.time, i, partner.get(i)) for i, event in enumerate(expected.transitions)
-    ]
-    order += [(event.time, None, j) for j, event in enumerate(trajectory.transitions) if j not in matched_runs]
-    order.sort(key=lambda entry: entry[0])
-    outcomes = _outcomes(matching)
+    order: list[Pair] = [(i, partner.get(i)) for i in range(len(expected.transitions))]
+    order += [(None, j) for j in sorted(set(range(len(trajectory.transitions))) - set(partner.values()))]
+    order.sort(key=lambda pair: _time(pair, expected, trajectory))
+    became = _became(matching)
     rows: list[TransitionRow] = []
-    for index, (_, i, j) in enumerate(order):
-        exact = None if i is None else expected.transitions[i]
-        found = None if j is None else trajectory.transitions[j]
-        event = exact if exact is not None else found
-        if event is None:
-            continue
-        row = identity | {"index": index, "kind": event.kind, "surface": system.sign_names[event.surface]}
-        row.update(from_mode=_text(event.from_mode, reading), to_mode=_text(event.to_mode, reading))
-        if i is not None and exact is not None:
-            row.update(reference_time_s=exact.time, reference_radius_s=exact.radius, conditioning=exact.conditioning)
-            row.update(time_error_s=score.time_errors.get(i), transversality=exact.transversality)
-            row.update(graze_distance=0.0 if exact.kind == "graze" else graze_distance(expected, i))
-        if found is not None:
-            row.update(time_s=found.time, state=dict(zip(system.state_names, found.state, strict=False)))
-        what = outcomes.get((i, j), "touch")
-        row.update(outcome=what)
-        if what == "missed" and i is not None:
-            row.update(verdict=missed_verdict(expected, i, allowed).word)
-        elif what == "spurious" and found is not None:
-            row.update(verdict=spurious_verdict(expected, found, allowed).word)
-        rows.append(TransitionRow(**row))
+    for index, (i, j) in enumerate(order):
+        what = became.get((i, j), "touch")
+        row = outcome.identity | {"index": index, "outcome": what}
+        event: Event
+        if j is not None:
+            event = found = trajectory.transitions[j]
+            row |= {"time_s": found.time, "state": dict(zip(system.state_names, found.state, strict=False))}
+            if what == "spurious":
+                row["verdict"] = spurious_verdict(expected, found, allowed).word
+        if i is not None:
+            event = exact = expected.transitions[i]
+            row |= {
+                "reference_time_s": exact.time,
+                "reference_radius_s": exact.radius,
+                "conditioning": exact.conditioning,
+                "time_error_s": score.time_errors.get(i),
+                "transversality": exact.transversality,
+                "graze_distance": 0.0 if exact.kind == "graze" else graze_distance(expected, i),
+            }
+            if what == "missed":
+                row["verdict"] = missed_verdict(expected, i, allowed).word
+        modes = (mode_text(mode, system.sign_names) for mode in (event.from_mode, event.to_mode))
+        row |= {"kind": event.kind, "surface": system.sign_names[event.surface]}
+        rows.append(TransitionRow(**row | dict(zip(("from_mode", "to_mode"), modes, strict=True))))
     return rows
 
 
-def _outcomes(matching: Matching) -> dict[tuple[int | None, int | None], str]:
-    """What became of each transition of the truth (index or None) and of the run; touches left out."""
-    found: dict[tuple[int | None, int | None], str] = dict.fromkeys(matching.pairs, "matched")
-    found.update(((i, None), "missed") for i in matching.missed)
-    found.update(((None, j), "spurious") for j in matching.spurious)
-    found.update(((i, None), "cut off") for i in matching.cut_reference)
-    found.update(((None, j), "cut off") for j in matching.cut_found)
-    return found
+Pair = tuple[int | None, int | None]
+"""Places of one thing in the truth and in the run; None in the one that has not got it."""
 
 
-def _text(mode: Mode, reading: Reading) -> str:
-    return mode_text(mode, reading.problem.system.sign_names)
+def _became(matching: Matching) -> dict[Pair, str]:
+    """What became of each transition; touches, and what is not matched at all, left out."""
+    found: dict[Pair, str] = dict.fromkeys(matching.pairs, "matched")
+    found |= {(i, None): "missed" for i in matching.missed}
+    found |= {(None, j): "spurious" for j in matching.spurious}
+    found |= {(i, None): "cut off" for i in matching.cut_reference}
+    return found | {(None, j): "cut off" for j in matching.cut_found}
+
+
+def _time(pair: Pair, expected: Expected, trajectory: Trajectory) -> float:
+    """The truth's time where it has one, else the run's [s]."""
+    i, j = pair
+    if i is not None:
+        return expected.transitions[i].time
+    return trajectory.transitions[j].time if j is not None else 0.0
 
 
 def _stick_rows(outcome: Outcome, trajectory: Trajectory, expected: Expected, score: Score) -> list[StickRow]:
     """The union of the truth's sticks and the run's within the measured window, in order of their ends."""
     reading = outcome.reading
-    after = reading.measure_after
-    exact = sticks(expected.transitions, start=expected.start, after=after)
-    found = sticks(trajectory.transitions, start=expected.start, after=after)
+    exact, found = (
+        sticks(own.transitions, start=expected.start, after=reading.measure_after) for own in (expected, trajectory)
+    )
     partner = dict(score.matching.pairs)
     by_ends = {(stick.begin, stick.end): stick for stick in found}
     pairs: list[tuple[Stick | None, Stick | None]] = []
@@ -242,27 +229,24 @@ def _stick_rows(outcome: Outcome, trajectory: Trajectory, expected: Expected, sc
         begin = None if stick.begin is None else partner.get(stick.begin, -1)
         pairs.append((stick, by_ends.pop((begin, partner.get(stick.end, -1)), None)))
     pairs += [(None, stick) for stick in by_ends.values()]
-    pairs.sort(key=lambda pair: _end(pair, expected, trajectory))
+    pairs.sort(key=lambda pair: _time((_end(pair[0]), _end(pair[1])), expected, trajectory))
     durations = [None if run is None else run.duration for _, run in pairs]
     published = reading.published.stick_durations if reading.published else ()
     partners = published_partners(durations, [float(value) for value in published])
     rows: list[StickRow] = []
     for index, ((truth, run), printed) in enumerate(zip(pairs, partners, strict=True)):
-        row = _identity(outcome) | {"index": index, "published_s": printed}
-        row.update(reference_s=None if truth is None else truth.duration)
+        row = outcome.identity | {"index": index, "published_s": printed}
+        row |= {"reference_s": None if truth is None else truth.duration}
         if run is not None:
-            row.update(start_s=run.start, duration_s=run.duration, length=_length(run, trajectory, reading))
-            row.update(error_s=None if truth is None else run.duration - truth.duration)
-            row.update(published_error_s=None if printed is None else run.duration - printed)
+            row |= {"start_s": run.start, "duration_s": run.duration, "length": _length(run, trajectory, reading)}
+            row |= {"error_s": None if truth is None else run.duration - truth.duration}
+            row |= {"published_error_s": None if printed is None else run.duration - printed}
         rows.append(StickRow(**row))
     return rows
 
 
-def _end(pair: tuple[Stick | None, Stick | None], expected: Expected, trajectory: Trajectory) -> float:
-    truth, run = pair
-    if truth is not None:
-        return expected.transitions[truth.end].time
-    return trajectory.transitions[run.end].time if run is not None else 0.0
+def _end(stick: Stick | None) -> int | None:
+    return None if stick is None else stick.end
 
 
 def _length(stick: Stick, trajectory: Trajectory, reading: Reading) -> float:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.contract_check import check_prepared, check_trajectory
-from henon_ref.harness.campaign.settings import Setting
+from henon_ref.harness.campaign.options import Setting
 from henon_ref.harness.campaign.timing import repeat
 from henon_ref.jit.processor_time import run_time
 from henon_ref.modes.problem import Problem
@@ -37,7 +37,7 @@ MOST_SHOWN = 40
 SAMPLE_COUNT = 1201
 """Points of a curve in a figure."""
 KEPT = "run"
-"""Name under which a worker keeps what it has prepared."""
+"""Name under which a worker keeps what it has prepared, and the problem."""
 
 
 @dataclass(frozen=True)
@@ -59,10 +59,8 @@ class Ran:
 
 
 @dataclass(frozen=True)
-class PrepareJob(Job):
-    """Prepare a run, and keep it; the result is :class:`Prepared`."""
-
-    prepares: ClassVar[bool] = True
+class _SolverJob(Job):
+    """A job of one solver at one setting."""
 
     solver: str | Solver
     """The solver, or the name under which the worker finds it."""
@@ -75,14 +73,30 @@ class PrepareJob(Job):
     def seconds(self) -> float:
         return PREPARE_SECONDS
 
+    def found(self) -> Solver:
+        """The solver itself."""
+        return registry.solver(self.solver) if isinstance(self.solver, str) else self.solver
+
+    def prepared(self, solver: Solver, times: NDArray[np.float64] | None = None) -> Run:
+        """A run that is ready; ``times``: where the state is wanted [s]."""
+        own = self.setting
+        return solver.prepare(
+            self.problem, rtol=own.rtol, atol=own.atol, step=own.step, sample_times=times, deadline=self.timeout
+        )
+
+
+@dataclass(frozen=True)
+class PrepareJob(_SolverJob):
+    """Prepare a run, and keep it; the result is :class:`Prepared`."""
+
     def run(self, state: WorkerState) -> Prepared:
         state.kept.clear()
-        chosen = _found(self.solver)
-        version = chosen.version
+        solver = self.found()
+        version = solver.version
         begin = perf_counter()
-        run = _prepare(chosen, self)
+        run = self.prepared(solver)
         took = perf_counter() - begin
-        landing, version = check_prepared(run, landing=chosen.landing, version=version)
+        landing, version = check_prepared(run, landing=solver.landing, version=version)
         state.kept[KEPT] = run, self.problem
         return Prepared(landing, version, took)
 
@@ -103,7 +117,7 @@ class RunJob(Job):
         return 1.25 * self.timeout + 1.0
 
     def run(self, state: WorkerState) -> Ran:
-        run, problem = _kept(state)
+        run, problem = state.kept[KEPT]
         with state.off_the_clock():
             begin = run_time()
             returned = run()
@@ -132,25 +146,9 @@ class TimeJob(Job):
         return 5.0 + 4.0 * (BUDGET + self.first * (self.repeats or 3))
 
     def run(self, state: WorkerState) -> tuple[float, ...]:
-        run, _ = _kept(state)
+        run, _ = state.kept[KEPT]
         with state.off_the_clock():
             return repeat(run, first=self.first, repeats=self.repeats, budget=BUDGET, cold=self.cold)
-
-
-def _found(solver: str | Solver) -> Solver:
-    return registry.solver(solver) if isinstance(solver, str) else solver
-
-
-def _kept(state: WorkerState) -> tuple[Run, Problem]:
-    kept: tuple[Run, Problem] = state.kept[KEPT]
-    return kept
-
-
-def _prepare(solver: Solver, job: PrepareJob | SampleJob, times: NDArray[np.float64] | None = None) -> Run:
-    own = job.setting
-    return solver.prepare(
-        job.problem, rtol=own.rtol, atol=own.atol, step=own.step, sample_times=times, deadline=job.timeout
-    )
 
 
 def most_transitions(exact: int) -> int:
@@ -159,14 +157,10 @@ def most_transitions(exact: int) -> int:
 
 
 @dataclass(frozen=True)
-class SampleJob(Job):
+class SampleJob(_SolverJob):
     """Run on a grid of times, by one solver at one setting; the result is :class:`Samples`, or None where it cannot."""
 
-    solver: str | Solver
-    problem: Problem
-    setting: Setting
     times: tuple[float, ...]
-    timeout: float
 
     @property
     def seconds(self) -> float:
@@ -174,7 +168,7 @@ class SampleJob(Job):
 
     def run(self, state: WorkerState) -> Samples | None:
         times = np.array(self.times)
-        trajectory = _prepare(_found(self.solver), self, times)()
+        trajectory = self.prepared(self.found(), times)()
         if trajectory.samples is None:
             return None
         return Samples(times, trajectory.samples, trajectory.sample_modes)

@@ -1,16 +1,19 @@
-"""Wall times: repeated runs, medians, and an interval that says how far to trust them."""
+"""Wall times: repeated runs, medians, intervals that say how far to trust them, and runs timed in turn."""
 
 from __future__ import annotations
 
 import gc
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from statistics import median
+from typing import Generic, TypeVar
 
 import numpy as np
 
 from henon_ref.solver import SelfTimedRun
 
+Key = TypeVar("Key")
 SAMPLES = 100
 """Most samples taken where the caller does not say how many."""
 FEWEST = 3
@@ -21,25 +24,8 @@ RESAMPLES = 1000
 """Bootstrap resamples behind an interval."""
 UNSTABLE = 0.1
 """A sample whose interquartile range is above this fraction of its median is called unstable."""
-
-
-@dataclass(frozen=True)
-class Timing:
-    """What a set of samples says."""
-
-    median: float
-    """Median wall time [s]."""
-    iqr: float | None
-    """Interquartile range [s]; None for fewer than three samples."""
-    low: float | None
-    """Lower end of the 95 % bootstrap interval of the median [s]; None for fewer than three samples."""
-    high: float | None
-    """Upper end [s]."""
-
-    @property
-    def unstable(self) -> bool:
-        """The samples scatter too much for the median to mean much."""
-        return self.iqr is not None and self.iqr > UNSTABLE * self.median
+MOST = 20
+"""Repetitions in one turn at most."""
 
 
 def timed(run: Callable[[], object]) -> float:
@@ -98,19 +84,8 @@ def _affordable(pace: float, budget: float) -> int:
     return 0 if FEWEST * pace > SLOW * budget else min(max(int(budget / pace), FEWEST), SAMPLES)
 
 
-def turn_times(run: Callable[[], object], seconds: float, most: int) -> list[float]:
-    """Wall times of a run that is repeated for so many seconds, once at least and ``most`` times at most [s]."""
-    taken = [timed(run)]
-    if isinstance(run, SelfTimedRun):
-        count = min(int(seconds / taken[0]), most)
-        return list(run.times(count)) if count > 1 else taken
-    while sum(taken) + taken[-1] <= seconds and len(taken) < most:
-        taken.append(timed(run))
-    return taken
-
-
-def median_interval(samples: Sequence[float], *, level: float = 0.95, seed: int = 0) -> tuple[float, float]:
-    """Percentile bootstrap interval of the median (Efron 1979); the same samples give the same interval.
+def median_interval(samples: Sequence[float], *, seed: int = 0) -> tuple[float, float]:
+    """Percentile bootstrap interval (95 %) of the median (Efron 1979); the same samples give the same interval.
 
     ``scipy.stats.bootstrap`` gives the same numbers, for three samples in 1.8 ms in place of 0.25 ms and after an
     import of 0.5 s in every process: these lines stay.
@@ -119,25 +94,78 @@ def median_interval(samples: Sequence[float], *, level: float = 0.95, seed: int 
     ----------
     samples : sequence of float
         At least one [s].
-    level : float
-        Coverage asked for.
     seed : int
         Seed of the resampling.
     """
     values = np.asarray(samples, dtype=float)
     draws = np.random.default_rng(seed).integers(0, values.size, size=(RESAMPLES, values.size))
     medians = np.median(values[draws], axis=1)
-    low, high = np.quantile(medians, [(1 - level) / 2, (1 + level) / 2])
+    low, high = np.quantile(medians, [0.025, 0.975])
     return float(low), float(high)
 
 
-def summarise(samples: Sequence[float]) -> Timing | None:
-    """Median, interquartile range and interval of the samples; None where there are none."""
+def summarise(samples: Sequence[float]) -> dict[str, float]:
+    """What a row says of its samples (columns of ``runs.csv``); of fewer than three no spread and no interval."""
     if not samples:
-        return None
-    median = float(np.median(samples))
+        return {}
+    found = {"wall_s": float(np.median(samples)), "timed_runs": len(samples)}
     if len(samples) < FEWEST:
-        return Timing(median, None, None, None)
+        return found
     quarter, three = np.quantile(samples, [0.25, 0.75])
     low, high = median_interval(samples)
-    return Timing(median, float(three - quarter), low, high)
+    return found | {"wall_s_iqr": float(three - quarter), "wall_s_low": low, "wall_s_high": high}
+
+
+def turn_times(run: Callable[[], object], seconds: float) -> list[float]:
+    """Wall times of a run that is repeated for so many seconds, once at least and ``MOST`` times at most [s]."""
+    taken = [timed(run)]
+    if isinstance(run, SelfTimedRun):
+        count = min(int(seconds / taken[0]), MOST)
+        return list(run.times(count)) if count > 1 else taken
+    while sum(taken) + taken[-1] <= seconds and len(taken) < MOST:
+        taken.append(timed(run))
+    return taken
+
+
+@dataclass(frozen=True)
+class Turns(Generic[Key]):
+    """Times of runs, a round beside the other."""
+
+    times: Mapping[Key, list[float]]
+    """Every run's median time in each round [s]."""
+
+    def median(self, key: Key) -> float:
+        """Median time of a run [s]."""
+        return median(self.times[key])
+
+    def ratio(self, key: Key, other: Key) -> float:
+        """Time of one run over another's: the median of what each round says.
+
+        Where the machine changes its pace on the way, the two medians may come from different paces; a round does not.
+        """
+        return median(self.ratios(key, other))
+
+    def ratios(self, key: Key, other: Key) -> list[float]:
+        """What each round says of it."""
+        return [a / b for a, b in zip(self.times[key], self.times[other], strict=True)]
+
+
+def interleaved(runs: Mapping[Key, Callable[[], object]], *, rounds: int, turn: float = 0.0) -> Turns[Key]:
+    """Time every run once a round, after one round to warm up: a change of the machine's pace falls on all alike.
+
+    Parameters
+    ----------
+    runs : mapping of callables
+    rounds : int
+        How many; three at least.
+    turn : float
+        Seconds for which a run is repeated when it is its turn: what is much shorter than the others would else always
+        find the processor's caches filled with theirs.
+    """
+    samples: dict[Key, list[float]] = {key: [] for key in runs}
+    for number in range(max(rounds, 3) + 1):
+        for key, run in runs.items():
+            taken = turn_times(run, turn)
+            if number:
+                samples[key].append(median(taken))
+    return Turns(samples)

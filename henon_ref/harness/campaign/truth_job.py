@@ -43,10 +43,7 @@ class TruthJob(Job):
 
     case: Case
     reading: Reading
-
-    @property
-    def seconds(self) -> float:
-        return TRUTH_SECONDS
+    seconds: float = TRUTH_SECONDS
 
     def run(self, state: WorkerState) -> Statement:
         return statement_of(self.case, self.reading)

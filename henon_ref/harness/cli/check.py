@@ -1,6 +1,6 @@
 """Check stored reports against a fresh comparison, wall times apart.
 
-``python -m henon_ref.check CASE... [--reports DIR] [--fresh DIR]``: exit status 1 with a line for everything
+``henon-ref check CASE... [--reports DIR] [--fresh DIR]``: exit status 1 with a line for everything
 that differs; for the others see :mod:`henon_ref.commands.exit_status`. ``--fresh`` takes the fresh results from a
 folder that ``henon_ref.compare`` has just filled; without it they are made here, each run once.
 """
@@ -8,7 +8,6 @@ folder that ``henon_ref.compare`` has just filled; without it they are made here
 from __future__ import annotations
 
 import json
-import math
 import re
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -20,8 +19,9 @@ import typer
 from henon_ref.commands.exit_status import DONE, NOT_MET, command_of, say
 from henon_ref.commands.typer_app import Cases, application, examples
 from henon_ref.errors import CaseError
+from henon_ref.harness.campaign.campaign import compare_all
 from henon_ref.harness.campaign.case_files import load_cases
-from henon_ref.harness.campaign.comparison import Comparison, compare_all
+from henon_ref.harness.campaign.comparison import Comparison
 from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.registry import is_peer
 from henon_ref.harness.report.case_report import write_report
@@ -31,7 +31,7 @@ from henon_ref.harness.report.html.rendering import embedded, read_embedded, unp
 from henon_ref.harness.report.manifest import provenance
 from henon_ref.harness.report.text.matrix import read_matrix
 from henon_ref.harness.report.text.ranking import floor
-from henon_ref.harness.rows import Key, RunRow, number, read_rows
+from henon_ref.harness.rows import Key, RunRow, read_rows
 from henon_ref.harness.table import setting
 
 FACTOR = 10.0
@@ -40,6 +40,8 @@ ROUNDING = 1e4
 """Errors below this many times what can be claimed are rounding, and not compared."""
 EQUAL = ("status", "reference_transitions", "matched", "missed", "spurious", "stick_count")
 """Columns of a right run that may not differ."""
+ERRORS = ("max_time_error_s", "max_stick_error_s")
+"""Those that may, by as much."""
 MACHINE = ("timeout",)
 """Statuses that depend on the machine's speed."""
 
@@ -57,7 +59,7 @@ def differences(stored: Path, fresh: Path) -> list[str]:
     """
     if not (stored / RUNS).exists():
         return [f"there is no report in {stored}"]
-    old, new = _by_run(stored / RUNS), _by_run(fresh / RUNS)
+    old, new = ({row.key: row for row in read_rows(RunRow, folder / RUNS)} for folder in (stored, fresh))
     if len({(folder / RUNS).read_text(encoding="utf-8").partition("\n")[0] for folder in (stored, fresh)}) > 1:
         return [f"the columns of {stored / RUNS} are those of another version"]
     ran = {row.solver for row in new.values()}
@@ -84,15 +86,12 @@ def row_differences(old: RunRow, new: RunRow) -> Iterator[str]:
     for column, was, is_now in zip(EQUAL, old.values(EQUAL), new.values(EQUAL), strict=True):
         if was != is_now:
             yield f"{column} was {was}, is {is_now}"
-    for column, was, is_now in (
-        ("max_time_error_s", old.max_time_error_s, new.max_time_error_s),
-        ("max_stick_error_s", old.max_stick_error_s, new.max_stick_error_s),
-    ):
-        before, after = number(was), number(is_now)
-        if math.isnan(before) != math.isnan(after):
-            yield f"{column} was {was}, is {is_now}"
-        elif max(before, after) > max(ROUNDING * floor(old), FACTOR * min(before, after)):
-            yield f"{column} was {before:.2e}, is {after:.2e}"
+    for column, was, is_now in zip(ERRORS, old.values(ERRORS), new.values(ERRORS), strict=True):
+        if not (isinstance(was, float) and isinstance(is_now, float)):
+            if was != is_now:
+                yield f"{column} was {was}, is {is_now}"
+        elif max(was, is_now) > max(ROUNDING * floor(old), FACTOR * min(was, is_now)):
+            yield f"{column} was {was:.2e}, is {is_now:.2e}"
 
 
 def text_differences(stored: Path, fresh: Path) -> list[str]:
@@ -125,32 +124,27 @@ def _sections(text: str) -> dict[str, str]:
     return found
 
 
-def _by_run(path: Path) -> dict[Key, RunRow]:
-    return {row.key: row for row in read_rows(RunRow, path)}
-
-
 def _label(key: Key) -> str:
     _, reading, solver, rtol, step = key
     return f"{reading}, {solver} at {setting(rtol, step)}"
 
 
-def check(cases: Sequence[Path], reports: Path, fresh: Path | None) -> list[str]:
-    """What the reports of these cases differ in from a fresh comparison."""
-    loaded = load_cases(cases)
-    if fresh is not None:
-        missing = [case.name for case in loaded if not (fresh / case.name / RUNS).exists()]
+def check(paths: Sequence[Path], reports: Path, fresh: Path | None) -> list[str]:
+    """What the reports of these cases differ in from a fresh comparison; None: it is made here."""
+    cases = load_cases(paths)
+    with tempfile.TemporaryDirectory() as made:
+        if fresh is None:
+            origin, fresh = provenance(""), Path(made)
+
+            def keep(comparison: Comparison) -> None:
+                write_report(comparison, origin, Path(made))
+
+            compare_all(cases, Options(repeats=1), keep)
+        missing = [case.name for case in cases if not (fresh / case.name / RUNS).exists()]
         if missing:
             raise CaseError(f"{fresh} has no report of {', '.join(missing)}")
-        found = [f"{c.name}: {w}" for c in loaded for w in differences(reports / c.name, fresh / c.name)]
+        found = [f"{c.name}: {w}" for c in cases for w in differences(reports / c.name, fresh / c.name)]
         return found + page_differences(reports)
-    with tempfile.TemporaryDirectory() as made:
-        origin = provenance("")
-
-        def keep(comparison: Comparison) -> None:
-            write_report(comparison, origin, Path(made))
-
-        compare_all(loaded, Options(repeats=1), keep)
-        return check(cases, reports, Path(made))
 
 
 app = application()

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import csv
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 from typing import Annotated
 
@@ -19,7 +20,7 @@ from henon_ref.atomic_write import replace_file
 from henon_ref.commands.exit_status import DONE, NOT_MET, command_of, say
 from henon_ref.commands.typer_app import application, examples
 from henon_ref.errors import CaseError
-from henon_ref.harness.cli.arguments import names
+from henon_ref.harness.cli.compare import names
 from henon_ref.harness.report.folder import MANIFEST, RUNS
 from henon_ref.harness.report.manifest import read_bounds
 from henon_ref.harness.report.text.gate import (
@@ -30,9 +31,8 @@ from henon_ref.harness.report.text.gate import (
     step_summary,
     why_unchecked,
 )
-from henon_ref.harness.rows import RUN_COLUMNS, AnyRow, Key, RunRow, TableError, read_rows
-from henon_ref.harness.score.gate import Gate, demand, gate
-from henon_ref.harness.score.regression import held_against
+from henon_ref.harness.rows import AnyRow, Key, RunRow, TableError, read_rows
+from henon_ref.harness.score.gate import Gate, demand, gate, held_against
 from henon_ref.harness.score.row_result import KnownFailure, RowResult, check_status, row_result
 from henon_ref.harness.table import count
 from henon_ref.text import did_you_mean, listed, message, shortened
@@ -76,10 +76,10 @@ def main(
     ] = None,
 ) -> int:
     """Tell whether reports hold: the bounds of their cases, required solvers, an earlier comparison."""
-    files = reports_in(report)
-    rows = runs_of(files)
-    bounds = [own for file in files for own in read_bounds(file.with_name(MANIFEST))]
-    earlier = None if baseline is None else runs_of(reports_in(baseline))
+    runs = runs_in(report)
+    rows = [*chain.from_iterable(runs.values())]
+    bounds = [own for file in runs for own in read_bounds(file.with_name(MANIFEST))]
+    earlier = None if baseline is None else [*chain.from_iterable(runs_in(baseline).values())]
     held = Held(rows, [] if known is None else read_known(known))
     found = gate(bounds, rows)
     unmet = held.bounds_unmet(found)
@@ -118,11 +118,17 @@ class Held:
         """What a row is to a test runner."""
         return row_result(row, self.complaints.get(row.key, ()), known=self.is_known(row))
 
+    def _complain(self, found: Iterable[tuple[RunRow, str, str]], what: str) -> list[str]:
+        """Note each complaint (row, words, sentence); the sentences on what is not expected."""
+        told = []
+        for row, words, sentence in found:
+            self.complaints.setdefault(row.key, []).append(f"{what}: {words}")
+            told += [] if self.is_known(row) else [sentence]
+        return told
+
     def bounds_unmet(self, found: Gate) -> list[str]:
         """A sentence for every bound that is not met, expected ones left out; that none was checked."""
-        for row, words in found.unmet:
-            self.complaints.setdefault(row.key, []).append(f"gate: {words}")
-        unmet = [f"gate: {row.case}: {words}" for row, words in found.unmet if not self.is_known(row)]
+        unmet = self._complain(((row, words, f"gate: {row.case}: {words}") for row, words in found.unmet), "gate")
         if found.left_out:
             say(f"gate: {bounds_left_out(found)}")
         return [*unmet, f"gate: {why_unchecked(found)}"] if found.missing else unmet
@@ -130,11 +136,10 @@ class Held:
     def worse(self, earlier: Sequence[RunRow]) -> list[str]:
         """A sentence for every row that is worse than it was, expected ones left out; that none was compared."""
         regression = held_against(self.rows, earlier)
-        sentences = []
-        for row in self.rows:
-            if (words := regression.worse.get(row.key)) is not None:
-                self.complaints.setdefault(row.key, []).append(f"worse than the baseline: {words}")
-                sentences += [] if self.is_known(row) else [f"baseline: {row.name}: {words}"]
+        changes = ((row, regression.worse[row.key]) for row in self.rows if row.key in regression.worse)
+        sentences = self._complain(
+            ((row, words, f"baseline: {row.name}: {words}") for row, words in changes), "worse than the baseline"
+        )
         new = len(self.rows) - regression.compared
         beside = f", {count(new, 'row')} of now not in it" if new else ""
         say(f"baseline: {count(regression.compared, 'row')} compared, {len(sentences) or 'none'} worse{beside}")
@@ -149,8 +154,7 @@ class Held:
         for entry in self.known:
             own = [row for row in self.rows if entry.names(row)]
             bad = [row for row in own if row.verdict != "right" or row.repeated or row.key in self.complaints]
-            failing = [f"{row.name}: {row.status_text}" for row in bad if entry.covers(row)]
-            if failing:
+            if failing := [f"{row.name}: {row.status_text}" for row in bad if entry.covers(row)]:
                 why = f" ({entry.reason})" if entry.reason else ""
                 lines.append(f"known: {entry.name}: fails as expected{why}: {listed(failing, MOST_NAMED)}")
             elif own and not bad:
@@ -160,40 +164,26 @@ class Held:
         return lines
 
 
-def reports_in(path: Path) -> list[Path]:
-    """The ``runs.csv`` that a path is, or those of the reports in a folder.
+def runs_in(path: Path) -> dict[Path, list[RunRow]]:
+    """The rows of the ``runs.csv`` that a path is, or of those of the reports in a folder, by file.
 
     Raises
     ------
     CaseError
-        Where there is none.
+        Where there is none, or a file that is none.
     """
-    if path.is_file():
-        return [path]
-    found = [path / RUNS] if (path / RUNS).is_file() else sorted(path.glob(f"*/{RUNS}"))
-    if not found:
+    files = [path] if path.is_file() else [path / RUNS] if (path / RUNS).is_file() else sorted(path.glob(f"*/{RUNS}"))
+    if not files:
         what = "no report is in it" if path.is_dir() else "there is no such file"
         raise CaseError(f"{what}; wanted is a {RUNS}, or a folder of reports", file=str(path))
-    return found
-
-
-def runs_of(files: Sequence[Path]) -> list[RunRow]:
-    """The rows of reports.
-
-    Raises
-    ------
-    CaseError
-        For a file that is none.
-    """
-    rows = []
-    for file in files:
-        for row in rows_of(RunRow, file):
+    found = {file: rows_of(RunRow, file) for file in files}
+    for file, rows in found.items():
+        for row in rows:
             try:
                 check_status(row.status)
             except ValueError as error:
                 raise CaseError(f"{row.name}: {error}", file=str(file)) from None
-            rows.append(row)
-    return rows
+    return found
 
 
 def rows_of(kind: type[AnyRow], path: Path) -> list[AnyRow]:
@@ -225,7 +215,7 @@ def read_known(path: Path) -> list[KnownFailure]:
         header = next(csv.reader(file), [])
     allowed = KnownFailure.columns()
     for name in map(str.strip, header):
-        if name not in (*allowed, *RUN_COLUMNS):  # a word that is misspelt would stand for any
+        if name not in (*allowed, *RunRow.columns()):  # a word that is misspelt would stand for any
             words = f"{shortened(name)} is no column here; there are {', '.join(allowed)}{did_you_mean(name, allowed)}"
             raise CaseError(words, file=str(path), line=1, column=1)
     return found

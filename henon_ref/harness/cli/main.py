@@ -6,15 +6,16 @@ A subcommand's module is imported when it is called, so that the others' librari
 from __future__ import annotations
 
 import platform
+import re
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from henon_ref.commands.exit_status import DONE, exit_status, parsed
+from henon_ref.commands.exit_status import exit_status, parsed
 from henon_ref.commands.typer_app import FLAG, examples
 
 
@@ -27,15 +28,21 @@ class Subcommand:
     status."""
     summary: str
 
-    @property
-    def module(self) -> str:
-        """The module's whole name."""
-        name = self.target.partition(":")[0]
-        return f"henon_ref.{name}" if "." in name else f"henon_ref.harness.cli.{name}"
-
     def run(self, arguments: Sequence[str]) -> int:
         """Import it, and run it; the exit status."""
-        return int(getattr(import_module(self.module), self.target.partition(":")[2])(arguments))
+        return int(self._found("")(arguments))
+
+    @property
+    def app(self) -> typer.Typer:
+        """Its typer application: beside the function, and named like it."""
+        found: typer.Typer = self._found("app")
+        return found
+
+    def _found(self, instead: str) -> Any:
+        """The function; what is named like it, ``instead`` in place of its last word."""
+        name, _, function = self.target.partition(":")
+        module = import_module(f"henon_ref.{name}" if "." in name else f"henon_ref.harness.cli.{name}")
+        return getattr(module, re.sub("(command|program)$", instead, function) if instead else function)
 
 
 SUBCOMMANDS = {
@@ -46,9 +53,9 @@ SUBCOMMANDS = {
     "demo": Subcommand("commands.demo:command", "Draw a stick-slip orbit with its transitions."),
     "simulate": Subcommand("commands.simulate:command", "Simulate one case: its transitions, a picture."),
     "sweep": Subcommand("sweep:program", "Run one system at many points, and observe each run."),
-    "cases": Subcommand("cases:command", "List cases: names, sizes, titles, tags."),
-    "solvers": Subcommand("solvers:command", "List solvers: versions, options, and why one cannot be had."),
-    "schema": Subcommand("schema:command", "Print the JSON Schema of a case file."),
+    "cases": Subcommand("lists:cases_command", "List cases: names, sizes, titles, tags."),
+    "solvers": Subcommand("lists:solvers_command", "List solvers: versions, options, and why one cannot be had."),
+    "schema": Subcommand("lists:schema_command", "Print the JSON Schema of a case file."),
     "new-solver": Subcommand("new_solver:command", "Write a package with a solver of your own to fill in."),
     "truth": Subcommand("truth:command", "Compute truths, compare them with the stored ones, store them."),
     "study": Subcommand("study:command", "Run a study: price, paired-times, atlas, restarts, causes or paper."),
@@ -56,14 +63,6 @@ SUBCOMMANDS = {
 """Name -> subcommand, in the order of the list."""
 
 EXAMPLES = ("demo", "cases", "compare fig8", "explain my_case.yaml", "compare --help")
-
-
-@dataclass(frozen=True)
-class Chosen:
-    """A subcommand and what it is given."""
-
-    subcommand: Subcommand
-    arguments: list[str]
 
 
 def program(arguments: Sequence[str] | None = None) -> int:
@@ -75,22 +74,14 @@ def program(arguments: Sequence[str] | None = None) -> int:
         None: those of the process.
     """
     words = sys.argv[1:] if arguments is None else list(arguments)
-    chosen: list[Chosen] = []
-    status = exit_status(lambda: _choose(words, chosen), name="main", arguments=words)
-    return chosen[0].subcommand.run(chosen[0].arguments) if chosen else status
+    words = words[1:] if words[:1] == ["--"] else words
+    if words and words[0] in SUBCOMMANDS:
+        return SUBCOMMANDS[words[0]].run(words[1:])
+    return exit_status(lambda: int(parsed(application(), words or ["--help"])), name="main", arguments=words)
 
 
-def _choose(words: Sequence[str], chosen: list[Chosen]) -> int:
-    """Read the words before a subcommand's own: it says itself how it ends, outside of this one's reading."""
-    found = parsed(application(words), list(words) or ["--help"])
-    if isinstance(found, Chosen):
-        chosen.append(found)
-        return DONE
-    return int(found)
-
-
-def application(words: Sequence[str]) -> typer.Typer:
-    """The program's own options and its list of subcommands, whose arguments are passed on as they are."""
+def application() -> typer.Typer:
+    """The program's own options and its list of subcommands, which read their arguments themselves."""
     app = typer.Typer(
         add_completion=False,
         pretty_exceptions_enable=False,
@@ -98,19 +89,9 @@ def application(words: Sequence[str]) -> typer.Typer:
         callback=_own_options,
         epilog=examples(*EXAMPLES),
     )
-    passed_on = {"ignore_unknown_options": True, "allow_extra_args": True, "help_option_names": []}
     for name, subcommand in SUBCOMMANDS.items():
-        own = Chosen(subcommand, list(words[words.index(name) + 1 :]) if name in words else [])
-        app.command(name, help=subcommand.summary, context_settings=passed_on)(_chooser(own))
+        app.command(name, help=subcommand.summary)(lambda: None)
     return app
-
-
-def _chooser(chosen: Chosen) -> Callable[[typer.Context], Chosen]:
-    def choose(context: typer.Context) -> Chosen:
-        return chosen
-
-    choose.__annotations__["context"] = typer.Context  # which typer cannot look up here
-    return choose
 
 
 def _own_options(

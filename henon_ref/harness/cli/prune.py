@@ -1,13 +1,14 @@
 """What of a folder of reports is worth keeping in a repository.
 
-``python -m henon_ref.prune CASE... [--reports DIR]``: the folders of these cases stay, without their rows of
-transitions and raw samples; those of all other cases go, and live on in the matrix, from which the index is made.
+``python -m henon_ref.harness.cli.prune CASE... [--reports DIR]``: the folders of these cases stay, without their rows
+of transitions and raw samples; those of all other cases go, and live on in the matrix, from which the index is made.
 The rows of every run behind the pages of the studies go, too. Links to what has gone become text, figures are made as
 short as they can be. Files that this package has not written stay as they are.
 """
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
@@ -16,6 +17,7 @@ import typer
 
 from henon_ref.atomic_write import replace_file
 from henon_ref.commands.exit_status import DONE, command_of, say
+from henon_ref.commands.typer_app import application
 from henon_ref.harness.campaign.case_files import load_cases
 from henon_ref.harness.report.folder import (
     INDEX,
@@ -90,7 +92,7 @@ def _replace(path: Path, content: bytes) -> None:
         replace_file(path, content)
 
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+app = application()
 
 
 @app.command()
@@ -105,3 +107,6 @@ def main(
 
 
 command = command_of(app, "prune")
+
+if __name__ == "__main__":
+    sys.exit(command())

@@ -15,11 +15,11 @@ import typer
 from henon_ref.commands import status_line
 from henon_ref.commands.exit_status import DONE, NOT_MET, exit_status, parsed, say, writing_into
 from henon_ref.commands.typer_app import FLAG, application, examples
+from henon_ref.harness.cli.compare import KEPT, names
 from henon_ref.harness.studies.study import STUDIES, Asked, Study
 
 app = application()
 
-KEPT = "finished rows are kept, --resume goes on from them"
 HELP = " ".join(f"{name}: {own.summary}" for name, own in STUDIES.items())
 """What there is."""
 
@@ -57,6 +57,7 @@ def main(
     out: Annotated[Path, typer.Option(help="Folder of reports that the page lies in.", metavar="FOLDER")] = Path("out"),
 ) -> int:
     """Run a study, and write its page into a folder of its own."""
+    from henon_ref.harness import registry
     from henon_ref.harness.campaign.case_files import load_cases
     from henon_ref.harness.campaign.options import Options
     from henon_ref.harness.campaign.progress import ProgressLine
@@ -68,10 +69,13 @@ def main(
     if own is None:
         raise typer.BadParameter(f"there is no study '{study}'; there are {', '.join(STUDIES)}")
     given = {"cases": cases, "solvers": solvers, "rows": rows, "timeout": timeout, "jobs": jobs, "resume": resume}
+    chosen = names(solvers)
+    for name in chosen or ():
+        if name != registry.ALL:
+            registry.check(name)
     _check_taken(study, own, [name for name, value in given.items() if value])
     options = Options(
-        solvers=_solvers(solvers), timeout=timeout or Options().timeout, processes=jobs or own.jobs, resume=resume,
-        keep_journals=True,
+        solvers=chosen, timeout=timeout or Options().timeout, processes=jobs or own.jobs, resume=resume,
     )  # fmt: skip
     loaded, folder = load_cases(cases) if cases else [], out / own.folder
     check_writable(folder)
@@ -98,13 +102,6 @@ def _check_taken(name: str, study: Study, given: Sequence[str]) -> None:
         if needed in study.takes and needed not in given:
             what = "the cases to run" if needed == "cases" else "--rows, the folder of the reports that it starts from"
             raise typer.BadParameter(f"study {name} needs {what}")
-
-
-def _solvers(text: str | None) -> tuple[str, ...] | None:
-    from henon_ref.harness import registry
-
-    names = tuple(name.strip() for name in text.split(",")) if text else ()
-    return tuple(name if name == registry.ALL else registry.check(name) for name in names) or None
 
 
 def command(arguments: Sequence[str] | None = None) -> int:

@@ -1,12 +1,13 @@
 """The command: a sweep file in, Parquet files out.
 
-``python -m henon_ref.sweep SWEEP.yaml [--out DIR] [--jobs N] [--dask ADDRESS] [--resume] [--plot]``. For the exit
+``henon-ref sweep SWEEP.yaml [--out DIR] [--jobs N] [--dask ADDRESS] [--resume] [--plot]``. For the exit
 statuses see :mod:`henon_ref.commands.exit_status`.
 """
 
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,6 +19,7 @@ from henon_ref.commands import status_line
 from henon_ref.commands.exit_status import DONE, exit_status, parsed
 from henon_ref.commands.typer_app import FLAG, application, examples
 from henon_ref.errors import CaseError
+from henon_ref.harness.cli.compare import ONE_THREAD
 
 if TYPE_CHECKING:
     from henon_ref.sweeps.storage import SweepFolder
@@ -80,14 +82,12 @@ def main(
 
 def program(arguments: Sequence[str] | None = None) -> int:
     """Run the command; the exit status."""
-    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):  # as the workers have it
+    for name in ONE_THREAD:  # as the workers have it
         os.environ.setdefault(name, "1")
     return exit_status(lambda: int(parsed(app, arguments, name="sweep")), name="sweep", arguments=arguments, kept=KEPT)
 
 
 def _run(place: SweepFolder, *, jobs: int, executor: Any, quiet: bool) -> None:
-    from collections import Counter
-
     from henon_ref.sweeps.progress import shown
     from henon_ref.sweeps.sweep import done
 
@@ -95,8 +95,7 @@ def _run(place: SweepFolder, *, jobs: int, executor: Any, quiet: bool) -> None:
     with shown(points, quiet=quiet) as progress:
         for _, tables in done(place.plan, place, jobs=jobs, executor=executor, progress=progress):
             ended.update(tables.points["status"].tolist())
-    told = ", ".join(f"{count} {status}" for status, count in sorted(ended.items()))
-    print(f"{place.path}: {points} points, {told}")
+    print(f"{place.path}: {points} points, {', '.join(f'{count} {status}' for status, count in sorted(ended.items()))}")
 
 
 @contextmanager

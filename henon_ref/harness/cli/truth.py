@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import typer
 
@@ -53,40 +52,32 @@ def main(
 command = command_of(app, "truth")
 
 
-@dataclass(frozen=True)
-class Stored:
+class Stored(NamedTuple):
     """What lies in the place of a reading's truth."""
 
     truth: Truth | None
     """The truth of the reading's mathematics, or what a damaged file says of it; None where there is neither."""
-    fault: str = ""
+    fault: str
     """Why the file is not to be believed."""
-    claimed: bool = False
-    """It has been held against what the case claims now."""
+    current: bool
+    """Whether nothing is wrong with it, and it has been held against what the case claims now."""
 
-    @property
-    def current(self) -> bool:
-        """Whether nothing is wrong with it."""
-        return self.claimed and not self.fault
 
-    @classmethod
-    def of(cls, case: Case, reading: Reading, folder: Path) -> Stored:
-        """What lies in a folder; a damaged file is told."""
-        try:
-            truth, fault = store.load(folder, case.name, reading.name), ""
-        except store.StoredTruthError as error:
-            compute.tell(error)
-            truth, fault = error.content, error.reason
-        if truth is not None and truth.mathematics_hash != reading.mathematics_hash:
-            truth = None
-        return cls(truth, fault, truth is not None and compute.claimed(truth, reading))
+def _stored(case: Case, reading: Reading, folder: Path) -> Stored:
+    """What lies in a folder; a damaged file is told."""
+    try:
+        truth, fault = store.load(folder, case.name, reading.name), ""
+    except store.StoredTruthError as error:
+        compute.tell(error)
+        truth, fault = error.content, error.reason
+    if truth is None or truth.mathematics_hash != reading.mathematics_hash:
+        return Stored(None, fault, False)
+    return Stored(truth, fault, not fault and compute.claimed(truth, reading))
 
 
 def _one(case: Case, reading: Reading, *, dry_run: bool, missing: bool, proof_seconds: float) -> bool:
     """One reading; False where something is wrong."""
-    folder = store.folder_of(case.path)
-    name = f"{case.name}, {reading.name}"
-    stored = Stored.of(case, reading, folder)
+    name, stored = f"{case.name}, {reading.name}", _stored(case, reading, store.folder_of(case.path))
     if stored.current and missing:
         return True
 
@@ -96,24 +87,26 @@ def _one(case: Case, reading: Reading, *, dry_run: bool, missing: bool, proof_se
     try:
         fresh = compute.compute(case, reading, proof_seconds=proof_seconds, progress=report)
     except (TruthError, ModelError) as error:
-        _print(f"{name}: {error}")
-        return False
+        verdict, right = str(error), False
+    else:
+        found, right = _compared(stored, fresh, store.folder_for_new(case.path), dry_run=dry_run)
+        verdict = f"{_summary(fresh)}; {found}"
     finally:
         status_line.clear()
-    return _compared(name, stored, fresh, store.folder_for_new(case.path), dry_run=dry_run)
+    print(message(f"{name}: {verdict}"))
+    return right
 
 
-def _compared(name: str, stored: Stored, fresh: Truth, folder: Path, *, dry_run: bool) -> bool:
-    """Say how a stored truth and a new one stand to each other; store the new one unless nothing is to be written.
+def _compared(stored: Stored, fresh: Truth, folder: Path, *, dry_run: bool) -> tuple[str, bool]:
+    """How a stored truth and a new one stand to each other, and whether that is right.
 
-    A certified truth is not given up for one that is not.
+    The new one is stored unless nothing is to be written; a certified one is not given up for one that is not.
     """
-    old = stored.truth
-    faults = [] if old is None else compute.differences(old, fresh)
-    faults += [stored.fault] if stored.fault else []
+    old, fault = stored.truth, stored.fault
+    faults = [*([] if old is None else compute.differences(old, fresh)), *([fault] if fault else [])]
     weaker = old is not None and old.certified and not fresh.certified
     stays = dry_run or weaker
-    if old is None and not stored.fault:
+    if old is None and not fault:
         verdict, right = ("not stored or out of date" if dry_run else "stored"), not dry_run
     elif faults:
         verdict, right = "differs from what was stored: " + "; ".join(faults[:5]), not stays
@@ -128,8 +121,7 @@ def _compared(name: str, stored: Stored, fresh: Truth, folder: Path, *, dry_run:
             store.save(folder, fresh)
         except OSError as error:
             verdict, right = f"cannot be stored in {folder}: {error.strerror or error}", False
-    _print(f"{name}: {_summary(fresh)}; {verdict}{'; what is stored is certified and stays' * weaker}")
-    return right
+    return f"{verdict}{'; what is stored is certified and stays' * weaker}", right
 
 
 def _summary(truth: Truth) -> str:
@@ -137,8 +129,3 @@ def _summary(truth: Truth) -> str:
     proven = "certified" if truth.certified else f"{truth.proven} proven, not certified: {truth.uncertified_because}"
     ending = truth.status + (f" ({truth.reason})" if truth.reason else "")
     return f"{len(truth.transitions)} transitions, {ending}, radius {truth.radius:.1e} s, {proven}, {seconds:.1f} s"
-
-
-def _print(text: str) -> None:
-    status_line.clear()
-    print(message(text))

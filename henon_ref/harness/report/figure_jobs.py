@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from henon_ref.casefile.case import Reading
-from henon_ref.harness.campaign.results import ReadingResult
+from henon_ref.harness.campaign.comparison import ReadingResult
 from henon_ref.harness.campaign.rows import Record
 from henon_ref.harness.report.svg import svg
 from henon_ref.harness.score.reference import Expected

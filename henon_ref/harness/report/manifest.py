@@ -10,8 +10,7 @@ from typing import Any
 
 from henon_ref.errors import CaseError
 from henon_ref.harness import registry
-from henon_ref.harness.campaign.comparison import Comparison
-from henon_ref.harness.campaign.results import ReadingResult
+from henon_ref.harness.campaign.comparison import Comparison, ReadingResult
 from henon_ref.harness.score.gate import Bounds, bounds_of
 from henon_ref.harness.score.kinds import kind_of
 from henon_ref.text import one_line

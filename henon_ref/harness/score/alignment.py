@@ -7,6 +7,8 @@ memory is ``BAND`` bytes a row, whatever the run did.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,28 +16,31 @@ BAND = 128
 """Transitions of the run, the nearest in time, that one reference transition may be paired with."""
 TIE = 1e-7
 """Weight of a full time bound against one edit; below 1 / (number of transitions), so that edits come first."""
-
 _UP, _LEFT, _DIAGONAL = 0, 1, 2
 
 
-def align(
-    ref_keys: NDArray[np.int64],
-    ref_times: NDArray[np.float64],
-    run_keys: NDArray[np.int64],
-    run_times: NDArray[np.float64],
-    bound: NDArray[np.float64],
-) -> NDArray[np.intp]:
+class Keyed(NamedTuple):
+    """Transitions as they are aligned."""
+
+    keys: NDArray[np.int64]
+    """(n, 2) integers; the second is an alternative, -1 where there is none."""
+    times: NDArray[np.float64]
+    """(n,) [s]."""
+
+    def since(self, first: int) -> Keyed:
+        """Those from one on."""
+        return Keyed(self.keys[first:], self.times[first:])
+
+
+def align(ref: Keyed, run: Keyed, bound: NDArray[np.float64]) -> NDArray[np.intp]:
     """Pairs of an alignment with the fewest edits, and the least sum of time differences among those.
 
     Parameters
     ----------
-    ref_keys : ndarray, shape (m, 2)
-        Integer keys; the second is an alternative, -1 where there is none.
-    ref_times : ndarray, shape (m,)
-        Non-decreasing times [s].
-    run_keys : ndarray, shape (n, 2)
-    run_times : ndarray, shape (n,)
-        Times [s]; one that is not finite is never paired.
+    ref : Keyed
+        m transitions; their times do not decrease.
+    run : Keyed
+        A transition whose time is not finite is never paired.
     bound : ndarray, shape (m,)
         Largest time difference of a pair [s].
 
@@ -44,34 +49,31 @@ def align(
     ndarray, shape (k, 2)
         Indices (reference, run), both increasing.
     """
-    m, n = len(ref_times), len(run_times)
+    m, n = len(ref.times), len(run.times)
     if not m or not n:
         return np.zeros((0, 2), dtype=np.intp)
-    if m == n and bool(np.all(_allowed(ref_keys, ref_times, run_keys, run_times, bound))):
+    if m == n and bool(np.all(_allowed(ref.keys.T, run.keys.T, np.abs(ref.times - run.times), bound))):
         return np.repeat(np.arange(m)[:, None], 2, axis=1)
-    low, high = _windows(ref_times, run_times, bound)
-    choice = _fill(ref_keys, ref_times, run_keys, run_times, bound, low, high)
-    return _trace(choice, low, high)
+    low, high = _windows(ref.times, run.times, float(bound.max()))
+    return _trace(_fill(ref, run, bound, low, high), low, high)
 
 
 def _allowed(
     ref_keys: NDArray[np.int64],
-    ref_times: NDArray[np.float64],
     run_keys: NDArray[np.int64],
-    run_times: NDArray[np.float64],
+    slips: NDArray[np.float64],
     bound: NDArray[np.float64] | float,
 ) -> NDArray[np.bool_]:
-    """Whether pairs (broadcast over the leading axes) have the same key and agree in time."""
-    same = (ref_keys[..., 0] == run_keys[..., 0]) | (ref_keys[..., 1] == run_keys[..., 1])
-    return same & (np.abs(ref_times - run_times) <= bound)
+    """Whether pairs have the same key (first axis: the two keys) and agree in time; broadcast over the other axes."""
+    same: NDArray[np.bool_] = (ref_keys[0] == run_keys[0]) | (ref_keys[1] == run_keys[1])
+    return same & (slips <= bound)
 
 
 def _windows(
-    ref_times: NDArray[np.float64], run_times: NDArray[np.float64], bound: NDArray[np.float64]
+    ref_times: NDArray[np.float64], run_times: NDArray[np.float64], reach: float
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Half-open ranges of the run's transitions that each reference transition may be paired with."""
     ordered = np.maximum.accumulate(np.where(np.isfinite(run_times), run_times, -np.inf))
-    reach = float(bound.max())
     low = np.searchsorted(ordered, ref_times - reach, side="left")
     high = np.searchsorted(ordered, ref_times + reach, side="right")
     centre = np.searchsorted(ordered, ref_times, side="left")
@@ -81,13 +83,7 @@ def _windows(
 
 
 def _fill(
-    ref_keys: NDArray[np.int64],
-    ref_times: NDArray[np.float64],
-    run_keys: NDArray[np.int64],
-    run_times: NDArray[np.float64],
-    bound: NDArray[np.float64],
-    low: NDArray[np.intp],
-    high: NDArray[np.intp],
+    ref: Keyed, run: Keyed, bound: NDArray[np.float64], low: NDArray[np.intp], high: NDArray[np.intp]
 ) -> list[NDArray[np.int8]]:
     """Where each cell's best alignment comes from.
 
@@ -95,18 +91,13 @@ def _fill(
     """
     choice: list[NDArray[np.int8]] = []
     edge_low, before = int(low[0]), np.zeros(1)
-    for i in range(len(ref_times)):
+    for i in range(len(ref.times)):
         start, stop = int(low[i]), int(high[i])
         # The row above, on this row's columns: constant past its end, cut off before this row's start.
-        above = before[start - edge_low :]
-        if above.size == 0:
-            above = before[-1:]
-        above = above[: stop - start + 1]
-        if above.size < stop - start + 1:
-            above = np.concatenate([above, np.full(stop - start + 1 - above.size, before[-1])])
-        allowed = _allowed(ref_keys[i], ref_times[i], run_keys[start:stop], run_times[start:stop], bound[i])
-        slip = np.abs(ref_times[i] - run_times[start:stop])
-        gain = np.where(allowed, 1.0 - TIE * slip / max(bound[i], np.finfo(float).tiny), -np.inf)
+        above = before[np.minimum(np.arange(start, stop + 1) - edge_low, before.size - 1)]
+        slips = np.abs(ref.times[i] - run.times[start:stop])
+        allowed = _allowed(ref.keys[i], run.keys[start:stop].T, slips, bound[i])
+        gain = np.where(allowed, 1.0 - TIE * slips / max(bound[i], np.finfo(float).tiny), -np.inf)
         diagonal = above[:-1] + gain
         best = np.maximum(above[1:], diagonal)
         row = np.maximum.accumulate(np.concatenate([above[:1], best]))
@@ -121,16 +112,8 @@ def _trace(choice: list[NDArray[np.int8]], low: NDArray[np.intp], high: NDArray[
     i, j = len(choice) - 1, int(high[-1])
     while i >= 0:
         j = min(j, int(high[i]))
-        start = int(low[i])
-        if j <= start:
-            i -= 1
-            continue
-        taken = choice[i][j - 1 - start]
+        taken = choice[i][j - 1 - int(low[i])] if j > int(low[i]) else _UP
         if taken == _DIAGONAL:
             pairs.append((i, j - 1))
-            i, j = i - 1, j - 1
-        elif taken == _LEFT:
-            j -= 1
-        else:
-            i -= 1
+        i, j = i - (taken != _LEFT), j - (taken != _UP)
     return np.array(pairs[::-1], dtype=np.intp).reshape(-1, 2)

@@ -64,10 +64,11 @@ def score(trajectory: Trajectory, expected: Expected, *, tolerance: float | None
     found = list(takewhile(lambda event: event.time <= limit, trajectory.transitions))
     slack = _end_slack(expected, tolerance)
     reached = trajectory.end_time >= expected.end_time - (slack if expected.partial else 0.0)
-    exact, own = (_Decided.of(events, trajectory.undecided_after) for events in (expected.transitions, found))
+    since = {surface: time for surface, time in trajectory.undecided_after if surface >= 0}
+    (exact, left_out), (own, _) = (_decided(events, since) for events in (expected.transitions, found))
     matching = match(
-        exact.events,
-        own.events,
+        exact,
+        own,
         start=expected.start,
         until=expected.end_time,
         radius=expected.radius,
@@ -75,13 +76,12 @@ def score(trajectory: Trajectory, expected: Expected, *, tolerance: float | None
         end_slack=slack,
         accumulating=expected.status == "failed",
     )
-    matching = _of_all(matching, exact.places, own.places)
     errors = {i: time_error(found[j], expected.transitions[i]) for i, j in matching.pairs + matching.touch_pairs}
     counted = np.array([errors[i] for i, _ in matching.pairs])
     worst = float(np.max(np.abs(counted))) if counted.size else None
     status, reason, right = _status(trajectory, expected, matching, reached)
     if right:
-        judged = RIGHT if exact.left_out is None else undecided_verdict(expected.transitions[exact.left_out])
+        judged = RIGHT if left_out is None else undecided_verdict(expected.transitions[left_out])
     else:
         judged = verdict(
             expected, matching, found, tolerance=tolerance, status=trajectory.status, ended=trajectory.end_time
@@ -99,30 +99,18 @@ def score(trajectory: Trajectory, expected: Expected, *, tolerance: float | None
     )
 
 
-@dataclass(frozen=True)
-class _Decided:
-    """Transitions that are matched: those of a surface up to where the run decides nothing of it any more."""
+def _decided(events: Sequence[Event], since: Mapping[int, float]) -> tuple[dict[int, Event], int | None]:
+    """Transitions that are matched, by their places: those of a surface up to where the run decides nothing of it.
 
-    events: list[Event]
-    """Entries of such a surface are 0 from there on in the modes of others."""
-    places: list[int]
-    """Of these among all."""
-    left_out: int | None
-    """The first one that changes a mode and is left out."""
-
-    @classmethod
-    def of(cls, events: Sequence[Event], undecided_after: Sequence[tuple[int, float]]) -> _Decided:
-        since = {surface: time for surface, time in undecided_after if surface >= 0}
-        if not since:
-            return cls(list(events), list(range(len(events))), None)
-        places = [i for i, e in enumerate(events) if not e.time > since.get(e.surface, math.inf)]
-        kept = set(places)
-        out = (i for i, e in enumerate(events) if i not in kept and e.kind != "graze")
-        return cls([_hidden(events[i], since) for i in places], places, next(out, None))
+    ``since``: surface -> from when on it does not [s]; its entries in the modes of other transitions are 0 from there
+    on. Beside them the first transition that changes a mode and is left out.
+    """
+    kept = {i: event for i, event in enumerate(events) if not event.time > since.get(event.surface, math.inf)}
+    out = (i for i, event in enumerate(events) if i not in kept and event.kind != "graze")
+    return {i: _hidden(event, since) for i, event in kept.items()}, next(out, None)
 
 
 def _hidden(event: Event, since: Mapping[int, float]) -> Event:
-    """A transition whose modes do not tell of surfaces of which nothing is decided at its time."""
     hidden = {surface for surface, time in since.items() if event.time > time}
     if not hidden:
         return event
@@ -131,20 +119,6 @@ def _hidden(event: Event, since: Mapping[int, float]) -> Event:
     )
     made: Event = replace(event, from_mode=before, to_mode=after)  # type: ignore[type-var]
     return made
-
-
-def _of_all(matching: Matching, exact: Sequence[int], own: Sequence[int]) -> Matching:
-    """A matching of some transitions, by the places that these have among all."""
-    return Matching(
-        pairs=tuple((exact[i], own[j]) for i, j in matching.pairs),
-        missed=tuple(exact[i] for i in matching.missed),
-        spurious=tuple(own[j] for j in matching.spurious),
-        touch_pairs=tuple((exact[i], own[j]) for i, j in matching.touch_pairs),
-        missed_touches=tuple(exact[i] for i in matching.missed_touches),
-        spurious_touches=tuple(own[j] for j in matching.spurious_touches),
-        cut_reference=tuple(exact[i] for i in matching.cut_reference),
-        cut_found=tuple(own[j] for j in matching.cut_found),
-    )
 
 
 def digits(error: float, expected: Expected) -> float:
@@ -218,3 +192,26 @@ def _edits(matching: Matching, expected: Expected) -> str:
         event = expected.transitions[matching.missed[0]]
         words.append(f"first missed: {event.kind} at t = {event.time:.9g}")
     return ", ".join(words)
+
+
+def published_partners(durations: Sequence[float | None], published: Sequence[float]) -> tuple[float | None, ...]:
+    """The published duration that belongs to each stick: the list repeated, started where it fits best.
+
+    Parameters
+    ----------
+    durations : sequence of float or None
+        Durations in order, None for a stick that the run does not have (it keeps its place).
+    published : sequence of float
+        The source's durations, one period of them [s].
+    """
+    if not published:
+        return (None,) * len(durations)
+    known = np.array([k for k, d in enumerate(durations) if d is not None], dtype=np.intp)
+    lasting = np.array([d for d in durations if d is not None])
+    printed, count = np.array(published), len(published)
+
+    def misfit(shift: int) -> float:
+        return float(np.sum(np.abs(lasting - printed[(known + shift) % count])))
+
+    best = min(range(count), key=misfit)
+    return tuple(None if d is None else published[(k + best) % count] for k, d in enumerate(durations))

@@ -22,14 +22,14 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.harness.score.alignment import align
+from henon_ref.harness.score.alignment import Keyed, align
 from henon_ref.trajectory import Event
 
 IN_STEP_FRACTION = 1e-3
@@ -73,9 +73,13 @@ class Matching:
         return not self.missed and not self.spurious
 
 
+Events = Mapping[int, Event]
+"""Transitions in order of time, by their places among all."""
+
+
 def match(
-    reference: Sequence[Event],
-    found: Sequence[Event],
+    reference: Events,
+    found: Events,
     *,
     start: float,
     until: float,
@@ -88,8 +92,8 @@ def match(
 
     Parameters
     ----------
-    reference, found : sequence of Event
-        Both in order of time.
+    reference, found : mapping of Event
+        Both in order of time; the matching names them by their keys.
     start, until : float
         The reading's initial time and horizon [s].
     radius : float
@@ -106,8 +110,8 @@ def match(
     Matching
     """
     span = max(until - start, np.finfo(float).tiny)
-    ref_slots = [i for i, e in enumerate(reference) if e.kind != "graze"]
-    run_slots = [j for j, e in enumerate(found) if e.kind != "graze"]
+    ref_slots = [i for i, e in reference.items() if e.kind != "graze"]
+    run_slots = [j for j, e in found.items() if e.kind != "graze"]
     ref_slots = _simultaneous_in_run_order(reference, ref_slots, found, run_slots, radius)
     pairs = _align(reference, ref_slots, found, run_slots, span, radius)
     missed = sorted(set(ref_slots) - {i for i, _ in pairs})
@@ -118,15 +122,15 @@ def match(
         margin = _horizon_margin(reference, found, pairs, span, until)
         bounds = (until - margin, until - end_slack if end_slack > 0 else math.inf)
         last_ref, last_run = (max((pair[side] for pair in pairs), default=-1) for side in (0, 1))
-        missed, cut_reference = _cut_off([e.time for e in reference], missed, last_ref, bounds)
-        spurious, cut_found = _cut_off([e.time for e in found], spurious, last_run, bounds)
+        missed, cut_reference = _cut_off(reference, missed, last_ref, bounds)
+        spurious, cut_found = _cut_off(found, spurious, last_run, bounds)
         if not accumulating:
             most = _most_past_horizon(
                 reference, found, max((found[j].time for j in cut_found), default=until) - min(bounds)
             )
             spurious, cut_found = sorted(spurious + cut_found[most:]), cut_found[:most]
-    ref_touches = [i for i, e in enumerate(reference) if e.kind == "graze"]
-    run_touches = [j for j, e in enumerate(found) if e.kind == "graze"]
+    ref_touches = [i for i, e in reference.items() if e.kind == "graze"]
+    run_touches = [j for j, e in found.items() if e.kind == "graze"]
     touches = _align(reference, ref_touches, found, run_touches, span, radius)
     return Matching(
         pairs=tuple(pairs),
@@ -151,9 +155,9 @@ def _own_key(event: Event) -> tuple[object, ...]:
 
 
 def _align(
-    reference: Sequence[Event],
+    reference: Events,
     ref_slots: list[int],
-    found: Sequence[Event],
+    found: Events,
     run_slots: list[int],
     span: float,
     radius: float,
@@ -161,17 +165,15 @@ def _align(
     """Pairs (reference, found): loosely bounded up to the first edit, tightly from there on."""
     if not ref_slots or not run_slots:
         return []
-    ref_times = np.array([reference[i].time for i in ref_slots])
-    run_times = np.array([found[j].time for j in run_slots])
-    ref_keys, run_keys = _codes(reference, ref_slots, found, run_slots, radius)
-    loose, gaps = _bounds(ref_times, ref_keys[:, 0], span)
-    first = align(ref_keys, ref_times, run_keys, run_times, loose)
+    ref, run = _keyed(reference, ref_slots, found, run_slots, radius)
+    loose, gaps = _bounds(ref.times, ref.keys[:, 0], span)
+    first = align(ref, run, loose)
     edit = _first_edit(first, len(ref_slots), len(run_slots))
     if edit < len(first) or len(first) < max(len(ref_slots), len(run_slots)):
         head = first[:edit]
-        bound = np.minimum(loose, _in_step_bound(gaps, np.abs(ref_times[head[:, 0]] - run_times[head[:, 1]])))[edit:]
-        tail = align(ref_keys[edit:], ref_times[edit:], run_keys[edit:], run_times[edit:], bound)
-        first = np.concatenate([head, tail + edit])
+        slips = np.abs(ref.times[head[:, 0]] - run.times[head[:, 1]])
+        bound = np.minimum(loose, _in_step_bound(gaps, slips))[edit:]
+        first = np.concatenate([head, align(ref.since(edit), run.since(edit), bound) + edit])
     return [(ref_slots[i], run_slots[j]) for i, j in first.tolist()]
 
 
@@ -183,10 +185,10 @@ def _first_edit(pairs: NDArray[np.intp], n_ref: int, n_run: int) -> int:
     return int(broken[0]) if broken.size else min(len(pairs), n_ref, n_run)
 
 
-def _codes(
-    reference: Sequence[Event], ref_slots: list[int], found: Sequence[Event], run_slots: list[int], radius: float
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Integer keys, two a transition: the full one, and the own-surface one (for reference groups only)."""
+def _keyed(
+    reference: Events, ref_slots: list[int], found: Events, run_slots: list[int], radius: float
+) -> tuple[Keyed, Keyed]:
+    """Times, and integer keys, two a transition: the full one, and the own-surface one (for reference groups only)."""
     table: dict[tuple[object, ...], int] = {}
 
     def code(key: tuple[object, ...]) -> int:
@@ -195,7 +197,10 @@ def _codes(
     grouped = set().union(*_groups(reference, ref_slots, radius))
     ref_keys = [(code(_key(reference[i])), code(_own_key(reference[i])) if i in grouped else -1) for i in ref_slots]
     run_keys = [(code(_key(found[j])), code(_own_key(found[j]))) for j in run_slots]
-    return np.array(ref_keys, dtype=np.int64), np.array(run_keys, dtype=np.int64)
+    return (
+        Keyed(np.array(ref_keys, dtype=np.int64), np.array([reference[i].time for i in ref_slots])),
+        Keyed(np.array(run_keys, dtype=np.int64), np.array([found[j].time for j in run_slots])),
+    )
 
 
 def _bounds(times: NDArray[np.float64], keys: NDArray[np.int64], span: float) -> tuple[NDArray[np.float64], ...]:
@@ -219,7 +224,7 @@ def _in_step_bound(gaps: NDArray[np.float64], slips: NDArray[np.float64]) -> NDA
     return np.maximum(gaps * IN_STEP_FRACTION, IN_STEP_FACTOR * float(np.median(slips)))
 
 
-def _groups(events: Sequence[Event], slots: list[int], radius: float) -> list[set[int]]:
+def _groups(events: Events, slots: list[int], radius: float) -> list[set[int]]:
     """Sets of slots whose transitions are at one instant, on different surfaces."""
     groups: list[set[int]] = []
     instant: list[int] = slots[:1]
@@ -241,10 +246,10 @@ def _groups(events: Sequence[Event], slots: list[int], radius: float) -> list[se
 
 
 def _simultaneous_in_run_order(
-    reference: Sequence[Event], ref_slots: list[int], found: Sequence[Event], run_slots: list[int], radius: float
+    reference: Events, ref_slots: list[int], found: Events, run_slots: list[int], radius: float
 ) -> list[int]:
     """The reference's slots, those at one instant put into the order in which the run has them."""
-    groups = _groups(reference, ref_slots, radius)
+    groups, none = _groups(reference, ref_slots, radius), max(found, default=-1) + 1
     if not groups or not run_slots:
         return ref_slots
     places: dict[tuple[object, ...], list[tuple[float, int]]] = {}
@@ -257,7 +262,7 @@ def _simultaneous_in_run_order(
     position = {slot: k for k, slot in enumerate(ref_slots)}
     for group in groups:
         members = sorted(group, key=position.__getitem__)
-        nearest = {i: _nearest(places.get(_own_key(reference[i]), []), reference[i].time, len(found)) for i in members}
+        nearest = {i: _nearest(places.get(_own_key(reference[i]), []), reference[i].time, none) for i in members}
         first = position[members[0]]
         order[first : first + len(members)] = sorted(members, key=nearest.__getitem__)
     return order
@@ -270,16 +275,14 @@ def _nearest(candidates: list[tuple[float, int]], instant: float, none: int) -> 
     return min(near, key=lambda entry: abs(entry[0] - instant), default=(instant, none))[1]
 
 
-def _horizon_margin(
-    reference: Sequence[Event], found: Sequence[Event], pairs: list[tuple[int, int]], span: float, until: float
-) -> float:
+def _horizon_margin(reference: Events, found: Events, pairs: list[tuple[int, int]], span: float, until: float) -> float:
     """How near the horizon the run's own time error may move a transition across it [s]."""
     worst = max((abs(reference[i].time - found[j].time) for i, j in pairs), default=0.0)
     return max(min(HORIZON_FACTOR * worst, span * ROUGH_FRACTION), 4 * float(np.spacing(abs(until))))
 
 
 def _cut_off(
-    times: list[float], unmatched: list[int], last: int, bounds: tuple[float, float]
+    events: Events, unmatched: list[int], last: int, bounds: tuple[float, float]
 ) -> tuple[list[int], list[int]]:
     """Split unmatched transitions into those that count and those at the horizon.
 
@@ -290,13 +293,13 @@ def _cut_off(
     cut: list[int] = []
     for k in unmatched:
         since = min(bounds) if k > last else bounds[1]
-        (cut if since <= times[k] < math.inf else counting).append(k)
+        (cut if since <= events[k].time < math.inf else counting).append(k)
     return counting, cut
 
 
-def _most_past_horizon(reference: Sequence[Event], found: Sequence[Event], length: float) -> int:
+def _most_past_horizon(reference: Events, found: Events, length: float) -> int:
     """How many transitions may lie just beyond the horizon: as many as the reference has in any such length of time."""
-    times = np.sort([event.time for event in reference if event.kind != "graze"])
+    times = np.sort([event.time for event in reference.values() if event.kind != "graze"])
     together = int((np.searchsorted(times, times + length, side="right") - np.arange(times.size)).max(initial=0))
-    surfaces = max((len(events[0].from_mode) for events in (reference, found) if events), default=1)
+    surfaces = max((len(next(iter(own.values())).from_mode) for own in (reference, found) if own), default=1)
     return max(together, MOST_PAST_HORIZON * surfaces)

@@ -9,6 +9,7 @@ from statistics import geometric_mean, median
 
 from henon_ref.harness.rows import RunRow
 from henon_ref.harness.score.gate import Demand, demand
+from henon_ref.harness.table import Table, digits, duration, significant
 
 RIGHT = "right"
 
@@ -35,14 +36,31 @@ def standings(rows: Iterable[RunRow]) -> list[SolverLine]:
 
     All numbers are of each reading's tightest setting.
     """
-    last = tightest(rows)
     fastest: dict[tuple[str, str], float] = {}
     solvers: dict[str, list[RunRow]] = {}
-    for row in last:
+    for row in tightest(rows):
         fastest[row.problem] = min(_time(row), fastest.get(row.problem, math.inf))
         solvers.setdefault(row.solver, []).append(row)
     lines = [_line(solver, own, fastest) for solver, own in solvers.items()]
     return sorted(lines, key=lambda line: (-line.right, not line.judged, line.times_as_long or math.inf))
+
+
+def standings_table(lines: Iterable[SolverLine], notes: Mapping[str, str] | None = None) -> Table:
+    """The same as a table; ``notes``: what is said of each solver in a column of its own."""
+    cells = [
+        (
+            line.solver,
+            f"{line.right} of {line.judged}" if line.judged else "not judged",
+            "" if line.digits is None else digits(line.digits),
+            duration(line.time_s),
+            "" if line.times_as_long is None else significant(line.times_as_long),
+            *([] if notes is None else [notes[line.solver]]),
+        )
+        for line in lines
+    ]
+    columns = ("solver", "right of judged", "digits", "time", "times as long", "note")
+    used = len(columns) - (notes is None)
+    return Table(columns[:used], "lrrrrl"[:used], cells)
 
 
 def tightest(rows: Iterable[RunRow]) -> list[RunRow]:

@@ -6,8 +6,10 @@ import math
 from collections.abc import Sequence
 
 from henon_ref.casefile.case import Case
-from henon_ref.harness.campaign.comparison import Comparison, compare_all
-from henon_ref.harness.campaign.options import Observer, Options
+from henon_ref.harness.campaign.campaign import compare_all
+from henon_ref.harness.campaign.comparison import Comparison
+from henon_ref.harness.campaign.options import Options
+from henon_ref.harness.campaign.progress import Observer
 from henon_ref.harness.rows import RunRow
 from henon_ref.trajectory import Trajectory
 

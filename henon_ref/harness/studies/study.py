@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # the command's help imports this module, and nothing that computes
     from henon_ref.casefile.case import Case
-    from henon_ref.harness.campaign.options import Observer, Options
+    from henon_ref.harness.campaign.options import Options
+    from henon_ref.harness.campaign.progress import Observer
     from henon_ref.harness.report.manifest import Provenance
 
 
 def _silent() -> Observer:
-    from henon_ref.harness.campaign.options import Observer
+    from henon_ref.harness.campaign.progress import Observer
 
     return Observer()
 

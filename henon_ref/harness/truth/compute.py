@@ -128,9 +128,7 @@ def stored_truth(case: Case, reading: Reading, folder: Path | None = None) -> Tr
             return stored
         if place != store.user_folder():
             path = store.path_of(place, case.name, reading.name)
-            _tell_once(
-                f"{path} is the truth of what the case said before; {ANEW}, python -m henon_ref.truth replaces it"
-            )
+            _tell_once(f"{path} is the truth of what the case said before; {ANEW}, henon-ref truth replaces it")
     return None
 
 

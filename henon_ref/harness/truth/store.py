@@ -32,7 +32,7 @@ class StoredTruthError(TruthError):
     """
 
     def __init__(self, path: Path, reason: str, content: Truth | None = None) -> None:
-        super().__init__(f"{path} is no stored truth ({reason}); delete it and run python -m henon_ref.truth")
+        super().__init__(f"{path} is no stored truth ({reason}); delete it and run henon-ref truth")
         self.reason = reason
         self.content = content
 

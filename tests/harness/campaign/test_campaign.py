@@ -15,11 +15,12 @@ from often import daily
 from henon_ref.errors import CaseError, HenonRefError
 from henon_ref.harness import registry
 from henon_ref.harness.campaign import run_jobs, truth_job
-from henon_ref.harness.campaign.comparison import Comparison, compare, compare_all
+from henon_ref.harness.campaign.campaign import compare, compare_all
+from henon_ref.harness.campaign.comparison import Comparison
 from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.campaign.run_jobs import TimeJob
 from henon_ref.harness.campaign.truth_job import Statement
-from henon_ref.harness.rows import JUDGED_COLUMNS, RUN_COLUMNS, STICK_COLUMNS, TRANSITION_COLUMNS, RunRow
+from henon_ref.harness.rows import RunRow
 from henon_ref.harness.score.gate import Demand, bounds_of, demand, gate
 from henon_ref.workers.worker import Job
 
@@ -48,14 +49,19 @@ def test_right_runs_are_scored_against_their_tolerance_and_timed():
 
 def test_columns_are_those_of_the_contract_in_their_order():
     result = run(Fake())
-    assert tuple(result.runs.columns) == RUN_COLUMNS
-    assert " ".join(RUN_COLUMNS[:26]) == (
+    assert " ".join(result.runs.columns[:26]) == (
         "case reading solver library_version rtol atol step_s status landing reference_transitions found_transitions "
         "matched missed spurious max_time_error_s rms_time_error_s max_state_error max_surface_drift stick_count "
         "max_stick_error_s wall_s wall_s_iqr compile_s steps rhs_evaluations event_evaluations"
     )
-    assert tuple(result.transitions.columns) == (*TRANSITION_COLUMNS, "x", *JUDGED_COLUMNS)
-    assert tuple(result.sticks.columns) == STICK_COLUMNS
+    assert " ".join(result.transitions.columns) == (
+        "case reading solver rtol step_s index kind surface from_mode to_mode reference_time_s reference_radius_s "
+        "time_s time_error_s conditioning x transversality graze_distance outcome verdict"
+    )
+    assert " ".join(result.sticks.columns) == (
+        "case reading solver rtol step_s index start_s duration_s reference_s error_s published_s published_error_s "
+        "length"
+    )
 
 
 def test_a_fixed_step_solver_has_a_step_and_no_tolerance():
@@ -131,7 +137,7 @@ def test_a_run_that_hangs_is_a_timeout_and_is_not_tried_at_tighter_tolerances():
 
 def test_what_is_demanded_is_run_at_all_its_tolerances_after_a_timeout_too(tmp_path):
     """By the gate of the case, which names henon, or by the caller, in a comparison that goes on too."""
-    options = Options(timeout=0.2, repeats=1, folder=tmp_path, keep_journals=True)
+    options = Options(timeout=0.2, repeats=1, folder=tmp_path)
     found: list[list[str]] = []
     for name, how in (("henon", {}), ("heyoka", {}), ("heyoka", {"resume": True, "required": ("heyoka",)})):
         own = replace(options, solvers=(Fake(name, "hangs"),), **how)

@@ -34,8 +34,8 @@ RUN = RunRow("belt", "default", "henon", rtol=1e-9, verdict="right", digits=11.2
 
 def shown(stream: io.StringIO, clock: list[float], name: str | None) -> str:
     with ProgressLine(stream, name) as line:
-        line.truths(0)
-        line.runs(12, 3)
+        line.stage("truths", 0)
+        line.stage("rows", 12, 3)
         line.begun("belt", "default henon rtol 1e-09")
         clock[0] = 6.0
         line.row(Record(RUN))

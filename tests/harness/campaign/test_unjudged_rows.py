@@ -6,8 +6,8 @@ import pytest
 from fakes import case, expected, found, trajectory
 
 from henon_ref.errors import UnsupportedError
+from henon_ref.harness.campaign.options import Setting
 from henon_ref.harness.campaign.rows import NO_TRUTH, UNSAID, Outcome, record, scored
-from henon_ref.harness.campaign.settings import Setting
 from henon_ref.harness.rows import RunRow
 from henon_ref.workers.worker import Failure, failure_of
 

@@ -12,8 +12,8 @@ import pytest
 
 from henon_ref.casefile.case import load_case
 from henon_ref.casefile.outline import outline
-from henon_ref.harness.cli import cases
-from henon_ref.harness.cli.cases import command
+from henon_ref.harness.cli import lists
+from henon_ref.harness.cli.lists import cases_command as command
 
 CASES = Path(__file__).parents[3] / "cases"
 outlines = cache(outline)
@@ -33,7 +33,7 @@ def test_an_outline_has_the_sizes_of_the_case(name):
 
 
 def test_every_shipped_case_is_in_the_list(monkeypatch, capsys):
-    monkeypatch.setattr(cases, "outline", outlines)
+    monkeypatch.setattr(lists, "outline", outlines)
     assert command([]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].split() == ["name", "readings", "states", "surfaces", "title", "tags"]
@@ -45,7 +45,7 @@ def test_every_shipped_case_is_in_the_list(monkeypatch, capsys):
 
 
 def test_tags_choose_cases(monkeypatch, capsys):
-    monkeypatch.setattr(cases, "outline", outlines)
+    monkeypatch.setattr(lists, "outline", outlines)
     assert command(["--tag", "paper"]) == 0
     paper = capsys.readouterr().out.splitlines()[1:]
     assert all("paper" in line for line in paper)
@@ -88,7 +88,7 @@ def test_what_is_no_case_is_one_message(tmp_path, capsys, text, words):
 
 def test_where_there_are_no_kinks_no_expression_is_looked_into():
     code = (
-        "import sys; from henon_ref.harness.cli.cases import command; command(['hard', 'classic']); "
+        "import sys; from henon_ref.harness.cli.lists import cases_command; cases_command(['hard', 'classic']); "
         "sys.exit(', '.join({'sympy', 'numpy'} & set(sys.modules)) or 0)"
     )
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)

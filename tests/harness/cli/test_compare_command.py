@@ -18,9 +18,9 @@ from henon_ref.casefile.files import case_files
 from henon_ref.errors import CaseError
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.case_files import load_cases
+from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.cli.compare_cases import rerun_command
-from henon_ref.harness.cli.request import Request
-from henon_ref.harness.rows import JUDGED_COLUMNS, RUN_COLUMNS, STICK_COLUMNS, TRANSITION_COLUMNS
+from henon_ref.harness.rows import RunRow, StickRow, TransitionRow
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="made-up solvers reach workers by fork"),
@@ -39,12 +39,11 @@ def test_a_report_holds_what_the_contract_says(made_up, tmp_path, capsys):
     assert {"report.md", "runs.csv", "transitions.csv", "sticks.csv", "manifest.json"} <= set(os.listdir(folder))
     with (folder / "runs.csv").open() as file:
         rows = list(csv.DictReader(file))
-    assert tuple(rows[0]) == RUN_COLUMNS
+    assert tuple(rows[0]) == RunRow.columns()
     assert [row["solver"] for row in rows] == ["henon", "henon", "heyoka", "heyoka"]
     assert [row["step_s"] for row in rows] == [""] * 4
-    columns = (*TRANSITION_COLUMNS, "x", *JUDGED_COLUMNS)
-    assert (folder / "transitions.csv").read_text().splitlines()[0] == ",".join(columns)
-    assert (folder / "sticks.csv").read_text().splitlines()[0] == ",".join(STICK_COLUMNS)
+    assert (folder / "transitions.csv").read_text().splitlines()[0] == ",".join(TransitionRow.columns(["x"]))
+    assert (folder / "sticks.csv").read_text().splitlines()[0] == ",".join(StickRow.columns())
     manifest = json.loads((folder / "manifest.json").read_text())
     assert manifest["rerun"] == "python -m henon_ref.compare made_up.yaml --repeats 2"
     assert manifest["readings"]["default"]["parameters"]["F"] == {"exact": "1", "value": 1.0}
@@ -225,19 +224,10 @@ def test_a_gate_on_a_fixed_step_solver_at_a_tolerance_is_refused_with_its_line(m
 
 
 def test_the_rerun_command_has_every_digit_that_was_given():
-    request = Request(
-        cases=(Path("a.yaml"),),
-        out=Path("out"),
-        solvers=None,
-        tolerances=(1e-3, 1e-6, 1.23456789e-7),
-        repeats=None,
-        timeout=1234.56789,
-        processes=1,
-        resume=False,
-    )
+    options = Options(tolerances=(1e-3, 1e-6, 1.23456789e-7), timeout=1234.56789)
     words = "python -m henon_ref.compare a.yaml --tolerances 0.001,1e-06,1.23456789e-07 --timeout 1234.56789"
-    assert rerun_command(request) == words
-    assert rerun_command(replace(request, timeout=5.0)).endswith("--timeout 5")
+    assert rerun_command([Path("a.yaml")], options) == words
+    assert rerun_command([Path("a.yaml")], replace(options, timeout=5.0)).endswith("--timeout 5")
 
 
 def test_a_folder_is_compared_and_no_study_is_begun(made_up, tmp_path):

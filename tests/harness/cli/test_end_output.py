@@ -13,9 +13,9 @@ from commands import SOLVERS, run
 from fakes import CASE, Fake
 
 from henon_ref.harness import registry
-from henon_ref.harness.cli.end_output import EndTable, Failing, case_line, document, failing_line, print_end
+from henon_ref.harness.cli.compare_cases import Failing, case_line, document, failing, failing_line, print_end
 from henon_ref.harness.rows import RunRow
-from henon_ref.harness.score.standing import tightest
+from henon_ref.harness.score.standing import standings, tightest
 from henon_ref.text import LONGEST_LINE
 
 HOSTILE = "[red]hot[/red] :smile:\n\x1b[31m\x9b1m" + "x" * 5000
@@ -27,12 +27,6 @@ def row(solver: str, rtol: float, reading: str = "default", **values: object) ->
     return RunRow(**known | right | values)
 
 
-def table(*rows: RunRow) -> EndTable:
-    made = EndTable()
-    made.add(rows)
-    return made
-
-
 def test_the_row_at_the_tightest_setting_speaks_for_a_solver():
     rows = [row("a", 1e-3), row("a", 1e-9), row("a", 1e-6), row("b", 1e-3), row("a", 1e-3, "other")]
     rows += [replace(row("c", 0.0), rtol=None, step_s=step) for step in (1e-2, 1e-4)]
@@ -41,13 +35,14 @@ def test_the_row_at_the_tightest_setting_speaks_for_a_solver():
 
 
 def test_times_are_set_against_the_fastest_right_run_of_the_same_reading():
-    lines = table(
+    rows = [
         row("quick", 1e-9, "one", wall_s=1.0, digits=8.0),
         row("quick", 1e-9, "two", wall_s=8.0, digits=12.0),
         row("slow", 1e-9, "one", wall_s=2.0),
         row("slow", 1e-9, "two", wall_s=64.0),
         row("wrong", 1e-9, "one", wall_s=0.001, status="wrong", verdict="solver defect", digits=None),
-    ).solvers()
+    ]
+    lines = standings(rows)
     assert [line.solver for line in lines] == ["quick", "slow", "wrong"]
     assert [(line.right, line.judged) for line in lines] == [(2, 2), (2, 2), (0, 1)]
     assert [line.digits for line in lines] == [8.0, 9.0, None]
@@ -60,21 +55,21 @@ def test_times_are_set_against_the_fastest_right_run_of_the_same_reading():
 def test_what_has_no_answer_is_told_and_not_judged():
     gone = {"status": "unavailable", "status_reason": "x is not installed", "verdict": "not run", "wall_s": None}
     late = {"status": "timeout", "status_reason": "late", "verdict": "not judged", "wall_s": None}
-    made = table(
+    made = [
         row("gone", 1e-9, "one", **gone),
         row("gone", 1e-9, "two", **gone),
         row("late", 1e-9, "one", **late),
         row("hidden", 1e-9, "one", status="wrong", verdict="ill-conditioned"),
-    )
-    assert all(not line.judged for line in made.solvers())
-    assert made.failing() == [
+    ]
+    assert all(not line.judged for line in standings(made))
+    assert failing(made) == [
         Failing("gone", "unavailable", "x is not installed", ("made_up one at 1e-9", "made_up two at 1e-9")),
         Failing("late", "timeout", "late", ("made_up one at 1e-9",)),
     ]
 
 
 def test_without_a_terminal_the_table_is_plain_columns(capsys):
-    print_end(table(row("henon", 1e-9), row("b", 1e-9, wall_s=2e-3, digits=7.26)), readings=1)
+    print_end([row("henon", 1e-9), row("b", 1e-9, wall_s=2e-3, digits=7.26)], readings=1)
     assert capsys.readouterr().out.splitlines() == [
         "solver  right of judged  digits  time  times as long",
         "henon            1 of 1       9  1 ms              1",
@@ -86,10 +81,10 @@ def test_one_line_installs_the_libraries_that_are_missing(capsys, monkeypatch):
     monkeypatch.setattr(registry, "version", lambda package: "1" if package == "scipy" else missing())
     gone = {"status": "unavailable", "status_reason": "it is not installed", "verdict": "not run", "wall_s": None}
     named = ["heyoka@direction", "cvode-adams", "ida", "nosnoc", "diffrax-dopri8", "scipy-bdf+numba", "somebody's"]
-    print_end(table(*(row(solver, 1e-9, **gone) for solver in named)), readings=1)
+    print_end([row(solver, 1e-9, **gone) for solver in named], readings=1)
     lines = capsys.readouterr().out.splitlines()
     assert lines[-1] == "to install what is missing: pip install 'henon-ref[peers]' heyoka scikit-sundae"
-    print_end(table(row("heyoka", 1e-9)), readings=1)
+    print_end([row("heyoka", 1e-9)], readings=1)
     assert "install" not in capsys.readouterr().out
 
 
@@ -98,15 +93,15 @@ def missing():
 
 
 def test_a_strangers_words_are_text_in_one_line(capsys):
-    failing = row("a" + HOSTILE, 1e-9, status="failed", status_reason=HOSTILE, verdict="solver defect", wall_s=None)
-    print_end(table(failing), readings=1)
+    hostile = row("a" + HOSTILE, 1e-9, status="failed", status_reason=HOSTILE, verdict="solver defect", wall_s=None)
+    print_end([hostile], readings=1)
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 3
     assert all(line.isprintable() and len(line) <= 2 * LONGEST_LINE for line in lines)
     assert "a[red]hot[/red] :smile: [31m 1mxxx" in lines[1]
     assert failing_line(Failing("a", "failed", HOSTILE, ("here",))).startswith("a: failed ([red]hot[/red] :smile: [31m")
-    assert case_line("made_up", [failing], Path("\x1b[1mout")).isprintable()
-    assert json.loads(document(table(failing), Path("out")))["failing"][0]["reason"] == HOSTILE
+    assert case_line("made_up", [hostile], Path("\x1b[1mout")).isprintable()
+    assert json.loads(document([hostile], Path("out")))["failing"][0]["reason"] == HOSTILE
 
 
 command = pytest.mark.skipif(sys.platform != "linux", reason="made-up solvers reach workers by fork")

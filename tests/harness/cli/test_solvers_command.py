@@ -8,8 +8,8 @@ from importlib import metadata
 from henon_ref.baselines.heyoka_taylor import HeyokaTaylor
 from henon_ref.casefile.json_schema import case_schema
 from henon_ref.harness import registry
-from henon_ref.harness.cli.schema import command as schema
-from henon_ref.harness.cli.solvers import command as solvers
+from henon_ref.harness.cli.lists import schema_command as schema
+from henon_ref.harness.cli.lists import solvers_command as solvers
 
 
 def test_every_solver_is_listed_with_version_and_options(capsys):

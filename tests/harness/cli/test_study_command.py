@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from henon_ref.casefile.case import load_case
-from henon_ref.harness.campaign.comparison import compare
+from henon_ref.harness.campaign.campaign import compare
 from henon_ref.harness.campaign.journal import FILE
 from henon_ref.harness.cli import study
 from henon_ref.harness.rows import RunRow, read_rows, rows_text

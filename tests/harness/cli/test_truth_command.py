@@ -1,4 +1,4 @@
-"""``python -m henon_ref.truth``: stores, checks, refuses."""
+"""``henon-ref truth``: stores, checks, refuses."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ from henon_ref.harness.report.folder import INDEX, MANIFEST, PAGE, RUNS, dead_li
 from henon_ref.harness.report.folder_report import index_text
 from henon_ref.harness.report.html.rendering import MOST_BYTES as MOST_BYTES_OF_A_PAGE
 from henon_ref.harness.report.text.matrix import read_matrix, rows_of_report
-from henon_ref.harness.rows import RUN_COLUMNS
+from henon_ref.harness.rows import RunRow
 
 ROOT = Path(__file__).parents[3]
 REPORTS = ROOT / "reports"
@@ -30,7 +30,7 @@ def test_what_is_kept_is_what_people_read():
     assert sum(path.stat().st_size for path in files) <= MOST_BYTES
     assert {path.parent.name for path in files if path.name == MANIFEST} == set(GATE)
     for case in GATE:
-        assert (REPORTS / case / RUNS).read_text().partition("\n")[0] == ",".join(RUN_COLUMNS)
+        assert (REPORTS / case / RUNS).read_text().partition("\n")[0] == ",".join(RunRow.columns())
         assert len((REPORTS / case / MANIFEST).read_text().splitlines()) <= MOST_LINES
 
 

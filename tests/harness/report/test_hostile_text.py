@@ -15,11 +15,9 @@ from made_reports import made
 from markdown_it import MarkdownIt
 
 from henon_ref.casefile.case import Case, parse_case
-from henon_ref.harness.campaign.comparison import Comparison
-from henon_ref.harness.campaign.options import Options
-from henon_ref.harness.campaign.results import ReadingResult
+from henon_ref.harness.campaign.comparison import Comparison, ReadingResult
+from henon_ref.harness.campaign.options import Options, Setting
 from henon_ref.harness.campaign.rows import Outcome, Record, record
-from henon_ref.harness.campaign.settings import Setting
 from henon_ref.harness.cli.compare import command
 from henon_ref.harness.figures.cost import draw_cost
 from henon_ref.harness.figures.errors import draw_errors

@@ -23,11 +23,9 @@ from made_reports import ORIGIN, changed, compared, made, sweep, usual
 from henon_ref.casefile.case import load_case
 from henon_ref.casefile.expected import Orbit
 from henon_ref.figures.motion import motion_of
-from henon_ref.harness.campaign.comparison import Comparison
-from henon_ref.harness.campaign.options import Options
-from henon_ref.harness.campaign.results import ReadingResult
+from henon_ref.harness.campaign.comparison import Comparison, ReadingResult
+from henon_ref.harness.campaign.options import Options, Setting
 from henon_ref.harness.campaign.rows import Outcome, record, scored
-from henon_ref.harness.campaign.settings import Setting
 from henon_ref.harness.cli import check
 from henon_ref.harness.report.case_report import write_report
 from henon_ref.harness.report.figure_jobs import FigureJob

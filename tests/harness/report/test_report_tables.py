@@ -11,10 +11,9 @@ from fakes import TIMES, Reference, case, expected, found, trajectory
 from made_reports import ORIGIN, SWEEP, VALUES, cells, changed, compared, made, sweep, tables, usual
 
 from henon_ref.casefile.case import load_case
-from henon_ref.harness.campaign.comparison import Comparison
-from henon_ref.harness.campaign.results import ReadingResult
+from henon_ref.harness.campaign.comparison import Comparison, ReadingResult
+from henon_ref.harness.campaign.options import Setting
 from henon_ref.harness.campaign.rows import Outcome, record, scored
-from henon_ref.harness.campaign.settings import Setting
 from henon_ref.harness.report.text.markdown import MANY, report_text
 from henon_ref.harness.report.text.ranking import over_all
 from henon_ref.harness.report.text.tables import price_table, solver_table, stick_table

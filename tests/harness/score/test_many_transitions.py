@@ -10,8 +10,8 @@ import pytest
 from fakes import TIMES, Reference, case, expected, found, trajectory
 from random_scenes import deadline
 
+from henon_ref.harness.campaign.options import Setting
 from henon_ref.harness.campaign.rows import Outcome, record
-from henon_ref.harness.campaign.settings import Setting
 from henon_ref.harness.rows import StickRow, TransitionRow, rows_text
 from henon_ref.harness.score.errors import score
 from henon_ref.harness.score.matching import match
@@ -68,7 +68,7 @@ def test_many_pairs_at_one_instant_are_matched_soon() -> None:
         for surface in (0, 1)
     ]
     with deadline(PATIENCE):
-        assert match(both, both, start=0.0, until=5.0).exact
+        assert match(dict(enumerate(both)), dict(enumerate(both)), start=0.0, until=5.0).exact
 
 
 @pytest.mark.parametrize("right", [True, False])

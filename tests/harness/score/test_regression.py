@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from henon_ref.harness.rows import RunRow
-from henon_ref.harness.score.regression import held_against
+from henon_ref.harness.score.gate import held_against
 
 EARLIER = RunRow(
     "c", "default", "henon", rtol=1e-6, status="ok", verdict="right", max_time_error_s=1e-9, end_time_s=2.0,

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import pytest
 from fakes import TIMES, case, expected, found, reference, trajectory
 
+from henon_ref.harness.campaign.options import Setting
 from henon_ref.harness.campaign.rows import Outcome, record, scored
-from henon_ref.harness.campaign.settings import Setting
 from henon_ref.harness.score.errors import score
 from henon_ref.harness.score.verdict import graze_distance
 from henon_ref.trajectory import Transition

@@ -8,7 +8,7 @@ import pytest
 
 from henon_ref.casefile.case import load_case
 from henon_ref.harness import registry
-from henon_ref.harness.campaign.settings import Setting
+from henon_ref.harness.campaign.options import Setting
 from henon_ref.harness.studies.paired_times import own_calls
 from henon_ref.harness.studies.paired_times.own_calls import Clock, clocked, own_part
 from henon_ref.harness.studies.paired_times.rows import PairRow, own_words, spread_table

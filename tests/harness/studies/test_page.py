@@ -10,7 +10,8 @@ from fakes import Fake, case, statement
 
 from henon_ref.figures import style
 from henon_ref.harness.campaign import truth_job
-from henon_ref.harness.campaign.options import Observer, Options
+from henon_ref.harness.campaign.options import Options
+from henon_ref.harness.campaign.progress import Observer
 from henon_ref.harness.report.manifest import provenance
 from henon_ref.harness.studies import page
 from henon_ref.harness.studies.runs import rows_of

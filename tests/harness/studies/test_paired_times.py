@@ -14,8 +14,7 @@ from fakes import Fake, case, trajectory
 
 from henon_ref.harness import registry
 from henon_ref.harness.campaign import timing
-from henon_ref.harness.campaign.options import Options
-from henon_ref.harness.campaign.settings import Setting
+from henon_ref.harness.campaign.options import Options, Setting
 from henon_ref.harness.report.folder import RUNS
 from henon_ref.harness.report.folder_report import write_folder_report
 from henon_ref.harness.report.manifest import provenance

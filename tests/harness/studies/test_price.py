@@ -15,8 +15,9 @@ from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.casefile.case import load_case
 from henon_ref.errors import CaseError
 from henon_ref.harness.campaign import timing
-from henon_ref.harness.campaign.interleaved import MOST, Turns, interleaved
-from henon_ref.harness.campaign.options import Observer, Options
+from henon_ref.harness.campaign.options import Options
+from henon_ref.harness.campaign.progress import Observer
+from henon_ref.harness.campaign.timing import MOST, Turns, interleaved
 from henon_ref.harness.rows import RunRow
 from henon_ref.harness.studies.paired_times.rows import PairRow
 from henon_ref.harness.studies.price import compiling, effects

@@ -10,8 +10,7 @@ import pytest
 
 from henon_ref.casefile.case import Case, parse_case
 from henon_ref.harness.campaign import progress
-from henon_ref.harness.campaign.options import TRUTH
-from henon_ref.harness.campaign.progress import ProgressLine
+from henon_ref.harness.campaign.progress import TRUTH, ProgressLine
 from henon_ref.harness.registry import solver
 from henon_ref.harness.truth import compute
 from henon_ref.harness.truth.multiprecision.route import multiprecision
@@ -84,7 +83,7 @@ def test_where_no_progress_is_shown_a_truth_that_takes_long_is_said_once(
 ) -> None:
     monkeypatch.setattr(progress, "PATIENCE", -1.0)
     with caplog.at_level(logging.ERROR), ProgressLine() as shown:
-        shown.truths(1)
+        shown.stage("truths", 1)
         shown.begun("level", f"default {TRUTH}")
         shown.tick()
         shown.tick()

@@ -18,7 +18,7 @@ PERIOD = 1.64853333333333333
 def stored(reading: str) -> Truth:
     case = load_case(FILE)
     truth = compute.stored_truth(case, case.reading(reading), store.folder_of(FILE))
-    assert truth is not None, f"run python -m henon_ref.truth {FILE}"
+    assert truth is not None, f"run henon-ref truth {FILE}"
     return truth
 
 

@@ -8,9 +8,8 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from henon_ref.casefile.case import DEFAULT_READING
-from henon_ref.harness.campaign.comparison import Comparison
+from henon_ref.harness.campaign.comparison import Comparison, ReadingResult
 from henon_ref.harness.campaign.options import MOST_DRAWN
-from henon_ref.harness.campaign.results import ReadingResult
 from henon_ref.harness.report.figure_jobs import KINDS, file_name
 from henon_ref.harness.report.manifest import Provenance
 from henon_ref.harness.report.text import tables, truth

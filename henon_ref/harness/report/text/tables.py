@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from henon_ref.baselines.causes import CAUSES
-from henon_ref.harness.campaign.results import ReadingResult
+from henon_ref.harness.campaign.comparison import ReadingResult
 from henon_ref.harness.campaign.rows import Record
 from henon_ref.harness.campaign.timing import UNSTABLE
 from henon_ref.harness.report.text.matrix import UNJUDGED, MatrixRow, solvers_of, summary

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from henon_ref.harness import registry
-from henon_ref.harness.campaign.plugin_probe import fixed_step
+from henon_ref.harness.campaign.case_files import fixed_step
 from henon_ref.harness.report.folder import RUNS
 from henon_ref.harness.rows import RunRow, rows_text
 from henon_ref.harness.studies.atlas.family import OUTCOMES, TOLERANCES, family_of, outcome_of

@@ -7,10 +7,9 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from henon_ref.harness import registry
-from henon_ref.harness.campaign.interleaved import Turns, interleaved
-from henon_ref.harness.campaign.options import Observer, Options
-from henon_ref.harness.campaign.settings import Setting
-from henon_ref.harness.campaign.timing import median_interval
+from henon_ref.harness.campaign.options import Options, Setting
+from henon_ref.harness.campaign.progress import Observer
+from henon_ref.harness.campaign.timing import Turns, interleaved, median_interval
 from henon_ref.harness.report.text.ranking import reaching
 from henon_ref.harness.rows import RunRow
 from henon_ref.harness.studies.paired_times.own_calls import ClockedHeyoka, clocked, own_part

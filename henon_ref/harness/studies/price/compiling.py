@@ -11,7 +11,7 @@ from pathlib import Path
 
 from henon_ref.casefile.case import Case
 from henon_ref.harness import registry
-from henon_ref.harness.campaign.settings import Setting
+from henon_ref.harness.campaign.options import Setting
 from henon_ref.harness.rows import Row, number
 from henon_ref.harness.studies.paired_times.rows import FIRST, PairRow
 from henon_ref.harness.studies.price.ladder import TIMEOUT

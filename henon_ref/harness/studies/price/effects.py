@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.casefile.case import parse_case
-from henon_ref.harness.campaign.interleaved import interleaved
+from henon_ref.harness.campaign.timing import interleaved
 from henon_ref.harness.rows import Row
 from henon_ref.harness.table import Table
 from henon_ref.modes.problem import Problem

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 
 from henon_ref.casefile.case import Case
 from henon_ref.harness import registry
-from henon_ref.harness.campaign.options import Observer, Options
+from henon_ref.harness.campaign.options import Options
+from henon_ref.harness.campaign.progress import Observer
 from henon_ref.harness.report.text.ranking import LEVELS, by_solver, reaching, readings_of
 from henon_ref.harness.rows import Row, RunRow, number
 from henon_ref.harness.studies.paired_times.rows import FIRST, SECOND, PairRow, bound

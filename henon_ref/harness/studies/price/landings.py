@@ -10,7 +10,7 @@ import sympy as sp
 
 from henon_ref.baselines.henon import HENON_BRENT, HENON_NEWTON, HENON_SOLVER
 from henon_ref.casefile.case import Case, parse_case
-from henon_ref.harness.campaign.interleaved import interleaved
+from henon_ref.harness.campaign.timing import interleaved
 from henon_ref.harness.rows import Row
 from henon_ref.harness.studies.paired_times.rows import FIRST
 from henon_ref.harness.studies.price.measure import title

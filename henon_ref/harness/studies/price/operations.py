@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from henon_ref.baselines.henon import HENON_SOLVER
-from henon_ref.harness.campaign.interleaved import interleaved
+from henon_ref.harness.campaign.timing import interleaved
 from henon_ref.harness.rows import Row
 from henon_ref.integrator.integrator import Integrator
 from henon_ref.integrator.prepared_run import order_for

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from henon_ref.casefile.case import parse_case
 from henon_ref.harness import registry
-from henon_ref.harness.campaign.interleaved import Turns, interleaved
+from henon_ref.harness.campaign.timing import Turns, interleaved
 from henon_ref.harness.rows import Row
 from henon_ref.harness.studies.paired_times.own_calls import clocked, own_part
 from henon_ref.harness.studies.paired_times.rows import FIRST
