@@ -25,11 +25,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.baselines.library import Library, Stop
-from henon_ref.baselines.low_flights import behind_noise, low_flight
 from henon_ref.baselines.mode_functions import EPSILON
 from henon_ref.baselines.mode_table import ModeEntry, ModeTable
 from henon_ref.baselines.record import Record, ended
-from henon_ref.baselines.restart import MARGIN, Fresh
+from henon_ref.baselines.restart import MARGIN, Fresh, behind_noise, low_flight
 from henon_ref.baselines.work import DeadlinePassed, Work
 from henon_ref.errors import ModelError, UnsupportedError
 from henon_ref.modes.callables import ARITHMETIC
