@@ -171,10 +171,9 @@ def report_style() -> AbstractContextManager[None]:
 @contextmanager
 def figure(height: float, *, width: float = WIDTH) -> Iterator[Figure]:
     """A figure in the style of the reports; sizes in inches."""
-    import matplotlib
     from matplotlib.figure import Figure
 
-    with matplotlib.rc_context(_RC):
+    with report_style():
         yield Figure(figsize=(width, height))
 
 
@@ -183,11 +182,9 @@ def save(figure: Figure, target: Path | BinaryIO, kind: str = "svg") -> None:
 
     An SVG has the role of an image, a title and a description (see :mod:`henon_ref.figures.description`).
     """
-    import matplotlib
-
     buffer = io.BytesIO()
     metadata = {"Date": None, "Creator": None} if kind == "svg" else None
-    with matplotlib.rc_context(_RC):
+    with report_style():
         figure.savefig(buffer, format=kind, metadata=metadata, dpi=150)
     content = buffer.getvalue()
     if kind == "svg":
