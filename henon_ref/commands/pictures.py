@@ -52,6 +52,6 @@ def write_picture(path: Path, run: Solution) -> None:
         if len(names) < 2:
             lower.remove()
     try:
-        style.save(figure, path, path.suffix.lower()[1:])
+        path.write_bytes(style.image(figure, path.suffix.lower()[1:]))
     except OSError as error:
         raise CaseError(f"cannot write {path}: {error.strerror or error}") from None

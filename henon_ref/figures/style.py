@@ -8,8 +8,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Any
 from zlib import crc32
 
 from henon_ref.figures.description import description_of, with_description
@@ -171,31 +170,23 @@ def report_style() -> AbstractContextManager[None]:
 @contextmanager
 def figure(height: float, *, width: float = WIDTH) -> Iterator[Figure]:
     """A figure in the style of the reports; sizes in inches."""
-    import matplotlib
     from matplotlib.figure import Figure
 
-    with matplotlib.rc_context(_RC):
+    with report_style():
         yield Figure(figsize=(width, height))
 
 
-def save(figure: Figure, target: Path | BinaryIO, kind: str = "svg") -> None:
-    """Write a figure (SVG, or PNG for viewing) with nothing in it that changes from run to run.
+def image(figure: Figure, kind: str = "svg") -> bytes:
+    """A figure as a file's content (SVG, or PNG for viewing), with nothing in it that changes from run to run.
 
     An SVG has the role of an image, a title and a description (see :mod:`henon_ref.figures.description`).
     """
-    import matplotlib
-
     buffer = io.BytesIO()
     metadata = {"Date": None, "Creator": None} if kind == "svg" else None
-    with matplotlib.rc_context(_RC):
+    with report_style():
         figure.savefig(buffer, format=kind, metadata=metadata, dpi=150)
     content = buffer.getvalue()
-    if kind == "svg":
-        content = with_description(content.decode(), *description_of(figure)).encode()
-    if isinstance(target, Path):
-        target.write_bytes(content)
-    else:
-        target.write(content)
+    return with_description(content.decode(), *description_of(figure)).encode() if kind == "svg" else content
 
 
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")

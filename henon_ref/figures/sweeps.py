@@ -6,6 +6,8 @@ which a notebook shows; it returns the axes.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -50,8 +52,7 @@ def bifurcation(table: pd.DataFrame, along: str, of: str, frame: str = "section"
     points = frames[frame]
     _known(table, along)
     _known(points, of)
-    axes = _axes(axes)
-    with style.report_style():
+    with _drawing(axes) as axes:
         x, y = table[along].to_numpy()[points["point"].to_numpy()], points[of].to_numpy()
         size = float(np.clip(2e5 / max(len(x), 1), 0.15, 6.0))
         axes.plot(x, y, ls="", marker=".", ms=2 * size**0.5, mew=0, color=style.BLACK, alpha=0.6, rasterized=True)
@@ -82,8 +83,7 @@ def basins(table: pd.DataFrame, x: str, y: str, of: str, axes: Axes | None = Non
     codes, values = pd.factorize(table[of], sort=True, use_na_sentinel=True)
     if len(values) > MOST_BASINS:
         raise ArgumentError(f"'{of}' has {len(values)} different values; basins are told apart up to {MOST_BASINS}")
-    axes = _axes(axes)
-    with style.report_style():
+    with _drawing(axes) as axes:
         colours = ListedColormap(_COLOURS[: max(len(values), 1)])
         norm = BoundaryNorm(np.arange(len(values) + 1) - 0.5, max(len(values), 1)) if len(values) > 1 else None
         _painted(axes, table, x, y, np.where(codes < 0, np.nan, codes), cmap=colours, norm=norm)
@@ -111,8 +111,7 @@ def histogram(table: pd.DataFrame, of: str, axes: Axes | None = None) -> Axes:
     """
     values = _numbers(table, of)
     there = values[np.isfinite(values)]
-    axes = _axes(axes)
-    with style.report_style():
+    with _drawing(axes) as axes:
         axes.hist(there, bins=min(BINS, max(len(np.unique(there)), 1)), color=style.BLUE, lw=0)
         axes.set(xlabel=one_line(of), ylabel="points")
         axes.set_title(f"{one_line(of)}: {len(there):,} points{_left_out(values)}")
@@ -135,8 +134,7 @@ def plane(table: pd.DataFrame, x: str, y: str, of: str, axes: Axes | None = None
     for name in (x, y):
         _known(table, name)
     values = _numbers(table, of)
-    axes = _axes(axes)
-    with style.report_style():
+    with _drawing(axes) as axes:
         drawn = _painted(axes, table, x, y, values, cmap="viridis", norm=None)
         bar = axes.figure.colorbar(drawn, ax=axes, pad=0.02)
         bar.set_label(one_line(of))
@@ -157,12 +155,12 @@ def _painted(axes: Axes, table: pd.DataFrame, x: str, y: str, values: Any, **how
     return axes.scatter(table[x], table[y], c=values, s=4, lw=0, rasterized=True, **how)
 
 
-def _axes(axes: Axes | None) -> Axes:
-    if axes is not None:
-        return axes
-    figure = style.pyplot_figure(HEIGHT, layout="constrained")
+@contextmanager
+def _drawing(axes: Axes | None) -> Iterator[Axes]:
+    """The axes that are given, or those of a new figure, in the style of the reports."""
+    figure = style.pyplot_figure(HEIGHT, layout="constrained") if axes is None else None
     with style.report_style():
-        return figure.subplots()
+        yield axes if figure is None else figure.subplots()  # type: ignore[misc]
 
 
 def _known(table: pd.DataFrame, name: str) -> None:

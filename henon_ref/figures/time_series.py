@@ -28,6 +28,12 @@ LONGEST_LABEL = 100
 """Operations of a surface that stands beside its curve."""
 NOTHING = 2
 """What is not shaded: a state's panel shows sticks alone."""
+MODES = {
+    0: ("stick", style.STICK_SHADE),
+    1: ("slip, s = +1", style.PLUS_SHADE),
+    -1: ("slip, s = −1", style.MINUS_SHADE),
+}
+"""Entry of a mode -> words, and the colour behind the curve."""
 MOST_SURFACES = 4
 """Surfaces that one figure shows, one panel each."""
 
@@ -36,9 +42,10 @@ def draw_modes(reading: Reading, motion: Motion) -> Figure:
     """Every surface's h over time in the measured window, the modes shaded."""
     system = reading.problem.system
     count = min(len(system.surfaces), MOST_SURFACES)
-    with style.figure(0.85 + 1.55 * count) as figure:
+    height = 0.85 + 1.55 * count
+    with style.figure(height) as figure:
         panels = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
-        inch = 1 / (0.85 + 1.55 * count)
+        inch = 1 / height
         figure.subplots_adjust(left=0.1, right=0.985, bottom=0.48 * inch, top=1 - 0.32 * inch, hspace=0.12)
         over_time(panels, system, motion, [sign.name for sign in system.signs[:count]])
         panels[0].set_title(MODES_TITLE)
@@ -115,10 +122,9 @@ def _surface_label(system: FilippovSystem, k: int) -> str:
 
 def _shade(axes: Axes, motion: Motion, entries: Sequence[int]) -> None:
     """Sticks and slips with s = +1 behind a curve."""
-    shades = {0: style.STICK_SHADE, 1: style.PLUS_SHADE}
     for begin, end in runs_of(entries):
-        if entries[begin] in shades:
-            axes.axvspan(motion.times[begin], motion.times[end], color=shades[entries[begin]], lw=0, zorder=0)
+        if entries[begin] in (0, 1):
+            axes.axvspan(motion.times[begin], motion.times[end], color=MODES[entries[begin]][1], lw=0, zorder=0)
 
 
 def _entry(mode: Mode, k: int) -> int:
@@ -128,10 +134,9 @@ def _entry(mode: Mode, k: int) -> int:
 def _mode_legend(axes: Axes, present: set[int]) -> None:
     from matplotlib.patches import Patch
 
-    kinds = {0: ("stick", style.STICK_SHADE), 1: ("slip, s = +1", style.PLUS_SHADE), -1: ("slip, s = −1", "#FFFFFF")}
     handles = [
         Patch(facecolor=colour, edgecolor="#999999", linewidth=0.5, label=label)
-        for entry, (label, colour) in kinds.items()
+        for entry, (label, colour) in MODES.items()
         if entry in present
     ]
     axes.legend(handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderaxespad=0.2)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
@@ -36,9 +35,7 @@ def draw(plan: Plan, folder: Path) -> list[Path]:
             figure.set_layout_engine("constrained")
             make(figure.add_subplot())
             written.append(folder / FIGURES / f"{name}.svg")
-            content = io.BytesIO()
-            style.save(figure, content)
-            replace_file(written[-1], content.getvalue())
+            replace_file(written[-1], style.image(figure))
     return written
 
 

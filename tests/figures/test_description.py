@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from xml.etree import ElementTree
 
 from henon_ref.figures import style
@@ -12,9 +11,7 @@ SVG = "{http://www.w3.org/2000/svg}"
 
 
 def written(figure) -> ElementTree.Element:
-    buffer = io.BytesIO()
-    style.save(figure, buffer)
-    return ElementTree.fromstring(buffer.getvalue())
+    return ElementTree.fromstring(style.image(figure))
 
 
 def test_an_svg_is_an_image_with_title_and_description():

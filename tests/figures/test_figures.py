@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import re
 from itertools import pairwise
 from pathlib import Path
@@ -15,7 +14,7 @@ import sympy as sp
 from henon_ref.casefile.case import Reading, load_case
 from henon_ref.figures.description import description_of
 from henon_ref.figures.motion import Motion, axes_of_portrait, draw_portrait, motion_of
-from henon_ref.figures.style import save
+from henon_ref.figures.style import image
 from henon_ref.figures.time_series import draw_modes
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.run_jobs import sample_times
@@ -49,9 +48,7 @@ def drawn_vertices(figure, axes) -> np.ndarray:
     """Vertices of the curves of some axes, read from the SVG as it is before it is shortened, in the axes' data."""
     for line in axes.lines:
         line.set_gid("curve" if line.get_linestyle() == "-" else None)
-    written = io.BytesIO()
-    save(figure, written)
-    root = ElementTree.fromstring(written.getvalue())
+    root = ElementTree.fromstring(image(figure))
     paths = [
         path.get("d", "")
         for group in root.iter("{http://www.w3.org/2000/svg}g")

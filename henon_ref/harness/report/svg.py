@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import math
 import re
 from dataclasses import dataclass
@@ -34,11 +33,9 @@ _COMMAND = re.compile(rb"([MLQCz])([-\d\s.e]*)")
 
 def svg(figure: Figure) -> bytes:
     """A figure as SVG: the same bytes for the same data."""
-    from henon_ref.figures.style import save
+    from henon_ref.figures.style import image
 
-    buffer = io.BytesIO()
-    save(figure, buffer)
-    return shortened(buffer.getvalue())
+    return shortened(image(figure))
 
 
 def shortened(content: bytes) -> bytes:

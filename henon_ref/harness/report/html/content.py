@@ -14,10 +14,9 @@ from typing import Any
 from henon_ref.baselines.causes import CAUSES
 from henon_ref.errors import CaseError
 from henon_ref.figures.style import Line, lines_of
-from henon_ref.harness import registry
 from henon_ref.harness.report.folder import CASE_FILE, PAGE, SCHEMA
 from henon_ref.harness.report.html.rendering import read_embedded, rounded
-from henon_ref.harness.report.text.choice import UNKNOWN, by_kind, choice_levels
+from henon_ref.harness.report.text.choice import UNKNOWN, by_kind, choice_levels, package_of
 from henon_ref.harness.report.text.matrix import MatrixRow, commits_of, mapping, read_report, solvers_of, wall_column
 from henon_ref.harness.report.text.ranking import LEVELS, by_solver, floor, grouped, readings_of
 from henon_ref.harness.rows import RunRow
@@ -86,7 +85,7 @@ def few_readings(rows: Sequence[MatrixRow]) -> set[str]:
 
 
 def _solver(name: str, line: Mapping[str, object], few: bool) -> Details:
-    package = registry.distribution(name) or name
+    package = package_of(name)
     link, about = PROJECTS.get(package, ("", ""))
     return {"name": name, "package": package, "link": link, "about": about, "few": few, **line}
 

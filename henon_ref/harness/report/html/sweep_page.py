@@ -17,22 +17,9 @@ import numpy as np
 from henon_ref.atomic_write import replace_file
 from henon_ref.errors import HenonRefError
 from henon_ref.figures.motion import Motion
+from henon_ref.harness.report.html import sweep_content
 from henon_ref.harness.report.html.portrait import packed
 from henon_ref.harness.report.html.rendering import rendered
-from henon_ref.harness.report.html.sweep_content import (
-    MOST_READ,
-    bytes_a_point,
-    coloured,
-    frame_content,
-    grid_sizes,
-    kept_points,
-    observed_rows,
-    packed_numbers,
-    point_columns,
-    read_table,
-    rows_of,
-    tables_of,
-)
 from henon_ref.harness.table import count, setting
 from henon_ref.simulation.simulate import simulate
 from henon_ref.simulation.solution import Solution
@@ -66,18 +53,24 @@ NAME, PLACE = "NAMEOFTHEPOINT", "VALUEOFTHEPOINT{}E"
 
 def write_sweep_page(folder: Path) -> Path | None:
     """Write the page of a finished sweep in its folder; one of more than two million points has none."""
-    if rows_of(folder) > MOST_READ:
-        _LOG.warning("%s has no page: it has more than %d points", folder, MOST_READ)
+    if sweep_content.rows_of(folder) > sweep_content.MOST_READ:
+        _LOG.warning("%s has no page: it has more than %d points", folder, sweep_content.MOST_READ)
         return None
     sweep = load_sweep(folder / SWEEP_FILE)
-    plan, table = sweep.plan, read_table(folder)
+    plan, table = sweep.plan, sweep_content.read_table(folder)
     number = table.pop("point").to_numpy()
     swept = list(plan.points.names)
-    kept = kept_points(plan, bytes_a_point(dict(table.dtypes), swept))
+    kept = sweep_content.kept_points(plan, sweep_content.bytes_a_point(dict(table.dtypes), swept))
     order = np.argsort(number)[kept]
-    names = tables_of(folder)
+    names = sweep_content.tables_of(folder)
     frames = [
-        frame_content(name, read_table(folder, name, most=MOST_READ), rows_of(folder, name), kept, len(names))
+        sweep_content.frame_content(
+            name,
+            sweep_content.read_table(folder, name, most=sweep_content.MOST_READ),
+            sweep_content.rows_of(folder, name),
+            kept,
+            len(names),
+        )
         for name in names
     ]
     case, chained = case_text(plan, folder), plan.points.chain > 1
@@ -87,10 +80,10 @@ def write_sweep_page(folder: Path) -> Path | None:
         "format": 1,
         "name": sweep.name,
         "count": len(table),
-        "points": packed_numbers(kept, "<i4"),
+        "points": sweep_content.packed_numbers(kept, "<i4"),
         "swept": [one_line(name) for name in swept],
-        "coloured": coloured(shown, swept),
-        "columns": point_columns(shown, swept),
+        "coloured": sweep_content.coloured(shown, swept),
+        "columns": sweep_content.point_columns(shown, swept),
         "frames": [frame for frame in frames if frame["point"]],
         "runs": kept_runs(plan),
         "no_runs": CHAINED if chained else "No run of this sweep is kept here: each has too many steps for a picture.",
@@ -110,7 +103,7 @@ def write_sweep_page(folder: Path) -> Path | None:
         drawn=_drawn(len(table), len(kept)),
         has_case=case is not None,
         headings=OBSERVED,
-        observed=observed_rows(table),
+        observed=sweep_content.observed_rows(table),
         rerun=_rerun(folder),
     )
     replace_file(folder / PAGE, page.encode())
@@ -142,7 +135,7 @@ def kept_runs(plan: Plan) -> list[dict[str, Any]]:
 
 
 def _spread(plan: Plan) -> list[int]:
-    sizes, count = grid_sizes(plan), len(plan.points)
+    sizes, count = sweep_content.grid_sizes(plan), len(plan.points)
     if not sizes:
         return sorted(set(np.linspace(0, count - 1, min(KEPT, count)).astype(int).tolist()))
     each = max(int(KEPT ** (1 / len(sizes)) + 1e-9), 1)

@@ -97,12 +97,13 @@ def choice(rows: Sequence[MatrixRow], level: int | None) -> Choice | None:
     found = reaches(rows, level)
     if not found:
         return None
-    own = _package(found[0].solver)
-    others = reaches([row for row in rows if _package(row.solver) != own], level)
+    own = package_of(found[0].solver)
+    others = reaches([row for row in rows if package_of(row.solver) != own], level)
     return Choice(found[0], others[0], others[0].against(found[0].walls)) if others else Choice(found[0], None, None)
 
 
-def _package(solver: str) -> str:
+def package_of(solver: str) -> str:
+    """The package that a solver belongs to."""
     return registry.distribution(solver) or solver
 
 

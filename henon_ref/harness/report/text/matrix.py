@@ -124,6 +124,10 @@ def mapping(value: object) -> Mapping[str, Any]:
     return value if isinstance(value, dict) else {}
 
 
+def _text(value: object) -> str | None:
+    return value if isinstance(value, str) and value else None
+
+
 def read_matrix(folder: Path) -> list[MatrixRow]:
     """The rows of a folder's matrix; none where it has none, CaseError where it is not this package's."""
     file = folder / MATRIX
@@ -142,11 +146,11 @@ def _rows(kind: type[AnyRow], file: Path, what: str) -> list[AnyRow]:
 def rows_of_report(folder: Path) -> tuple[list[MatrixRow], list[str]]:
     """The matrix's rows of one case, from the folder of its report, and all readings that the case has."""
     manifest, runs = read_report(folder)
-    commit, readings = str(manifest.get("commit") or ""), mapping(manifest.get("readings"))
+    commit, readings = _text(manifest.get("commit")) or "", mapping(manifest.get("readings"))
     commit = commit.rstrip("+")[:SHORT] + ("+" if commit.endswith("+") else "")  # the mark of files that differed
-    kinds = {reading: mapping(own).get("kind") for reading, own in readings.items()}  # earlier versions give none
+    kinds = {reading: _text(mapping(own).get("kind")) for reading, own in readings.items()}  # earlier ones: none
     rows = [
-        replace(summary(own, kind=kinds.get(reading) or None, commit=commit), case=folder.name)
+        replace(summary(own, kind=kinds.get(reading), commit=commit), case=folder.name)
         for (_, reading), rows in readings_of(runs).items()
         for own in by_solver(rows).values()
     ]

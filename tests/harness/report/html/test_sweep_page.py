@@ -16,7 +16,7 @@ from sweep_systems import SWEEP, belt, sliding_block
 
 import henon_ref
 from henon_ref.harness.cli.sweep import program
-from henon_ref.harness.report.html import sweep_content, sweep_page
+from henon_ref.harness.report.html import sweep_content
 from henon_ref.harness.report.html.rendering import MOST_BYTES, read_embedded
 from henon_ref.harness.report.html.sweep_content import frame_content, kept_points, read_table, rows_of
 from henon_ref.harness.report.html.sweep_page import KEPT, write_sweep_page
@@ -217,7 +217,7 @@ def test_of_many_rows_some_are_read_and_of_too_many_points_no_page_is_made(
         pd.testing.assert_frame_equal(read_table(line, "section", most=most), whole[::stride].reset_index(drop=True))
     shutil.copytree(line, tmp_path / "line")
     (tmp_path / "line" / "index.html").unlink()
-    monkeypatch.setattr(sweep_page, "MOST_READ", 4)
+    monkeypatch.setattr(sweep_content, "MOST_READ", 4)
     assert write_sweep_page(tmp_path / "line") is None
     assert "has no page: it has more than 4 points" in caplog.text
     assert not (tmp_path / "line" / "index.html").exists()
