@@ -1,7 +1,7 @@
 """Where a run starts, in which mode, and what it is to do: in exact terms, then as the compiled loop takes it.
 
-Signs of the surfaces at the start come from a bound in doubles, then in double-double, then from balls (exactly where
-all numbers are rational); the mode off all surfaces, or on one that is left or slid on clearly, from compiled normal
+Signs of the surfaces at the start come from double-double with error bounds, else from balls (exactly where all numbers
+are rational); the mode off all surfaces, or on one that is left or slid on clearly, from compiled normal
 velocities; every other mode from :mod:`henon_ref.modes.selection`.
 """
 
