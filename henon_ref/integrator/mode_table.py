@@ -192,7 +192,7 @@ class ModeTable:
 
     @cached_property
     def sizes(self) -> tuple[int, int, int, int]:
-        """Guards of the largest mode, order, contacts, and numbers in the constants of a mode of contacts (0 where a mode
+        """Guards of the largest mode, order, contacts, and numbers in the constants of a mode of contacts (0 where it
         is a row, or none has equations)."""
         there = self.contacts and self.row(self._uniform[0]) is not None
         return self.most_guards, self.order, self.contacts, self.compiled.sources[0].size if there else 0
