@@ -36,12 +36,11 @@ def pass_branch_point(run: State) -> bool:
     The run stands where no step leads on, which is next to the branch point; what is left behind is in the scale of the
     whole run.
     """
-    scalars, (until, until_low) = run.scalars, run.until
+    scalars = run.scalars
     code = run.integrator.mode_table.codes[int(scalars.mode)]
     if not code.guards_branch_alone or run.passed_at == scalars.steps or vanishing_guard(run) is not None:
         return False
-    left = (until - float(scalars.time)) + (until_low - float(scalars.time_low))
-    longest = FARTHEST * (until - run.start.time[0])
+    left, longest = run.left(run.now), FARTHEST * (run.until[0] - run.start.time[0])
     with working_precision(BITS):
         time, state = run.exact_time, run.exact_state
         for length in (longest * NEARER**k for k in range(TRIES)):

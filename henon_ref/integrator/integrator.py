@@ -62,9 +62,7 @@ class Integrator:
         try:
             return self.free.pop()
         except IndexError:
-            table = self.mode_table
-            sizes = len(self.system.states), table.most_guards, self.order, table.contacts, table.row_length
-            return Workspace.of(*sizes)
+            return Workspace.of(len(self.system.states), *self.mode_table.sizes)
 
     @property
     def parameters(self) -> tuple[sp.Symbol, ...]:

@@ -69,7 +69,7 @@ def locate(run: State) -> Ending | None:
         run.start.constants.precise,
         UndecidedStep(
             mode=mode,
-            time=(float(scalars.time), float(scalars.time_low)),
+            time=run.now,
             state=state,
             rounding=rounding,
             length=float(scalars.step_length),
@@ -91,10 +91,9 @@ def _gone_to(run: State, found: LocatedEvent) -> Ending | None:
     run.put(found.time, found.state)
     run.scalars.steps += 1
     run.known_zeros[:] = 0
-    until, until_low = run.until
-    left, resolution = (until - found.time[0]) + (until_low - found.time[1]), 2e-17 * abs(until)  # a sum's rounding
+    left, resolution = run.left(found.time), 2e-17 * abs(run.until[0])  # a sum's rounding
     if left < -resolution or (left < resolution and not (found.falling or found.touching)):
-        scalars.time, scalars.time_low = until, until_low
+        scalars.time, scalars.time_low = run.until
         return None
     guards = integrator.system.guards(mode)
     for g in found.below_rounding:
@@ -125,8 +124,7 @@ def _digits(run: State) -> tuple[list[arb], list[float]]:
     if scalars.more_digits and scalars.remembered == 1:
         if run.motion is None:
             run.motion = PreciseMotion(start.constants.precise, run.mode, start.time, start.x)
-        time = float(scalars.time), float(scalars.time_low)
-        found = run.motion.at(time, state, float(scalars.step_length))
+        found = run.motion.at(run.now, state, float(scalars.step_length))
         if found is not None:
             return found
     scalars.more_digits = 0
@@ -189,17 +187,16 @@ def _without_equations(run: State) -> Ending:
 def jump(run: State, surfaces: tuple[int, ...], hits: Sequence[Guard]) -> Ending | None:
     """Let the state jump where surfaces reset it, ``hits`` being all guards at zero; None if the run goes on."""
     run.count("jumps")
-    constants, mode, until = run.start.constants, run.mode, run.until
-    most = REMAINING * (until[0] - run.start.time[0])
+    precise, most = run.start.constants.precise, REMAINING * (run.until[0] - run.start.time[0])
     with working_precision(BITS):
         t, before = run.exact_time, run.exact_state
-        found = after_jump(constants.precise.system, constants.precise, mode, surfaces, hits, t, before, arb(most))
+        found = after_jump(precise.system, precise, run.mode, surfaces, hits, t, before, arb(most))
         after, rest = [split(x) for x in found.state], found.rest
         applied = [(i, [float(x.mid()) for x in left]) for i, left in found.applied]
         end, resting = ((0.0, 0.0), []) if rest is None else (split(t + rest.remaining), [split(x) for x in rest.state])
     run.before_jump[:] = run.x
     run.scalars.more_digits = 0
-    time = float(run.scalars.time), float(run.scalars.time_low)
+    time = run.now
     run.put(time, after)
     if not all(abs(high) < LEVELS.blown_up for high, _ in after):
         return ending_of(run, kernel.DIVERGED)
@@ -208,8 +205,8 @@ def jump(run: State, surfaces: tuple[int, ...], hits: Sequence[Guard]) -> Ending
         return ended
     length = (end[0] - time[0]) + (end[1] - time[1])
     run.keep_line(length, [high for high, _ in resting])
-    if (until[0] - end[0]) + (until[1] - end[1]) < 0.0:
-        run.put(until, resting)
+    if run.left(end) < 0.0:
+        run.put(run.until, resting)
         return None
     run.put(end, resting)
     return change_mode(run, Decision("unique", rest.mode), _zeros_on(run, rest.mode, found.on), ())
@@ -226,9 +223,8 @@ def close_to_horizon(run: State) -> bool:
 
     Over a time that moves guards by less than the states' rounding nothing confirms a step there.
     """
-    scalars, (until, until_low) = run.scalars, run.until
-    left = (until - float(scalars.time)) + (until_low - float(scalars.time_low))
-    if not (run.guards and left <= CLOSE_PART * abs(until)):
+    scalars, left = run.scalars, run.left(run.now)
+    if not (run.guards and left <= CLOSE_PART * abs(run.until[0])):
         return False
     scalars.suspect = scalars.step_length = left
     scalars.guard, scalars.stalled = kernel.NOWHERE, 0

@@ -190,10 +190,12 @@ class ModeTable:
         places = [np.array(each, dtype=np.int64) for each in own]
         return np.cumsum(list(map(len, own)), dtype=np.int64), np.concatenate(places)
 
-    @property
-    def row_length(self) -> int:
-        """Numbers in the constants of a mode of contacts; 0 where a mode is a row, or none has equations."""
-        return self.compiled.sources[0].size if self.contacts and self.row(self._uniform[0]) is not None else 0
+    @cached_property
+    def sizes(self) -> tuple[int, int, int, int]:
+        """Guards of the largest mode, order, contacts, and numbers in the constants of a mode of contacts (0 where it
+        is a row, or none has equations)."""
+        there = self.contacts and self.row(self._uniform[0]) is not None
+        return self.most_guards, self.order, self.contacts, self.compiled.sources[0].size if there else 0
 
     @cached_property
     def normals(self) -> NormalVelocities | None:

@@ -41,8 +41,6 @@ PAUSE_STEPS = 1_000_000
 """Steps from one look at interrupts to the next: some tenths of a second."""
 TRIES = 16
 """Points set aside in a row for which no mode was compiled, before the call stops for such points no more."""
-EVERYTHING = -1
-"""All kinds, or surfaces, in a set of bits."""
 
 
 class Keep(NamedTuple):
@@ -50,15 +48,11 @@ class Keep(NamedTuple):
 
     after: float = -np.inf
     """None before this time [s]."""
-    kinds: int = EVERYTHING
-    """A bit each (1 << STICK and so on, of :mod:`henon_ref.integrator.records`)."""
-    surfaces: int = EVERYTHING
-    """A bit each (1 << index)."""
     open_sticks: bool = False
     """Whether of a stick that is open at ``after`` both ends are kept: its begin right before its release."""
 
 
-NOTHING = Keep(kinds=0)
+NOTHING = Keep(np.inf)
 
 
 class ExactPoint(NamedTuple):
@@ -165,12 +159,6 @@ class PointRuns:
             return "failed", out_of_steps(self.ends["steps"][point], self.ends["time"][point])
         return "ok", ""
 
-    def mode(self, point: int) -> Mode:
-        """The mode in which the run of a point ended."""
-        if point in self.others:
-            return self.others[point].end_mode
-        return self.modes[self.ends["mode"][point]]
-
     def exact(self, point: int) -> ExactPoint:
         """The exact numbers of a point."""
         if self._exact is not None:
@@ -204,9 +192,8 @@ class _Part:
         self.kept, self.pending = np.empty((BUFFER, width)), np.zeros((surfaces, width))
         self.memory = np.zeros(1, dtype=PROGRESS)
         self.progress, keep = self.memory[0], runs.keep
-        self.progress["after"], self.progress["kinds"], self.progress["surfaces"] = keep[:3]
-        self.progress["open_sticks"], self.progress["steps"] = keep.open_sticks, PAUSE_STEPS
-        self.progress["stop_aside"] = True
+        self.progress["after"], self.progress["open_sticks"] = keep
+        self.progress["steps"], self.progress["stop_aside"] = PAUSE_STEPS, True
 
     def run(self) -> Iterator[NDArray[Any]]:
         """Do the runs, handing out transitions."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import sympy as sp
 from flint import arb, arb_poly
@@ -43,16 +43,6 @@ START_ROUNDING = 2.0**-52
 """What two doubles lose of a number, to what one does; and so of what comes of it."""
 
 
-class _ModeTape(NamedTuple):
-    """A mode's tape with its constants."""
-
-    tape: Tape
-    guards: tuple[Guard, ...]
-    numbers: list[arb]
-    degree: int
-    """Of the motion and its guards, where all of it is a polynomial in time; else 0."""
-
-
 def split(number: arb) -> Pair:
     """A number as two doubles."""
     high = float(number.mid())
@@ -70,7 +60,6 @@ class PreciseModes:
 
     def __init__(self, in_doubles: ModeEvaluation, make_in_balls: Callable[[], ModeEvaluation]) -> None:
         self.system, self.in_doubles, self._make_in_balls = in_doubles.system, in_doubles, make_in_balls
-        self._tapes: dict[Mode, _ModeTape] = {}
         self._functions: dict[tuple[sp.Expr, ...], Callable[..., list[Any]]] = {}
 
     @cached_property
@@ -110,7 +99,9 @@ class PreciseModes:
 
     def guards(self, mode: Mode) -> tuple[Guard, ...]:
         """Guards of a mode, in the order of :meth:`FilippovSystem.equations`."""
-        return self._made(mode).guards
+        found = self.in_balls.equations(mode)
+        assert found is not None
+        return found[0].guards
 
     def expand(
         self, mode: Mode, time: arb, state: Sequence[arb], unit: arb
@@ -119,27 +110,26 @@ class PreciseModes:
 
         So far, one unit, they hold.
         """
-        made = self._made(mode)
+        tape, numbers = self._tape(mode)
+        degree = _degree(tape)
 
         def enough(x: Sequence[Sequence[arb]], y: Sequence[Sequence[arb]]) -> bool:
             """Looked at now and then."""
             return len(x[0]) > LEAST_ORDER and len(x[0]) % ENDING_ORDERS == 1 and _negligible_tail([*x, *y])
 
-        order, end = (made.degree, None) if made.degree else (MOST_ORDER, enough)
-        states, outputs = expand(made.tape, made.numbers, time, state, order, RING, unit, end)
-        return [arb_poly(series) for series in states], outputs, made.degree > 0
+        order, end = (degree, None) if degree else (MOST_ORDER, enough)
+        states, outputs = expand(tape, numbers, time, state, order, RING, unit, end)
+        return [arb_poly(series) for series in states], outputs, degree > 0
 
     def motion(
         self, mode: Mode, time: arb, state: Sequence[arb], unit: arb, order: int
     ) -> tuple[list[list[arb]], list[list[arb]]]:
         """Taylor coefficients of the states and guards, in units of ``unit`` of time, up to an order."""
-        made = self._made(mode)
-        return expand(made.tape, made.numbers, time, state, order, RING, unit)
+        return expand(*self._tape(mode), time, state, order, RING, unit)
 
     def guard_values(self, mode: Mode, time: arb, state: Sequence[arb]) -> list[arb]:
         """Guards of a mode at a point; no numbers where they are not known there."""
-        made = self._made(mode)
-        return [series[0] for series in expand(made.tape, made.numbers, time, state, 0, RING)[1]]
+        return [series[0] for series in expand(*self._tape(mode), time, state, 0, RING)[1]]
 
     def off_surfaces(self, surfaces: Sequence[int], time: arb, state: Sequence[arb]) -> float:
         """How far a state is from surfaces that it slides on: what rounding has left of zero there."""
@@ -150,14 +140,9 @@ class PreciseModes:
             farthest = max(farthest, value / max(steep) if max(steep) > 0 else 0.0)
         return farthest
 
-    def _made(self, mode: Mode) -> _ModeTape:
-        if mode not in self._tapes:
-            with compiling():
-                made = self.in_balls.equations(mode)
-                assert made is not None
-                equations, tape, numbers = made
-                self._tapes[mode] = _ModeTape(tape, equations.guards, numbers, _degree(tape))
-        return self._tapes[mode]
+    def _tape(self, mode: Mode) -> tuple[Tape, list[arb]]:
+        with compiling():
+            return self.in_balls.tape(mode)
 
 
 def _degree(tape: Tape) -> int:

@@ -9,7 +9,6 @@ memory it is some words (``kernel/contacts.c``).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from itertools import chain, product
 from typing import Any
 
@@ -67,15 +66,6 @@ def _followed(record: np.dtype[Any], name: str, shape: tuple[int, ...]) -> np.dt
     return np.dtype([*((field, record[field]) for field in record.names), (name, "f8", shape)], align=True)
 
 
-@lru_cache(maxsize=64)
-def places(states: int, guards: int, order: int, contacts: int = 0, constants: int = 0) -> Any:
-    """Where the parts of a block stand: of so many states, and guards of the largest mode.
-
-    ``contacts``, ``constants``: where modes are entries of contacts, how many these are, and a mode's constants.
-    """
-    return kernel.places_of(states, guards, order, contacts, constants)
-
-
 @dataclass(frozen=True, eq=False)
 class Workspace:
     """Memory of one run at a time."""
@@ -97,11 +87,12 @@ class Workspace:
 
     @classmethod
     def of(cls, *sizes: int) -> Workspace:
-        """For systems of some :func:`places`.
+        """For systems of some sizes: states, guards of the largest mode, order, contacts that a mode is entries of (0
+        where it is a row), and constants of such a mode.
 
         Parts of an unused one may be used at once: they are zero where the loop takes that for granted.
         """
-        own = places(*sizes)
+        own = kernel.places_of(*sizes)
         block = np.zeros(own.size + kernel.ALIGNMENT)
         first = -(block.ctypes.data // 8) % kernel.ALIGNMENT
         block = block[first : first + own.size]

@@ -1,7 +1,7 @@
 """Where a run starts, in which mode, and what it is to do: in exact terms, then as the compiled loop takes it.
 
-Signs of the surfaces at the start come from a bound in doubles, then in double-double, then from balls (exactly where
-all numbers are rational); the mode off all surfaces, or on one that is left or slid on clearly, from compiled normal
+Signs of the surfaces at the start come from double-double with error bounds, else from balls (exactly where all numbers
+are rational); the mode off all surfaces, or on one that is left or slid on clearly, from compiled normal
 velocities; every other mode from :mod:`henon_ref.modes.selection`.
 """
 
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from henon_ref.integrator.constants import ModeConstants
 from henon_ref.integrator.mode_table import ModeTable
 from henon_ref.integrator.pairs import Pair
-from henon_ref.integrator.records import CHUNK, HENON, STATE_PLACE, places, words_of, written
+from henon_ref.integrator.records import CHUNK, HENON, STATE_PLACE, words_of, written
 from henon_ref.kernel.shared import doubles, ffi, kernel
 from henon_ref.modes.mode import replaced
 from henon_ref.modes.resting import REMAINING
@@ -79,9 +79,8 @@ class Start:
             state[...] = self.kept
             return
         table, x, zeros = self.constants.table, self.x, self.zeros
-        sizes = len(x), len(zeros), self.order, table.contacts, table.row_length
         limits = self.stop_falling, self.stop_rising, self.most_steps
-        state[...] = _template(*sizes, self.landing, self.tolerance, *limits)
+        state[...] = _template(len(x), *table.sizes, self.landing, self.tolerance, *limits)
         (time, low), until = self.time, self.until
         length = (until[0] - time) + (until[1] - low)
         _BEGIN.pack_into(memory, _BEGIN_PLACE, time, low, length if length > 1e-280 else 1e-280, time)
@@ -99,10 +98,7 @@ class Start:
 
     def keep(self) -> NDArray[np.float64]:
         """Write it once for many runs; the array."""
-        table = self.constants.table
-        state = np.empty(
-            places(len(self.x), len(self.zeros), self.order, table.contacts, table.row_length).end_of_state
-        )
+        state = np.empty(kernel.places_of(len(self.x), *self.constants.table.sizes).end_of_state)
         self.write(state, state.data)
         self.kept = state
         return state
@@ -126,7 +122,7 @@ def _template(
     *limits: int,
 ) -> NDArray[np.float64]:
     """What is the same for many starts. (To put each field in its place takes several microseconds.)"""
-    state = np.zeros(places(states, guards, order, contacts, constants).end_of_state)
+    state = np.zeros(kernel.places_of(states, guards, order, contacts, constants).end_of_state)
     run = ffi.cast("struct run *", doubles(state))
     run.states, run.guards, run.order, run.contacts, run.constants = states, guards, order, contacts, constants
     state[len(state) - run.guards :] = np.inf

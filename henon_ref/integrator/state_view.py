@@ -134,9 +134,20 @@ class State:
         return float(self.scalars.time)
 
     @property
-    def exact_time(self) -> arb:
+    def now(self) -> Pair:
         """The same with what rounding lost of it."""
-        return arb(float(self.scalars.time)) + arb(float(self.scalars.time_low))
+        return float(self.scalars.time), float(self.scalars.time_low)
+
+    @property
+    def exact_time(self) -> arb:
+        """Both together."""
+        high, low = self.now
+        return arb(high) + arb(low)
+
+    def left(self, time: Pair) -> float:
+        """From a time to the horizon [s]."""
+        until, until_low = self.until
+        return (until - time[0]) + (until_low - time[1])
 
     @property
     def exact_state(self) -> list[arb]:

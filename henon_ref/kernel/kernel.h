@@ -291,7 +291,6 @@ struct progress {
     int64_t running;           /* whether its run has begun */
     int64_t kept, kept_before; /* transitions in the buffer, and those of the points before this one */
     int64_t open_sticks;       /* whether sticks that are open at "after" are kept, with their begin */
-    int64_t kinds, surfaces;   /* those of transitions that are kept, a bit each */
     int64_t steps;             /* after which the call comes back, so that Python can look at interrupts */
     int64_t stop_aside;        /* whether it comes back where a point is set aside */
 };

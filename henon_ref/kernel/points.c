@@ -26,8 +26,6 @@ HENON_EXPORT void keep_transitions(struct progress *progress, const double *reco
         const double *record = records + k * (buffer->width - KEPT_PLACE);
         struct transition made;
         memcpy(&made, record, sizeof made);
-        if (!(has_bit(progress->kinds, made.kind) && has_bit(progress->surfaces, made.surface)))
-            continue;
         double *waiting = buffer->pending + made.surface * buffer->width;
         if (made.time < progress->after) {
             if (progress->open_sticks != 0 && (made.kind == STICK || made.kind == RELEASED)) {

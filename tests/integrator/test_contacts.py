@@ -14,7 +14,7 @@ from often import daily
 
 import henon_ref as hr
 from henon_ref.integrator.integrator import Integrator
-from henon_ref.integrator.records import HENON, mode_dtype, numbered, packed, places, read, unpacked, words_of, written
+from henon_ref.integrator.records import HENON, mode_dtype, numbered, packed, read, unpacked, words_of, written
 from henon_ref.integrator.run import Run
 from henon_ref.kernel.shared import ffi, kernel
 from henon_ref.modes.problem import Problem
@@ -245,7 +245,7 @@ def test_a_mode_is_put_together_as_it_would_be_written_out() -> None:
     given = tuple(values[symbol.name] for symbol in integrator.parameters)
     begin = integrator.begin(given, [*start(5, 1).values()], until=UNTIL, tolerance=1e-10, landing=HENON)
     own, table = Run(integrator, begin, block=1), integrator.mode_table
-    at = places(10, table.most_guards, integrator.order, 5, table.row_length)
+    at = kernel.places_of(10, *table.sizes)
     seen = 0
     while isinstance(own.next_event(), Transition):
         seen += 1

@@ -7,9 +7,9 @@ import pytest
 from problems import make_problem
 
 from henon_ref.integrator.integrator import Integrator
-from henon_ref.integrator.records import HENON, RUN, TRANSITION, places, step_dtype, transition_dtype
+from henon_ref.integrator.records import HENON, RUN, TRANSITION, step_dtype, transition_dtype
 from henon_ref.integrator.run import Run
-from henon_ref.kernel.shared import ffi, record_dtype
+from henon_ref.kernel.shared import ffi, kernel, record_dtype
 
 
 def test_one_library_serves_every_size() -> None:
@@ -44,12 +44,12 @@ def test_counts_and_places_are_integers_and_times_doubles() -> None:
 def test_what_stands_behind_a_record_begins_where_c_has_it() -> None:
     assert transition_dtype(3).fields["state"][1] == ffi.offsetof("struct transition", "state")  # type: ignore[index]
     assert step_dtype(3, 8).fields["coefficients"][1] == ffi.offsetof("struct step", "coefficients")  # type: ignore[index]
-    assert transition_dtype(3).itemsize == 8 * places(3, 4, 8).record_width
+    assert transition_dtype(3).itemsize == 8 * kernel.places_of(3, 4, 8, 0, 0).record_width
 
 
 @pytest.mark.parametrize(("states", "guards", "order"), [(1, 2, 4), (2, 7, 18), (16, 40, 24)])
 def test_parts_of_a_block_do_not_overlap(states: int, guards: int, order: int) -> None:
-    own = places(states, guards, order)
+    own = kernel.places_of(states, guards, order, 0, 0)
     begins = [own.last_steps, own.state, own.known_zeros, own.since, own.end_of_state, own.band, own.room]
     begins += [own.remembered, own.records, own.size]
     assert begins == sorted(begins)
