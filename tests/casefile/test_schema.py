@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 from json_schema import faults
 
-from henon_ref.casefile.form import keys_of
 from henon_ref.casefile.json_schema import case_schema, schema_text
 from henon_ref.casefile.schema import READING_KEYS, CaseForm
 from henon_ref.casefile.tree import PythonValue, to_python
@@ -23,7 +22,7 @@ EDITORS = "# yaml-language-server: $schema="
 
 def test_the_json_schema_knows_every_key_and_no_other() -> None:
     schema = case_schema()
-    keys = set(keys_of(CaseForm))
+    keys = set(CaseForm.keys())
     assert set(schema["properties"]) == keys | {"readings"}
     assert schema["additionalProperties"] is False
     assert schema["required"] == ["schema", "name", "title"]
