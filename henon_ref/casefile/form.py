@@ -112,7 +112,7 @@ def read_form(form: type[AnyForm], source: Source, *, partial: bool = False) -> 
     form : type
     source : Source
     partial : bool
-        Whether keys at the top may be missing that have no default; nothing is returned then.
+        Whether keys at the top may be missing that have no default.
 
     Raises
     ------
@@ -149,9 +149,8 @@ class _Reader:
                 message = f"unknown key '{own}'{where}{did_you_mean(own, known)}; allowed: {listed(known)}"
                 message += form.HINTS.get(own, "")
                 self.faults.append((False, node.keys[own], message))
-        if partial:
-            return None
-        missing = [own for own, kind in keys.items() if kind.default is MISSING and own not in node.entries]
+        needed = [] if partial else [own for own, kind in keys.items() if kind.default is MISSING]
+        missing = [own for own in needed if own not in node.entries]
         self.faults += [(True, place, f"the key '{own}' is missing{where}") for own in missing]
         return None if self.faults else form(**values)
 
