@@ -82,8 +82,8 @@ def _plain(default: Any) -> Any:
     """A default as JSON has it."""
     if isinstance(default, Form):
         return {name: kind.default for name, kind in default.keys().items()}
-    if isinstance(default, Mapping):
-        return {}
+    if isinstance(default, tuple | Mapping):
+        return [*default] if isinstance(default, tuple) else dict(default)
     return int(default) if isinstance(default, Decimal) else default
 
 

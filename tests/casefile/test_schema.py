@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from decimal import Decimal
 from pathlib import Path
 
@@ -33,6 +34,7 @@ def test_the_json_schema_knows_every_key_and_no_other() -> None:
 def test_the_published_schema_is_the_present_one() -> None:
     """``henon-ref schema > cases/case.schema.json`` makes it again."""
     assert PUBLISHED.read_text(encoding="utf-8") == schema_text()
+    assert json.loads(schema_text()) == case_schema()
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
