@@ -1,6 +1,6 @@
-"""A mapping of a file to the dataclass that describes it; what does not fit is told by its line and column.
+"""A mapping of a file to the class that describes it; what does not fit is told by its line and column.
 
-The annotations of a form, which is such a dataclass, say what its keys hold: a scalar (``Annotated`` with a
+The annotations of a :class:`Form` say what its keys hold: a scalar (``Annotated`` with a
 :class:`Scalar`), one of some words (``Literal``), a list (``tuple``), a mapping of names (``Mapping``), another form,
 or anything (``Any``). In ``Annotated`` also stand how many entries it has (:class:`Size`) and what it means (text).
 :mod:`henon_ref.casefile.schema` has the forms of a case file.
@@ -9,9 +9,9 @@ or anything (``Any``). In ``Annotated`` also stand how many entries it has (:cla
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
+from dataclasses import MISSING, dataclass, replace
 from functools import cache
-from types import NoneType
+from types import MappingProxyType, NoneType
 from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from henon_ref.casefile.grammar import MAX_STATES
@@ -19,7 +19,31 @@ from henon_ref.casefile.source import Source
 from henon_ref.casefile.tree import MappingNode, Node, Place, ScalarNode, SequenceNode, to_python
 from henon_ref.text import did_you_mean, listed, shortened
 
-AnyForm = TypeVar("AnyForm")
+AnyForm = TypeVar("AnyForm", bound="Form")
+NONE: Mapping[str, Any] = MappingProxyType({})
+"""A mapping that is left out."""
+
+
+class Form:
+    """A mapping of a file with keys; those that have a value here may be left out."""
+
+    OTHERS: Any = None
+    """What keys of any other names hold; None: there are none."""
+    BESIDE: tuple[str, ...] = ()
+    """Keys that are read elsewhere."""
+    HINTS = NONE
+    """Unknown key -> what is said besides."""
+
+    def __init__(self, **values: Any) -> None:
+        vars(self).update(values)
+
+    @classmethod
+    @cache
+    def keys(cls) -> dict[str, Kind]:
+        """Its keys, and what they hold."""
+        hints = get_type_hints(cls, include_extras=True)
+        own = (name for name in hints if name not in Form.__annotations__)
+        return {name: replace(kind_of(hints[name]), default=getattr(cls, name, MISSING)) for name in own}
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +84,7 @@ class Kind:
     @property
     def is_form(self) -> bool:
         """Whether it is a mapping with keys of its own."""
-        return isinstance(self.type, type) and is_dataclass(self.type)
+        return isinstance(self.type, type) and issubclass(self.type, Form)
 
 
 _NOTES = {Scalar: "type", Size: "size", str: "description"}
@@ -80,14 +104,6 @@ def kind_of(annotation: Any) -> Kind:
     return Kind(get_origin(annotation) or annotation, inner)
 
 
-@cache
-def keys_of(form: type) -> dict[str, Kind]:
-    """Keys of a form, and what they hold."""
-    hints = get_type_hints(form, include_extras=True)
-    defaults: dict[str, Any] = {own.name: own.default if own.default_factory is MISSING else {} for own in fields(form)}
-    return {name: replace(kind_of(hints[name]), default=default) for name, default in defaults.items()}
-
-
 def read_form(form: type[AnyForm], source: Source, *, partial: bool = False) -> AnyForm:
     """Read a mapping of a file.
 
@@ -96,7 +112,7 @@ def read_form(form: type[AnyForm], source: Source, *, partial: bool = False) -> 
     form : type
     source : Source
     partial : bool
-        Whether keys at the top may be missing that have no default; nothing is returned then.
+        Whether keys at the top may be missing that have no default.
 
     Raises
     ------
@@ -119,23 +135,22 @@ class _Reader:
         self.most_states = most_states
         self.faults: list[tuple[bool, Place, str]] = []
 
-    def form(self, form: type, node: MappingNode, name: str, place: Place, *, partial: bool = False) -> Any:
+    def form(self, form: type[Form], node: MappingNode, name: str, place: Place, *, partial: bool = False) -> Any:
         """A form under a key (at ``place``), or in a list (no name)."""
-        keys, others, where = keys_of(form), getattr(form, "OTHERS", None), f" in '{name}'" if name else ""
+        keys, where = form.keys(), f" in '{name}'" if name else ""
         values = {}
         for own, entry in node.entries.items():
             if own in keys:
                 values[own] = self.value(keys[own], entry, own, name, node.keys[own])
-            elif others is not None:
-                self.value(kind_of(others), entry, own, name, node.keys[own])
+            elif form.OTHERS is not None:
+                self.value(kind_of(form.OTHERS), entry, own, name, node.keys[own])
             else:
-                known = [*keys, *getattr(form, "BESIDE", ())]
-                hint = getattr(form, "HINTS", {}).get(own, "")
-                message = f"unknown key '{own}'{where}{did_you_mean(own, known)}; allowed: {listed(known)}{hint}"
+                known = [*keys, *form.BESIDE]
+                message = f"unknown key '{own}'{where}{did_you_mean(own, known)}; allowed: {listed(known)}"
+                message += form.HINTS.get(own, "")
                 self.faults.append((False, node.keys[own], message))
-        if partial:
-            return None
-        missing = [own for own, kind in keys.items() if kind.default is MISSING and own not in node.entries]
+        needed = [] if partial else [own for own, kind in keys.items() if kind.default is MISSING]
+        missing = [own for own in needed if own not in node.entries]
         self.faults += [(True, place, f"the key '{own}' is missing{where}") for own in missing]
         return None if self.faults else form(**values)
 

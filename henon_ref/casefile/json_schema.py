@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
-from dataclasses import MISSING, asdict, is_dataclass
+from collections.abc import Mapping
+from dataclasses import MISSING
 from decimal import Decimal
 from typing import Any
 
 from henon_ref.casefile.bodies import KEYS
 from henon_ref.casefile.connections import KINDS, Key
-from henon_ref.casefile.form import Kind, Scalar, keys_of, kind_of
+from henon_ref.casefile.form import Form, Kind, Scalar, kind_of
 from henon_ref.casefile.schema import NAME_PATTERN, READING_KEYS, CaseForm
 
 _EXPRESSION = {"type": ["number", "string"]}
@@ -53,14 +54,14 @@ def _ordered(value: Any, key: str = "") -> Any:
 # -- forms ----------------------------------------------------------------------------------------------
 
 
-def _form(form: type, forms: dict[str, _Schema]) -> _Schema:
+def _form(form: type[Form], forms: dict[str, _Schema]) -> _Schema:
     """A form; those in it are put among ``forms``."""
     found: _Schema = {"title": _name(form), "type": "object", "additionalProperties": False, "properties": {}}
-    if form.__doc__ and not form.__doc__.startswith(f"{form.__name__}("):  # which is a dataclass's own
+    if form.__doc__:
         found["description"] = form.__doc__
-    if hasattr(form, "OTHERS"):
+    if form.OTHERS is not None:
         found["additionalProperties"] = _kind(kind_of(form.OTHERS), "", forms)
-    for name, kind in keys_of(form).items():
+    for name, kind in form.keys().items():
         schema = found["properties"][name] = _kind(kind, name, forms)
         if not kind.is_form:
             schema["title"] = name.replace("_", " ").title()
@@ -73,14 +74,16 @@ def _form(form: type, forms: dict[str, _Schema]) -> _Schema:
     return found
 
 
-def _name(form: type) -> str:
+def _name(form: type[Form]) -> str:
     return f"{form.__name__.removesuffix('Form')}Form"
 
 
 def _plain(default: Any) -> Any:
     """A default as JSON has it."""
-    if is_dataclass(default) and not isinstance(default, type):
-        return asdict(default)
+    if isinstance(default, Form):
+        return {name: kind.default for name, kind in default.keys().items()}
+    if isinstance(default, tuple | Mapping):
+        return [*default] if isinstance(default, tuple) else dict(default)
     return int(default) if isinstance(default, Decimal) else default
 
 

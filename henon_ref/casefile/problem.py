@@ -235,7 +235,8 @@ def _check_start(source: Source, problem: Problem) -> None:
     """Refuse a start at which a surface, or an expression of ``valid``, has no value or would be a giant number."""
     delicate = source.once("exponents", MODEL_KEYS, lambda: _delicate(problem.system))
     for what, expression in delicate:
-        source.charge(("initial",), size(expression, MAX_SIZE))
+        with source.at(("initial",)):
+            source.work.charge(size(expression, MAX_SIZE), 0)
         try:
             value = put(problem.system.numeric(expression), _start(problem))
         except ModelError as error:

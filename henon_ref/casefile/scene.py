@@ -16,6 +16,7 @@ from henon_ref.casefile.grammar import MAX_STATES, name_problem
 from henon_ref.casefile.model_kinks import Kinks, check_kinks, resolved
 from henon_ref.casefile.source import Names, Path, Source
 from henon_ref.casefile.tree import MappingNode, ScalarNode, SequenceNode, child
+from henon_ref.casefile.work import names_in
 from henon_ref.text import did_you_mean, listed
 
 CONNECTIONS = ("scene", "connections")
@@ -218,7 +219,7 @@ class _Reader:
 
     def _check_states(self, path: Path, key: Key) -> None:
         """Refuse states where a value is none of states."""
-        held = [name for name in self.source.names(path) if name in self.states]
+        held = [name for name in names_in(self.source.written(path)) if name in self.states]
         if held:
             allowed = "t and parameters" if key.of == "time" else "parameters"
             raise self.source.error(

@@ -1,7 +1,8 @@
 """The case file's form: which keys there are, what they hold, and what is said where they do not.
 
 Forms only check form; what the expressions in them mean is checked where they are read
-(:mod:`henon_ref.casefile.problem`, :mod:`henon_ref.casefile.expected`). A system is built of the tree, not of them.
+(:mod:`henon_ref.casefile.problem`, :mod:`henon_ref.casefile.expected`). A system is built of the tree, not of them;
+what a reading keeps of its own is a dataclass besides.
 """
 
 from __future__ import annotations
@@ -10,11 +11,12 @@ import math
 import re
 import unicodedata
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass
 from decimal import Decimal
-from typing import Annotated, Any, ClassVar, Literal
+from types import MappingProxyType
+from typing import Annotated, Any, Literal
 
-from henon_ref.casefile.form import Scalar, Size, read_form
+from henon_ref.casefile.form import NONE, Form, Scalar, Size, read_form
 from henon_ref.casefile.grammar import MAX_STATES, MOST_STATES
 from henon_ref.casefile.source import Source
 from henon_ref.casefile.tree import MappingNode
@@ -133,17 +135,14 @@ Version = Annotated[
 # -- the model ------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, kw_only=True)
-class SystemForm:
+class SystemForm(Form):
     """A piecewise-smooth system, written out."""
 
     state: Annotated[tuple[Text, ...], Size(1, MAX_STATES), "names of the states"]
-    parameters: Annotated[Mapping[str, Expression], "name: number, or expression in other parameters"] = field(
-        default_factory=dict
-    )
+    parameters: Annotated[Mapping[str, Expression], "name: number, or expression in other parameters"] = NONE
     surfaces: Annotated[
         Mapping[str, Expression], Size(0, MAX_STATES), "sign symbol: the expression whose sign it is"
-    ] = field(default_factory=dict)
+    ] = NONE
     field: Annotated[
         tuple[Expression, ...],
         "x', one expression a state; t is time; abs, sign, min, max, piecewise become surfaces kink1, ...",
@@ -151,13 +150,10 @@ class SystemForm:
     valid: Annotated[tuple[Expression, ...], "the model holds while these are > 0"] = ()
 
 
-@dataclass(frozen=True, kw_only=True)
-class SceneForm:
+class SceneForm(Form):
     """Bodies and what connects them; what is named is built, nothing else (:mod:`henon_ref.casefile.scene`)."""
 
-    parameters: Annotated[Mapping[str, Expression], "name: number, or expression in other parameters"] = field(
-        default_factory=dict
-    )
+    parameters: Annotated[Mapping[str, Expression], "name: number, or expression in other parameters"] = NONE
     bodies: Annotated[
         Mapping[str, Any], Size(1), "name: what it is, as in {mass: 1}, {inertia: 1}, {velocity: cos(t)} or fixed"
     ]
@@ -166,18 +162,16 @@ class SceneForm:
     ]
 
 
-@dataclass(frozen=True, kw_only=True)
-class InitialForm:
+class InitialForm(Form):
     """The start: time, every state by its name, and the mode where the fields leave it open."""
 
-    OTHERS: ClassVar = Expression
+    OTHERS = Expression
 
     t: Expression = "0"
-    mode: Mapping[str, ModeEntry] = field(default_factory=dict)
+    mode: Mapping[str, ModeEntry] = NONE
 
 
-@dataclass(frozen=True, kw_only=True)
-class ReleaseForm:
+class ReleaseForm(Form):
     """One way out of a sliding mode."""
 
     when: Annotated[Expression, "the sliding ends where this crosses zero"]
@@ -185,8 +179,7 @@ class ReleaseForm:
     to: Annotated[Side, "the side released into"]
 
 
-@dataclass(frozen=True, kw_only=True)
-class SlidingForm:
+class SlidingForm(Form):
     """Sliding in a source's own way, in place of Filippov's."""
 
     field: tuple[Expression, ...]
@@ -198,8 +191,7 @@ class SlidingForm:
     ] = "attracting"
 
 
-@dataclass(frozen=True, kw_only=True)
-class ResetForm:
+class ResetForm(Form):
     """A jump of the state where a surface falls through zero."""
 
     when: Annotated[Literal["falling"], "the way in which the surface goes through zero"] = "falling"
@@ -214,13 +206,12 @@ class ResetForm:
 # -- what a reading is scored against -------------------------------------------------------------------
 
 
-@dataclass(frozen=True, kw_only=True)
-class MeasureForm:
+class MeasureForm(Form):
     after: Annotated[Expression, "sticks that end before this time are left out [s]"] = "0"
 
 
 @dataclass(frozen=True)
-class Published:
+class Published(Form):
     """Figures of the source, scored apart from the truth; their last digit is taken to be rounded."""
 
     stick_durations: Annotated[tuple[PositiveDigits, ...], "[s]"] = ()
@@ -231,7 +222,7 @@ class Published:
 
 
 @dataclass(frozen=True)
-class Exact:
+class Exact(Form):
     """Closed forms; they outrank computed truth."""
 
     transition_times: Annotated[tuple[Expression, ...], "[s], from the first transition on"]
@@ -239,7 +230,7 @@ class Exact:
 
 
 @dataclass(frozen=True)
-class Orbit:
+class Orbit(Form):
     """A periodic orbit that is known or claimed."""
 
     period: Annotated[Expression, "[s]"]
@@ -248,7 +239,7 @@ class Orbit:
 
 
 @dataclass(frozen=True)
-class Gate:
+class Gate(Form):
     """What one solver must reach for ``--gate``."""
 
     at: Annotated[Tolerance | None, "tolerance of the row; the tightest if left out"] = None
@@ -258,7 +249,7 @@ class Gate:
 
 
 @dataclass(frozen=True)
-class Expect:
+class Expect(Form):
     """How the run has to end, where that is not at the horizon, and whether the question is a fair one."""
 
     status: Annotated[ExpectedStatus, "how it ends; ok, at the horizon, if left out"] = "ok"
@@ -270,13 +261,12 @@ class Expect:
     time: Annotated[Expression | None, "where it ends [s]"] = None
 
 
-@dataclass(frozen=True, kw_only=True)
-class CaseForm:
+class CaseForm(Form):
     """A case file, schema 1."""
 
-    BESIDE: ClassVar = ("readings",)
+    BESIDE = ("readings",)
     """Keys that are read before (:func:`henon_ref.casefile.case.reading_sources`)."""
-    HINTS: ClassVar = {"points": " (a sweep file is run by henon-ref sweep)"}
+    HINTS = MappingProxyType({"points": " (a sweep file is run by henon-ref sweep)"})
 
     schema: Annotated[Version, "version of this form"]
     name: Annotated[CaseName, "the report's folder"]
@@ -290,12 +280,8 @@ class CaseForm:
     scene: SceneForm | None = None
     initial: InitialForm
     until: Annotated[Expression, "the horizon [s]"]
-    sliding: Annotated[Mapping[str, SlidingForm], "sign symbol: sliding in the source's own way"] = field(
-        default_factory=dict
-    )
-    resets: Annotated[Mapping[str, ResetForm], "sign symbol: how the state jumps at its surface"] = field(
-        default_factory=dict
-    )
+    sliding: Annotated[Mapping[str, SlidingForm], "sign symbol: sliding in the source's own way"] = NONE
+    resets: Annotated[Mapping[str, ResetForm], "sign symbol: how the state jumps at its surface"] = NONE
     measure: MeasureForm = MeasureForm()
     published: Published | None = None
     exact: Exact | None = None
@@ -304,11 +290,11 @@ class CaseForm:
     tolerances: Annotated[tuple[Tolerance, ...], Size(1)] = (1e-6, 1e-9, 1e-12)
     # A coarse, a usual and a tight one: enough for a work-precision line.
     steps: Annotated[tuple[Positive, ...], Size(1), "for fixed-step solvers [s]"] = (1e-3,)
-    gate: Mapping[SolverName, Gate] = field(default_factory=dict)
+    gate: Mapping[SolverName, Gate] = NONE
     expect: Expect | None = None
 
 
-READING_KEYS = frozenset(own.name for own in fields(CaseForm)) - {"schema", "name"}
+READING_KEYS = frozenset(CaseForm.__annotations__) - {"schema", "name"}
 """Keys that a reading may override."""
 
 

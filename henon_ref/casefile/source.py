@@ -24,9 +24,8 @@ from henon_ref.casefile.expressions import (
     read,
 )
 from henon_ref.casefile.grammar import MAX_STATES, may_have_kinks, name_problem
-from henon_ref.casefile.operations import Operation
 from henon_ref.casefile.tree import MappingNode, Place, ScalarNode, SequenceNode, child, locate
-from henon_ref.casefile.work import Work, key_of, names_in, overlaid
+from henon_ref.casefile.work import Work, key_of, overlaid
 from henon_ref.errors import CaseError, ExpressionError
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed
@@ -95,10 +94,6 @@ class Source:
         node = child(self.tree, path)
         return self.text(path) if not isinstance(node, ScalarNode) or isinstance(node.given, str) else node.given
 
-    def names(self, path: Path) -> list[str]:
-        """Names that may stand in an expression."""
-        return names_in(self.written(path))
-
     def has_kinks(self, path: Path) -> bool:
         """Whether an expression has a function with a kink or a jump."""
         written = self.written(path)
@@ -106,28 +101,18 @@ class Source:
 
     def expression(self, path: Path, names: Mapping[str, sp.Expr], note: str = "") -> sp.Expr:
         """A smooth expression (see :func:`henon_ref.casefile.expressions.parse_expression`)."""
-        with self._at(path, note):
+        with self.at(path, note):
             return parse_expression(self.written(path), names, self.work)
 
     def field(self, path: Path, names: Mapping[str, sp.Expr], note: str = "") -> tuple[sp.Expr, list[sp.Expr]]:
         """A component of a field, which may have kinks (see :func:`henon_ref.casefile.expressions.parse_field`)."""
-        with self._at(path, note):
+        with self.at(path, note):
             return parse_field(self.written(path), names, self.work)
 
     def number(self, path: Path, names: Mapping[str, sp.Expr]) -> sp.Expr:
         """An expression whose value is a number (see :func:`henon_ref.casefile.expressions.parse_number`)."""
-        with self._at(path):
+        with self.at(path):
             return parse_number(self.written(path), names, self.work)
-
-    def operations(self, path: Path, names: Mapping[str, object], functions: Mapping[str, int]) -> Operation:
-        """The operations of an expression in some names (see :func:`henon_ref.casefile.expressions.read`)."""
-        with self._at(path):
-            return read(self.written(path), names, self.work, functions)
-
-    def charge(self, path: Path, characters: int) -> None:
-        """Count work that is done for what a path leads to (see :class:`henon_ref.casefile.work.Work`)."""
-        with self._at(path):
-            self.work.charge(characters, 0)
 
     def once(self, what: str, keys: Sequence[str], build: Callable[[], T]) -> T:
         """What is built of the values of some keys at the top, once for all readings that have the same ones."""
@@ -138,15 +123,8 @@ class Source:
         found: T = self.work.built[known][1]
         return found
 
-    def check_sides(
-        self, path: Path, names: Mapping[str, sp.Expr], signs: Mapping[str, sp.Symbol], *, kinks: bool = False
-    ) -> None:
-        """Check that an expression has values at both sides of each sign."""
-        with self._at(path):
-            check_sides(self.written(path), names, signs, self.work, kinks=kinks)
-
     @contextmanager
-    def _at(self, path: Path, note: str = "") -> Iterator[None]:
+    def at(self, path: Path, note: str = "") -> Iterator[None]:
         """Say of what is wrong with an expression where it stands."""
         try:
             yield
@@ -168,7 +146,8 @@ class Source:
             problem = name_problem(name, parameter=True)
             if problem:
                 raise self.error([*path, name], problem, key=True)
-            found = self.operations([*path, name], node.entries, NUMBER).names
+            with self.at([*path, name]):
+                found = read(self.written([*path, name]), node.entries, self.work, NUMBER).names
             uses[name] = {other for other in found if other in node.entries}
         values: dict[str, sp.Expr] = {}
         try:
@@ -213,19 +192,25 @@ class Names:
         return self._checked(source, path, signs, source.field, FIELD)
 
     def _checked(
-        self, source: Source, path: Path, signs: Sequence[str], read: Callable[..., T], functions: Mapping[str, int]
+        self,
+        source: Source,
+        path: Path,
+        signs: Sequence[str],
+        worked_out: Callable[..., T],
+        functions: Mapping[str, int],
     ) -> T:
         own = {name: self.signs[name] for name in signs}
-        found = read(path, overlaid(own, self._symbols))
+        found = worked_out(path, overlaid(own, self._symbols))
         if self._is_new(source, path, functions):
             if self.values:
-                read(path, overlaid(own, self._numbers), WITH_VALUES)
-            source.check_sides(path, self._numbers, own, kinks=functions is FIELD)
+                worked_out(path, overlaid(own, self._numbers), WITH_VALUES)
+            with source.at(path):
+                check_sides(source.written(path), self._numbers, own, source.work, kinks=functions is FIELD)
         return found
 
     def _is_new(self, source: Source, path: Path, functions: Mapping[str, int]) -> bool:
         """Whether nothing that says the same of other states and signs has been checked with the parameters' values."""
-        known = source.operations(path, overlaid(self.signs, self._symbols), functions)
+        known = read(source.written(path), overlaid(self.signs, self._symbols), source.work, functions)
         moving = [name for name in known.names if name in self.states or name in self.signs]
         form = known.renamed({name: f"{'s' if name in self.signs else 'x'}#{k}" for k, name in enumerate(moving)})
         key = "checked", id(functions), key_of("", form, self.values)

@@ -10,13 +10,7 @@ from collections.abc import Collection, Mapping
 
 import sympy as sp
 
-from henon_ref.casefile.grammar import (
-    CONSTANTS,
-    EULER,
-    MAX_DEPTH,
-    NAME,
-    check_name,
-)
+from henon_ref.casefile.grammar import CONSTANTS, EULER, MAX_DEPTH, NAME, check_name
 from henon_ref.casefile.operations import Operation
 from henon_ref.errors import ExpressionError
 from henon_ref.text import shortened

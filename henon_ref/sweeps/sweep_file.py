@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from decimal import Decimal
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 from henon_ref.casefile.case import check_model, check_surfaces
-from henon_ref.casefile.form import Scalar, Size, read_form
+from henon_ref.casefile.form import NONE, Form, Scalar, Size, read_form
 from henon_ref.casefile.problem import build_problem
 from henon_ref.casefile.schema import (
     CaseForm,
@@ -53,8 +53,7 @@ Count = Annotated[int, Scalar(_size, {"type": "integer", "minimum": 1})]
 One = Annotated[Mapping[str, Any], Size(1, 1)]
 
 
-@dataclass(frozen=True, kw_only=True)
-class SweepForm:
+class SweepForm(Form):
     """A sweep file, schema 1."""
 
     schema: Version
@@ -64,8 +63,8 @@ class SweepForm:
     story: Text | None = None
     system: SystemForm | None = None
     scene: SceneForm | None = None
-    sliding: Mapping[str, SlidingForm] = field(default_factory=dict)
-    resets: Mapping[str, ResetForm] = field(default_factory=dict)
+    sliding: Mapping[str, SlidingForm] = NONE
+    resets: Mapping[str, ResetForm] = NONE
     initial: InitialForm
     until: Expression
     points: One

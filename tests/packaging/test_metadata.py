@@ -35,8 +35,8 @@ TESTS = extra("test")
 LIBRARY = [Requirement(text) for text in WRITTEN["dependency-groups"]["library"]]
 ROOMS = [own for own in (ROOT / "henon_ref").iterdir() if own.name not in ("harness", "baselines", "commands")]
 """Rooms and files of the library, the doors to commands among them."""
-COMMANDS = {"typer", "jinja2"}
-"""What the commands need besides: their arguments, a sweep's page."""
+COMMANDS = {"typer", "jinja2", "pydantic"}
+"""What the commands need besides: their arguments, a sweep's page, a comparison's stored truths."""
 MODULES = {
     "scikit-sundae": "sksundae",
     "python-flint": "flint",
