@@ -258,6 +258,14 @@ def test_a_folder_stands_for_all_its_cases_but_not_for_truths(tmp_path):
         case_files(tmp_path / "empty")
 
 
+def test_restarts_are_a_column_of_solvers(made_up, tmp_path, monkeypatch):
+    monkeypatch.setattr(registry, "solver", lambda name: Fake(name))
+    assert run(made_up, "--out", "out", "--repeats", 1, "--solvers", "henon,heyoka@none,heyoka@offset") == 0
+    with (tmp_path / "out" / "made_up" / "runs.csv").open() as file:
+        names = [row["solver"] for row in csv.DictReader(file)]
+    assert list(dict.fromkeys(names)) == ["henon", "heyoka@none", "heyoka@offset"]
+
+
 def test_an_unknown_restart_is_refused_before_anything_runs(made_up, tmp_path, capsys):
     assert run(made_up, "--out", "out", "--solvers", "heyoka@fresh") == 2
     assert "unknown restart 'fresh'" in capsys.readouterr().err
