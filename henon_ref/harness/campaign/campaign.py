@@ -127,15 +127,7 @@ def compare_all(
 ) -> None:
     """Compare several cases; each one's comparison is delivered as soon as its last run is in.
 
-    Parameters
-    ----------
-    cases : sequence of Case
-    options : Options
-    deliver : callable
-    draw : callable, optional
-        Makes the job that draws a reading's figures, once its rows are in; None: no figures, and no samples.
-    observer : Observer, optional
-        Is told how it gets on.
+    ``draw`` makes the job that draws a reading's figures, once its rows are in; None: no figures, and no samples.
 
     Raises
     ------

@@ -15,6 +15,7 @@ from numbers import Integral, Real
 from typing import TypeVar, get_args
 
 from henon_ref.errors import ContractError
+from henon_ref.harness.campaign.options import shown
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.problem import Problem
 from henon_ref.text import short_line
@@ -48,25 +49,19 @@ def check_prepared(run: object, *, landing: object, version: object) -> tuple[st
     ContractError
     """
     if not callable(run):
-        raise ContractError(f"the solver's prepare() returned {shown(run)}, wanted a function that runs it")
+        raise ContractError(f"the solver's prepare() returned {_typed(run)}, wanted a function that runs it")
     words = []
     for what, value in (("landing", landing), ("version", version)):
         if not isinstance(value, str):
-            raise ContractError(f"the solver's {what} is {shown(value)}, wanted a str")
+            raise ContractError(f"the solver's {what} is {_typed(value)}, wanted a str")
         words.append(short_line(value))
     return words[0], words[1]
 
 
 def check_trajectory(returned: object, problem: Problem, *, most: int) -> Trajectory:
-    """What a run returned, in built-in types; samples, which no run that is scored was asked for, left out.
+    """What a run of a problem returned, in built-in types, with ``most`` transitions at most.
 
-    Parameters
-    ----------
-    returned : object
-    problem : Problem
-        What was run.
-    most : int
-        Transitions that it may have.
+    Samples, which no run that is scored was asked for, are left out.
 
     Raises
     ------
@@ -74,7 +69,7 @@ def check_trajectory(returned: object, problem: Problem, *, most: int) -> Trajec
         Where it is no trajectory that can be scored.
     """
     if not isinstance(returned, Trajectory):
-        raise ContractError(f"the solver returned {shown(returned)}, wanted a Trajectory")
+        raise ContractError(f"the solver returned {_typed(returned)}, wanted a Trajectory")
     given = Trajectory._make(returned)
     counts: object = given.counts
     convert = _Converter(len(problem.system.states), len(problem.system.surfaces))
@@ -98,7 +93,7 @@ def check_trajectory(returned: object, problem: Problem, *, most: int) -> Trajec
     except _Wrong as error:
         what, value, wanted = error.args
         raise ContractError(
-            f"the solver returned a Trajectory whose {what} is {shown(value)}, wanted {wanted}"
+            f"the solver returned a Trajectory whose {what} is {_typed(value)}, wanted {wanted}"
         ) from None
     return checked
 
@@ -268,7 +263,6 @@ def _word(what: str, value: object, allowed: Sequence[Word]) -> Word:
     return found
 
 
-def shown(value: object) -> str:
+def _typed(value: object) -> str:
     """A value and its type, in few words."""
-    text = " ".join(repr(value).split())
-    return f"{text if len(text) <= 60 else text[:57] + '...'} ({type(value).__name__})"
+    return f"{shown(value)} ({type(value).__name__})"

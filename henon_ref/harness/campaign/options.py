@@ -61,19 +61,19 @@ class Options:
         own = [solver for solver in self.solvers or () if not isinstance(solver, str)]
         for solver in own:
             if words := fault(solver):
-                raise CaseError(f"solvers: {_shown(solver)} {words}")
+                raise CaseError(f"solvers: {shown(solver)} {words}")
         names = [solver if isinstance(solver, str) else solver.name for solver in self.solvers or ()]
         for solver in own:
             if names.count(solver.name) > 1:
                 raise CaseError(f"solvers: more than one is named '{solver.name}'; rows are told apart by the name")
         for tolerance in self.tolerances or ():
             if not (_is_number(tolerance) and 1e-16 <= tolerance < 1):
-                raise CaseError(f"a tolerance lies between 1e-16 and 1, not {_shown(tolerance)}")
+                raise CaseError(f"a tolerance lies between 1e-16 and 1, not {shown(tolerance)}")
         for name, count in (("repeats", 1 if self.repeats is None else self.repeats), ("processes", self.processes)):
             if type(count) is not int or count < 1:
-                raise CaseError(f"{name} is a whole number from 1 on, not {_shown(count)}")
+                raise CaseError(f"{name} is a whole number from 1 on, not {shown(count)}")
         if not (_is_number(self.timeout) and LEAST_TIMEOUT <= self.timeout < math.inf):
-            raise CaseError(f"timeout is a number of seconds from {LEAST_TIMEOUT:g} on, not {_shown(self.timeout)}")
+            raise CaseError(f"timeout is a number of seconds from {LEAST_TIMEOUT:g} on, not {shown(self.timeout)}")
 
     @property
     def of_main(self) -> bool:
@@ -93,7 +93,8 @@ def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def _shown(value: object) -> str:
+def shown(value: object) -> str:
+    """A value in few words."""
     text = " ".join(repr(value).split())
     return text if len(text) <= 60 else f"{text[:57]}..."
 
@@ -123,16 +124,7 @@ class Setting:
 def settings(
     *, fixed_step: bool, tolerances: Sequence[float], steps: Sequence[float], scale: float
 ) -> tuple[Setting, ...]:
-    """The settings of one solver on one reading, from the loosest to the tightest.
-
-    Parameters
-    ----------
-    fixed_step : bool
-        Whether the solver is driven by a step.
-    tolerances, steps : sequence of float
-    scale : float
-        Size of the state, see :func:`state_scale`; ``atol = rtol * scale``.
-    """
+    """The settings of one solver on one reading, from the loosest on; ``scale``: see :func:`state_scale`."""
     if fixed_step:
         return tuple(Setting(step=step) for step in sorted(set(steps), reverse=True))
     return tuple(Setting(rtol=rtol, atol=rtol * scale) for rtol in sorted(set(tolerances), reverse=True))

@@ -175,14 +175,9 @@ class SampleJob(_SolverJob):
 
 
 def sample_times(start: float, after: float, until: float, transitions: Sequence[float]) -> tuple[float, ...]:
-    """Times at which figures want the state: the measured window, or its last part where it is crowded.
+    """Times [s] at which figures want the state: the measured window (from ``after`` on), or its last part.
 
-    Parameters
-    ----------
-    start, after, until : float
-        Initial time, start of the measured window, end of the run [s].
-    transitions : sequence of float
-        Times of the truth's transitions [s].
+    That is what is shown where the truth's transitions, whose times these are, are too many.
     """
     begin = max(start, after) if after < until else start
     inside = [time for time in transitions if begin <= time <= until]

@@ -47,15 +47,10 @@ MACHINE = ("timeout",)
 
 
 def differences(stored: Path, fresh: Path) -> list[str]:
-    """What a case's stored report folder and a fresh one differ in.
+    """What the folder of a case's stored report and that of a fresh one differ in.
 
     The rows of a peer (:func:`henon_ref.harness.registry.is_peer`) are compared where it was run afresh, since its
     library may not be installed.
-
-    Parameters
-    ----------
-    stored, fresh : Path
-        Folders of one case.
     """
     if not (stored / RUNS).exists():
         return [f"there is no report in {stored}"]

@@ -65,20 +65,10 @@ def run(
     figures: bool = True,
     as_json: bool = False,
 ) -> Unmet:
-    """Compare and report.
+    """Compare and report; ``options``: arguments of :class:`Options`, whose folder is that of the reports.
 
-    Parameters
-    ----------
-    paths : sequence of Path
-        Case files, or folders of them.
-    options : mapping
-        Arguments of :class:`Options`; the folder is that of the reports.
-    gated : bool
-        Whether the gate decides the exit status.
-    figures : bool
-        Whether figures are drawn.
-    as_json : bool
-        Show the table as a JSON document, and nothing else on standard output.
+    ``gated``: whether the gate decides the exit status. ``as_json``: the table is one JSON document, and nothing else
+    stands on standard output.
 
     Raises
     ------

@@ -66,13 +66,7 @@ EXAMPLES = ("demo", "cases", "compare fig8", "explain my_case.yaml", "compare --
 
 
 def program(arguments: Sequence[str] | None = None) -> int:
-    """Run the program; the exit status.
-
-    Parameters
-    ----------
-    arguments : sequence of str, optional
-        None: those of the process.
-    """
+    """Run the program, with the process's arguments if none are given; the exit status."""
     words = sys.argv[1:] if arguments is None else list(arguments)
     words = words[1:] if words[:1] == ["--"] else words
     if words and words[0] in SUBCOMMANDS:

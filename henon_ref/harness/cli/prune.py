@@ -46,19 +46,7 @@ PAGE_ROWS = (
 
 
 def prune(folder: Path, kept: Sequence[str]) -> int:
-    """Remove what the index and the pages can do without, and make the index anew.
-
-    Parameters
-    ----------
-    folder : Path
-        Of reports.
-    kept : sequence of str
-        Cases whose folders stay.
-
-    Returns
-    -------
-    int
-        Bytes that are left.
+    """Remove what index and pages can do without, all cases' folders but some; the bytes that are left.
 
     Raises
     ------

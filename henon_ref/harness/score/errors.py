@@ -51,15 +51,7 @@ def time_error(event: Event, reference: Event) -> float:
 
 
 def score(trajectory: Trajectory, expected: Expected, *, tolerance: float | None) -> Score:
-    """Match a run with the truth and take its errors.
-
-    Parameters
-    ----------
-    trajectory : Trajectory
-    expected : Expected
-    tolerance : float, optional
-        Relative tolerance of the run, for the verdict on an ill-conditioned transition; None: double precision.
-    """
+    """Match a run of some relative tolerance (None: it has none) with the truth, and take its errors."""
     limit = _last_scored(expected)
     found = list(takewhile(lambda event: event.time <= limit, trajectory.transitions))
     slack = _end_slack(expected, tolerance)
@@ -195,14 +187,9 @@ def _edits(matching: Matching, expected: Expected) -> str:
 
 
 def published_partners(durations: Sequence[float | None], published: Sequence[float]) -> tuple[float | None, ...]:
-    """The published duration that belongs to each stick: the list repeated, started where it fits best.
+    """The published duration that belongs to each stick: the list, one period, repeated and started where it fits best.
 
-    Parameters
-    ----------
-    durations : sequence of float or None
-        Durations in order, None for a stick that the run does not have (it keeps its place).
-    published : sequence of float
-        The source's durations, one period of them [s].
+    ``durations`` [s] are in order, None for a stick that the run does not have (it keeps its place).
     """
     if not published:
         return (None,) * len(durations)

@@ -189,10 +189,7 @@ class Regression:
 def held_against(rows: Iterable[RunRow], earlier: Iterable[RunRow]) -> Regression:
     """Hold rows against earlier ones of the same case, reading, solver, tolerance and step.
 
-    Parameters
-    ----------
-    rows, earlier : iterable of RunRow
-        Of earlier ones only the key, ``status`` and ``max_time_error_s`` are needed.
+    Of these only the key, ``status`` and ``max_time_error_s`` are needed.
     """
     before = {row.key: row for row in earlier}
     now = {row.key: row for row in rows}

@@ -24,7 +24,7 @@ transitions. Motions of the suite that are not built to have close roots stay ab
 
 
 def kind_of(expected: Expected | None, surfaces: int) -> Kind:
-    """The kind of a reading; the first of these that holds.
+    """The kind of a reading (its truth, how many surfaces it has); the first of these that holds.
 
     * ``no truth``: nothing is known of the exact run after its start;
     * ``ends early``: it cannot reach its horizon (its future is not unique, the model no longer holds, it diverges);
@@ -35,13 +35,6 @@ def kind_of(expected: Expected | None, surfaces: int) -> Kind:
     * ``several surfaces``: the system has more than one;
     * ``stick-slip``: it enters or leaves sliding;
     * ``crossings``: it crosses the surface, and that is all.
-
-    Parameters
-    ----------
-    expected : Expected or None
-        The truth.
-    surfaces : int
-        Surfaces of the system.
     """
     if expected is None or expected.nothing_known:
         return "no truth"

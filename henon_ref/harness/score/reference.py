@@ -71,12 +71,7 @@ class NearGraze:
 class NearGrazes:
     """Instants at which a surface is nearly touched, found by time.
 
-    Parameters
-    ----------
-    grazes : sequence of NearGraze
-        In any order.
-    changes : sequence of float
-        Times [s] at which the mode changes, in order: no surface is approached beyond one.
+    ``changes`` are the times [s] at which the mode changes, in order: no surface is approached beyond one.
     """
 
     def __init__(self, grazes: Sequence[NearGraze], changes: Sequence[float] = ()) -> None:

@@ -96,15 +96,8 @@ def row_result(row: RunRow, complaints: Collection[str] = (), *, known: bool = F
 
     A failure: it is not right and its solver is to blame, it ran out of time, or there are complaints. An error:
     there is no result (a crash, an exception, too much memory), or the run did not end so when it was repeated.
-    Skipped: it did not run, or double precision does not decide what is right.
-
-    Parameters
-    ----------
-    row : RunRow
-    complaints : collection of str
-        What else is wrong with it: a bound that is not met, digits lost since earlier.
-    known : bool
-        Whether a failure of it is expected.
+    Skipped: it did not run, or double precision does not decide what is right. ``complaints`` are what else is wrong
+    with it: a bound that is not met, digits lost since earlier; ``known``: whether a failure of it is expected.
     """
     kind: Kind
     verdict = row.verdict

@@ -66,18 +66,8 @@ def verdict(
 ) -> Verdict:
     """The verdict on a run that is not right, from the first transition that it misses or invents.
 
-    Parameters
-    ----------
-    expected : Expected
-    matching : Matching
-    found : sequence of Transition
-        The run's transitions that were matched.
-    tolerance : float, optional
-        The run's; None: it has none.
-    status : Status
-        How the run ended.
-    ended : float
-        Where it did [s].
+    ``found``: its transitions that were matched; ``tolerance``: None where it has none; ``status``, ``ended``: how and
+    where it ended [s].
     """
     if expected.nothing_known:
         return Verdict("not judged", "nothing is known of the exact run after its start")

@@ -420,7 +420,3 @@ def test_a_solver_that_cannot_be_sent_to_a_worker_is_named():
 
     with pytest.raises(HenonRefError, match="top of a module"):
         run(Local())
-
-
-def test_the_statement_of_the_truth_reaches_the_result():
-    assert isinstance(run(Fake()).readings[0].statement, Statement)

@@ -64,7 +64,7 @@ def test_a_comparison_is_a_table_of_some_lines():
         "Comparison of made_up: 1 reading, 5 runs, 3 of them right",
         "solver  right of judged  digits  time  times as long  note",
         "fast             1 of 1     7.9  2 ms              1",
-        "slow             1 of 1     5.9   2 s           1000",
+        "slow             1 of 1       6   2 s           1000",
     ]
     assert len(text.splitlines()) == 6
     assert "0 of 1" in text.splitlines()[4]
@@ -76,7 +76,7 @@ def test_a_comparison_is_a_table_of_some_lines():
 
 def test_the_table_is_of_the_tightest_setting():
     text = repr(comparison(run("one", 1e-3, 1e-3, 9.0), run("one", 1e-6, 1e-6, 4.0)))
-    assert text.splitlines()[2].split() == ["one", "1", "of", "1", "5.9", "4", "s", "1"]
+    assert text.splitlines()[2].split() == ["one", "1", "of", "1", "6", "4", "s", "1"]
 
 
 def test_what_a_terminal_is_shown_is_printable_lines():

@@ -135,11 +135,6 @@ def test_a_folder_that_cannot_be_written_is_one_message_and_leaves_nothing(tmp_p
     assert list(tmp_path.iterdir()) == []
 
 
-def test_help_is_no_failure(capsys):
-    assert command(["--help"]) == 0
-    assert "--solvers" in capsys.readouterr().out
-
-
 def test_a_program_in_another_language_is_named_on_the_command_line(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     program = tmp_path / "program.py"
