@@ -10,8 +10,8 @@ import sympy as sp
 
 from henon_ref.casefile.bodies import Body
 from henon_ref.casefile.connection import Hold, Impact, Surface
-from henon_ref.modes.overrides import Release, Reset, SlidingOverride
-from henon_ref.modes.resting import with_resting
+from henon_ref.modes.resets import with_resting
+from henon_ref.modes.switched_field import Release, Reset, SlidingOverride
 from henon_ref.modes.system import FilippovSystem
 
 

@@ -10,7 +10,7 @@ import sympy as sp
 
 from henon_ref.casefile.schema import CaseForm, ExpectedStatus, ExpectedVerdict, GateStatus
 from henon_ref.casefile.source import Names, Source
-from henon_ref.modes.exact_numbers import Rounded, exact_sign
+from henon_ref.modes.bounds import Rounded, exact_sign
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.problem import Problem
 from henon_ref.text import did_you_mean, listed

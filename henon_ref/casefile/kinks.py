@@ -14,8 +14,7 @@ import sympy as sp
 
 from henon_ref.errors import ExpressionError
 from henon_ref.modes.algebra import signed_form
-from henon_ref.modes.bounds import shown, terms
-from henon_ref.modes.exact_numbers import exact_sign
+from henon_ref.modes.bounds import exact_sign, shown, terms
 from henon_ref.modes.switched_field import up_to_a_number
 
 MAX_INNER = 4

@@ -8,7 +8,7 @@ import sympy as sp
 
 from henon_ref.casefile.grammar import TAKEN, name_problem
 from henon_ref.casefile.source import Names, Path, Source
-from henon_ref.modes.overrides import Release, Reset, SlidingOverride
+from henon_ref.modes.switched_field import Release, Reset, SlidingOverride
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed

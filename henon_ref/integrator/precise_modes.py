@@ -13,10 +13,10 @@ from flint import arb, arb_poly
 
 from henon_ref.integrator.pairs import Pair
 from henon_ref.jit.processor_time import compiling
+from henon_ref.modes.arithmetic import RING
 from henon_ref.modes.equations import Guard
-from henon_ref.modes.in_balls import RING, in_balls
 from henon_ref.modes.mode import Mode
-from henon_ref.modes.mode_evaluation import ModeEvaluation
+from henon_ref.modes.mode_evaluation import ModeEvaluation, in_balls
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.precision import working_precision
 from henon_ref.roots.multiprecision import BITS

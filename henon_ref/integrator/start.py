@@ -23,7 +23,7 @@ from henon_ref.integrator.pairs import Pair
 from henon_ref.integrator.records import CHUNK, LAST_STEPS, RUN_VIEW, STATE_PLACE, places
 from henon_ref.kernel.shared import doubles, ffi, kernel
 from henon_ref.modes.mode import replaced
-from henon_ref.modes.resting import REMAINING
+from henon_ref.modes.resets import REMAINING
 from henon_ref.trajectory import Trajectory
 
 NO_LIMIT = 1 << 62

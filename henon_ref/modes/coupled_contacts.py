@@ -30,11 +30,10 @@ from henon_ref.modes.algebra import cancelled, constant_slope, sample
 from henon_ref.modes.bounds import put
 from henon_ref.modes.decoupled_contacts import (
     Contact,
-    Contacts,
     SwitchedEquations,
     acting_rows,
+    all_entries,
     common_to_all,
-    indicators,
     is_crossed,
 )
 from henon_ref.modes.equations import Guard, along
@@ -64,29 +63,22 @@ class Forces:
     """W, of each contact."""
 
 
-def coupled_equations(system: SwitchedField, contacts: Contacts) -> SwitchedEquations | None:
-    """One set of equations for all modes of contacts that act on each other; None where they are not of this kind.
-
-    Parameters
-    ----------
-    system : SwitchedField
-    contacts : Contacts
-        The same system, with what its contacts hold.
-    """
-    acting = acting_rows(contacts)
-    slid = [i for i, sign in enumerate(system.signs) if not is_crossed(contacts, i, acting[sign])]
-    if not slid or len(system.surfaces) > MOST or not all(_ends_known(contacts, i) for i in slid):
+def coupled_equations(system: SwitchedField) -> SwitchedEquations | None:
+    """One set of equations for all modes of contacts that act on each other; None where they are not of this kind."""
+    acting = acting_rows(system)
+    slid = [i for i, sign in enumerate(system.signs) if not is_crossed(system, i, acting[sign])]
+    if not slid or len(system.surfaces) > MOST or not all(_ends_known(system, i) for i in slid):
         return None
     signs, surfaces = ([part[i] for i in slid] for part in (system.signs, system.surfaces))
     own_field = SwitchedField(system.states, tuple(signs), tuple(surfaces), system.field, system.parameters)
     try:
         own, forces = _own_states(own_field), _forces(own_field)
-        beside = {*contacts.signs} - {*signs}
+        beside = {*system.signs} - {*signs}
         if forces is None or any(not f.free_symbols.isdisjoint(beside) for f in forces.friction):
             return None  # on one of the sides it may be none, and no sign holds
         if own is None or not (_common(own_field, own) and _definite(own_field, own, forces)):
             return None
-        made = _equations(own_field, contacts, slid, own, forces)
+        made = _equations(own_field, system, slid, own, forces)
         return None if made is None or any(e.has(sp.zoo, sp.nan) for e in made.outputs) else made
     except ModelError:
         return None
@@ -103,7 +95,7 @@ def _common(system: SwitchedField, own: Mapping[int, int]) -> bool:
     )
 
 
-def _ends_known(system: Contacts, index: int) -> bool:
+def _ends_known(system: SwitchedField, index: int) -> bool:
     """Whether a contact has no static friction, or such that holds up to two limits."""
     own = system.overrides.get(index)
     return own is None or (own.entry == "inside" and sorted(g.to_sign for g in system.hold_guards(index)) == [-1, 1])
@@ -114,19 +106,14 @@ def _own_states(system: SwitchedField) -> dict[int, int] | None:
     states, left = system.states, dict.fromkeys(range(len(system.surfaces)))
     found: dict[int, int] = {}
     while left:
-        owners = {k: [i for i in left if x in system.surfaces[i].free_symbols] for k, x in enumerate(states)}
-        alone = next(
-            (
-                (users[0], k)
-                for k, users in owners.items()
-                if len(users) == 1 and constant_slope(system.surfaces[users[0]], states[k], states) is not None
-            ),
-            None,
-        )
-        if alone is None:
+        for k, x in enumerate(states):
+            users = [i for i in left if x in system.surfaces[i].free_symbols]
+            if len(users) == 1 and constant_slope(system.surfaces[users[0]], x, states) is not None:
+                found[users[0]] = k
+                del left[users[0]]
+                break
+        else:
             return None
-        found[alone[0]] = alone[1]
-        del left[alone[0]]
     return found
 
 
@@ -225,9 +212,7 @@ def _definite(system: SwitchedField, own: Mapping[int, int], forces: Forces) -> 
 def _there(system: SwitchedField, index: int, state: int) -> dict[sp.Symbol, sp.Expr]:
     """A state on a surface that is linear in it, in the others."""
     h, x = system.surfaces[index], system.states[state]
-    slope = constant_slope(h, x, system.states)
-    assert slope is not None
-    return {x: sp.expand(x - h / slope)}
+    return {x: sp.expand(x - h / constant_slope(h, x, system.states))}
 
 
 class _Solution:
@@ -270,18 +255,18 @@ class _Solution:
 
 
 def _equations(
-    system: SwitchedField, held: Contacts, slid: Sequence[int], own: Mapping[int, int], forces: Forces
+    system: SwitchedField, held: SwitchedField, slid: Sequence[int], own: Mapping[int, int], forces: Forces
 ) -> SwitchedEquations | None:
     """``system`` has the surfaces that are slid on alone, ``slid`` says which of the others' they are."""
-    indicated = indicators(held.signs)
-    switches = [indicated[i] for i in slid]
+    entries = all_entries(held)
+    switches = [tuple(entries[i][0])[1:] for i in slid]
     solution = _Solution(len(switches))
     matrix, right = list[Row](), list[sp.Expr]()
-    for i, each in enumerate(switches):
-        row = {j: each.slide * slope for j, slope in forces.slopes[i].items()}
-        matrix.append({**row, i: each.slip + row.get(i, sp.S.Zero)})
+    for i, (slip, slide) in enumerate(switches):
+        row = {j: slide * slope for j, slope in forces.slopes[i].items()}
+        matrix.append({**row, i: slip + row.get(i, sp.S.Zero)})
         free = along(system.surfaces[i], system.states, forces.free)
-        right.append(each.slip * forces.friction[i] - each.slide * free)
+        right.append(slip * forces.friction[i] - slide * free)
     solution.solve(matrix, right)
     rates = [
         sp.Add(free, *(share * solution.forces[i] for i, share in row.items()))
@@ -296,14 +281,15 @@ def _equations(
         if ends is None:
             return None
         contacts[slid[i]] = Contact(k, rates[k], kept, ends)
-        rates[k] = solution.named(f"rate_{k}", switches[i].slip * rates[k] + switches[i].slide * kept)
-    made = tuple(contacts.get(i) for i in range(len(indicated)))
-    return SwitchedEquations(held, indicated, made, tuple(rates), tuple(solution.definitions))
+        slip, slide = switches[i]
+        rates[k] = solution.named(f"rate_{k}", slip * rates[k] + slide * kept)
+    made = tuple(contacts.get(i) for i in range(len(entries)))
+    return SwitchedEquations(held, entries, made, tuple(rates), tuple(solution.definitions))
 
 
 def _ends(
     system: SwitchedField,
-    held: Contacts,
+    held: SwitchedField,
     slid: Sequence[int],
     index: int,
     forces: Forces,

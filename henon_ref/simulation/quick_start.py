@@ -21,7 +21,7 @@ from henon_ref.integrator.pairs import Three, exact_expression, exact_number, pa
 from henon_ref.integrator.records import HENON
 from henon_ref.integrator.start import Start, begin
 from henon_ref.kernel.shared import kernel
-from henon_ref.modes.exact_numbers import double_double
+from henon_ref.modes.bounds import double_double
 from henon_ref.simulation.system import System
 
 if TYPE_CHECKING:

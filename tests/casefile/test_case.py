@@ -15,7 +15,7 @@ from henon_ref.casefile.case import Case, load_case, parse_case
 from henon_ref.casefile.grammar import TAKEN
 from henon_ref.errors import CaseError
 from henon_ref.harness.rows import TransitionRow
-from henon_ref.modes.overrides import Release
+from henon_ref.modes.switched_field import Release
 
 SLIDE = """\
 schema: 1

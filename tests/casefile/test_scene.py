@@ -14,7 +14,7 @@ from henon_ref.casefile.scene import build_scene, conditions
 from henon_ref.casefile.source import Names, Source
 from henon_ref.casefile.validation import validated
 from henon_ref.casefile.yaml_file import parse_yaml
-from henon_ref.modes.overrides import Release
+from henon_ref.modes.switched_field import Release
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME, build_tape
 
