@@ -21,6 +21,8 @@ from henon_ref.modes.resets import Impact, impact_of, time_to_rest, turning_in_f
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.text import listed
 
+SEVERAL = "several surfaces reset the state at once"
+
 
 @dataclass(frozen=True)
 class Rest:
@@ -59,20 +61,10 @@ def after_jump(
     x: Sequence[Any],
     most: Any,
 ) -> AfterJump:
-    """What follows where surfaces reset the state.
+    """What follows where ``surfaces`` reset the state.
 
-    Parameters
-    ----------
-    system : FilippovSystem
-    numbers : Numbers
-    mode, t, x
-        Mode, time [s] and state before the jump.
-    surfaces : tuple of int
-        Those that reset the state.
-    hits : sequence of Guard
-        All guards of the mode that are at zero.
-    most
-        How long all later impacts may last together where they have come to their limit [s].
+    ``mode``, ``t``, ``x``: mode, time [s] and state before it; ``hits``: all guards of the mode that are at zero;
+    ``most``: how long all later impacts may last together where they have come to their limit [s].
     """
     hit = {g.index for g in hits if g.kind == "surface"}
     try:
@@ -123,9 +115,8 @@ class _Rule:
             return AfterJump(decision, after, on=on)
         try:
             found = self._followed(decision, on, most, valid)
-            rest = found.rest
-            ending = self.several and rest is not None and self._come_to_a_limit(rest.mode, most)
-            return AfterJump(_refused(ending), after) if ending else found
+            beside = self._come_to_a_limit(found.rest.mode, most) if self.several and found.rest else []
+            return self._no_rest(beside[:1], SEVERAL) if beside else found
         except NO_VALUE:
             return AfterJump(_refused(f"a derivative after t = {numbers.text(t)} is not finite"), after)
 
@@ -163,30 +154,27 @@ class _Rule:
             return AfterJump(decision, after, on=on)
         at_rest = self._mode_at_rest(times, mode, after, sides, valid)
         stuck = at_rest.mode or mode
-        refusal = self._refusal(times, mode, at_rest, guards, series)
-        if refusal:
-            return AfterJump(_refused(refusal), after)
+        why = self._refusal(times, mode, at_rest, guards, series)
+        if why:
+            return self._no_rest(times, why)
         time = next(iter(times.values()))  # of several all are 0
         rest = Rest(time, self._at_rest(tuple(times), after, stuck, time), stuck)
         return AfterJump(decision, after, on=on, rest=rest)
 
-    def _come_to_a_limit(self, mode: Mode, most: Any) -> str:
-        """Why no rest is told beside bodies that rest at once: impacts come to a limit there; empty where none do."""
-        series = self.numbers.guard_series(mode, self.t, self.state)
+    def _come_to_a_limit(self, mode: Mode, most: Any) -> list[int]:
+        """Surfaces, beside those that bodies rest on at once, whose impacts come to a limit."""
+        series, found = self.numbers.guard_series(mode, self.t, self.state), []
         for guard, own in zip(self.system.equations(mode).guards, series, strict=True):
             rate = self.rates.get(guard.index) if guard.kind == "surface" else None
             if rate is not None and rate.sign > 0 and time_to_rest(rate.before, rate.now, 2 * own[2], most) is not None:
-                return self._several([guard.index])
-        return ""
+                found.append(guard.index)
+        return found
 
-    def _several(self, surfaces: Iterable[int]) -> str:
-        """Why the limit of impacts is not followed where several surfaces reset the state."""
-        names = listed([self.system.sign_names[i] for i in surfaces])
-        return f"{self._limit(names)}several surfaces reset the state at once"
-
-    def _limit(self, names: str) -> str:
-        at = self.numbers.text(self.t)
-        return f"impacts on {names} come to their limit after t = {at}, and no rest is derived: "
+    def _no_rest(self, surfaces: Iterable[int], why: str) -> AfterJump:
+        """The end of a run where impacts come to their limit."""
+        names, at = listed([self.system.sign_names[i] for i in surfaces]), self.numbers.text(self.t)
+        reason = f"impacts on {names} come to their limit after t = {at}, and no rest is derived: {why}"
+        return AfterJump(_refused(reason), self.state)
 
     def _turned(self, index: int, mode: Mode) -> list[int]:
         """Surfaces on whose sign it depends how a body is pressed on, and that the impact has changed the side of."""
@@ -227,25 +215,23 @@ class _Rule:
     ) -> str:
         """Why a rest is not told, where impacts have come to their limit; empty where it is."""
         system, numbers = self.system, self.numbers
-        names = listed([system.sign_names[i] for i in times])
-        begin = self._limit(names)
         for i in times:
             impact = self.impacts[i]
             if impact.refusal:
-                return begin + impact.refusal
+                return impact.refusal
             turned = set(self._turned(i, mode)) - set(times) - turning_in_flight(system, i)
             if turned and numbers.sign(times[i]):
                 signs = listed([system.sign_names[j] for j in sorted(turned)])
-                return begin + f"the force that presses the body on changes with the sign of {signs} in flight"
+                return f"the force that presses the body on changes with the sign of {signs} in flight"
         lasting = [time for time in times.values() if numbers.sign(time)]
         if lasting and self.several:
-            return self._several(times)
+            return SEVERAL
         if at_rest.mode is None:
-            return begin + at_rest.reason
+            return at_rest.reason
         try:
             system.equations(at_rest.mode)
         except ModelError as error:
-            return begin + str(error)
+            return str(error)
         passed = set(times) | {j for i in times for j in turning_in_flight(system, i)}
         for guard, own in zip(guards, series, strict=True):
             value, rate, bend, *_ = own
@@ -253,7 +239,7 @@ class _Rule:
             if lasting and not stays and not (guard.kind == "surface" and guard.index in passed):
                 time = lasting[0]
                 if not abs(value) > abs(rate) * time + abs(bend) * time * time:
-                    return begin + "another event is as close"
+                    return "another event is as close"
         return ""
 
     def _at_rest(self, surfaces: tuple[int, ...], after: Sequence[Any], stuck: Mode, time: Any) -> list[Any]:

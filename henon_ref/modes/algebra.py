@@ -64,12 +64,8 @@ def known_positive(expression: sp.Expr) -> bool:
 def signed_form(expression: sp.Expr, still: Collection[sp.Symbol] = ()) -> tuple[object, int]:
     """A form that expressions share which are one another times a factor that always has one sign, and this one's sign.
 
-    Parameters
-    ----------
-    expression : Expr
-    still : collection of Symbol
-        Parameters: what holds no other symbol is a coefficient. Factors that hold others count where they are seen to
-        be positive (``exp(x)``).
+    ``still``: parameters; what holds no other symbol is a coefficient. Factors that hold others count where they are
+    seen to be positive (``exp(x)``).
 
     Examples
     --------
@@ -219,7 +215,7 @@ def measured(expression: sp.Expr) -> tuple[Extent, Extent] | None:
         if part is None:
             return None
         n = int(expression.exp)
-        above, below = (part[0].power(abs(n)), part[1].power(abs(n)))
+        above, below = part[0].power(abs(n)), part[1].power(abs(n))
         if not (above.small and below.small):
             return None
         return (above, below) if n > 0 else (below, above)
@@ -253,16 +249,8 @@ def leaves_out(
     """Whether a mode's own expression lacks an operation of the shared one that is not linear.
 
     A branch that a mode does not use is multiplied by zero in what modes share, and zero times the root of a negative
-    number, or times what has overflowed, is no number.
-
-    Parameters
-    ----------
-    shared, own : Expr
-        With symbols for the signs, and with the signs put in.
-    signs : mapping
-        What is put in for the symbols.
-    moving : collection of Symbol
-        Time and states.
+    number, or times what has overflowed, is no number. ``signs``: what ``own`` has for symbols of ``shared``;
+    ``moving``: time and states.
     """
     if shared.free_symbols.isdisjoint(signs):
         return False

@@ -19,19 +19,9 @@ from henon_ref.modes.mode import Mode, replaced
 def broken_guards(at: Point, mode: Mode, active: Collection[int], zero: float, *, alone: bool) -> Broken | None:
     """Guards of a mode that do not hold just after a point, each with the order of the derivative that tells.
 
-    None where the mode has no equations, or no derivatives.
-
-    Parameters
-    ----------
-    at : Point
-    mode : Mode
-    active : collection of int
-        Surfaces that the point is on.
-    zero : float
-        Relative size below which a derivative counts as zero.
-    alone : bool
-        Whether the mode is tried by itself, and is none either where an override slides that is not to, or the other
-        way round; else by :mod:`henon_ref.modes.held_groups`.
+    None where the mode has no equations, or no derivatives. ``active``: surfaces that the point is on; ``zero``: the
+    relative size below which a derivative counts as zero; ``alone``: the mode is tried by itself, and is none either
+    where an override slides that is not to, or the other way round; else by :mod:`henon_ref.modes.held_groups`.
     """
     system, broken = at.system, list[tuple[Guard, int]]()
     try:

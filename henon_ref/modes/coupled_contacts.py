@@ -74,14 +74,14 @@ def coupled_equations(system: SwitchedField) -> SwitchedEquations | None:
     try:
         own, forces = _own_states(own_field), _forces(own_field)
         beside = {*system.signs} - {*signs}
-        if forces is None or any(not f.free_symbols.isdisjoint(beside) for f in forces.friction):
+        if any(not f.free_symbols.isdisjoint(beside) for f in forces.friction):
             return None  # on one of the sides it may be none, and no sign holds
-        if own is None or not (_common(own_field, own) and _definite(own_field, own, forces)):
+        if not (_common(own_field, own) and _definite(own_field, own, forces)):
             return None
         made = _equations(own_field, system, slid, own, forces)
-        return None if made is None or any(e.has(sp.zoo, sp.nan) for e in made.outputs) else made
-    except ModelError:
+    except ModelError:  # said by what follows, of any part that is of another kind
         return None
+    return None if any(e.has(sp.zoo, sp.nan) for e in made.outputs) else made
 
 
 def _common(system: SwitchedField, own: Mapping[int, int]) -> bool:
@@ -101,8 +101,8 @@ def _ends_known(system: SwitchedField, index: int) -> bool:
     return own is None or (own.entry == "inside" and sorted(g.to_sign for g in system.hold_guards(index)) == [-1, 1])
 
 
-def _own_states(system: SwitchedField) -> dict[int, int] | None:
-    """Of each surface a state that it settles by those which later surfaces settle, and others; None for a loop."""
+def _own_states(system: SwitchedField) -> dict[int, int]:
+    """Of each surface a state that it settles by those which later surfaces settle, and others."""
     states, left = system.states, dict.fromkeys(range(len(system.surfaces)))
     found: dict[int, int] = {}
     while left:
@@ -113,7 +113,7 @@ def _own_states(system: SwitchedField) -> dict[int, int] | None:
                 del left[users[0]]
                 break
         else:
-            return None
+            raise ModelError("contacts in a loop")
     return found
 
 
@@ -132,49 +132,41 @@ def _terms(expression: sp.Expr, signs: Collection[sp.Symbol]) -> Iterator[sp.Exp
         yield from _terms(others * term, signs)
 
 
-def _parts(system: SwitchedField, expression: sp.Expr) -> tuple[sp.Expr, dict[int, sp.Expr]] | None:
-    """What of a sum holds no sign, and by contact what holds its sign; None where signs multiply each other."""
+def _parts(system: SwitchedField, expression: sp.Expr) -> tuple[sp.Expr, dict[int, sp.Expr]]:
+    """What of a sum holds no sign, and by contact what holds its sign."""
     places = {sign: i for i, sign in enumerate(system.signs)}
     free, terms = list[sp.Expr](), dict[int, list[sp.Expr]]()
     for term in _terms(expression, set(places)):
         signs = [places[s] for s in term.free_symbols if s in places]
         if len(signs) > 1:
-            return None
+            raise ModelError("signs that multiply each other")
         (terms.setdefault(signs[0], []) if signs else free).append(term)
     return sp.Add(*free), {i: sp.Add(*own) for i, own in terms.items()}
 
 
-def _constant_ratio(system: SwitchedField, above: sp.Expr, below: sp.Expr) -> sp.Expr | None:
-    """The quotient of two expressions where it is the same at all times and for all signs."""
-    found = cancelled(above / below)
-    return None if found.free_symbols & {TIME, *system.states, *system.signs} else found
+def _constant(system: SwitchedField, expression: sp.Expr) -> sp.Expr:
+    """An expression that is the same at all times and for all signs."""
+    if expression.free_symbols & {TIME, *system.states, *system.signs}:
+        raise ModelError("a factor that changes")
+    return expression
 
 
-def _forces(system: SwitchedField) -> Forces | None:
+def _forces(system: SwitchedField) -> Forces:
     count = len(system.surfaces)
     friction: dict[int, sp.Expr] = {}
     free, shares = list[sp.Expr](), list[Row]()
     for rate in system.field:
-        parts = _parts(system, rate)
-        if parts is None:
-            return None
-        row: Row = {}
-        for i, term in parts[1].items():
-            share = _constant_ratio(system, term, friction.setdefault(i, term))
-            if share is None:
-                return None
-            row[i] = share
-        free.append(parts[0])
-        shares.append(row)
+        rest, terms = _parts(system, rate)
+        free.append(rest)
+        units = {i: friction.setdefault(i, term) for i, term in terms.items()}
+        shares.append({i: _constant(system, cancelled(term / units[i])) for i, term in terms.items()})
     if len(friction) < count or any(put(friction[i], {system.signs[i]: sp.S.Zero}) != 0 for i in friction):
-        return None
+        raise ModelError("a contact without friction in sliding")
     slopes: list[Row] = []
     for h in system.surfaces:
-        row = {}
+        row: Row = {}
         for k, x in enumerate(system.states):
-            slope = sp.diff(h, x) if h.has(x) else sp.S.Zero
-            if slope.free_symbols & {TIME, *system.states}:
-                return None
+            slope = _constant(system, sp.diff(h, x)) if h.has(x) else sp.S.Zero
             for i, share in shares[k].items() if slope != 0 else ():
                 row[i] = row.get(i, sp.S.Zero) + slope * share
         slopes.append({i: value for i, value in row.items() if value != 0})
@@ -256,7 +248,7 @@ class _Solution:
 
 def _equations(
     system: SwitchedField, held: SwitchedField, slid: Sequence[int], own: Mapping[int, int], forces: Forces
-) -> SwitchedEquations | None:
+) -> SwitchedEquations:
     """``system`` has the surfaces that are slid on alone, ``slid`` says which of the others' they are."""
     entries = all_entries(held)
     switches = [tuple(entries[i][0])[1:] for i in slid]
@@ -278,8 +270,6 @@ def _equations(
         there = _there(system, i, k)
         kept = along(there[system.states[k]], system.states, tuple(rates))
         ends = _ends(system, held, slid, i, forces, solution.forces, there)
-        if ends is None:
-            return None
         contacts[slid[i]] = Contact(k, rates[k], kept, ends)
         slip, slide = switches[i]
         rates[k] = solution.named(f"rate_{k}", slip * rates[k] + slide * kept)
@@ -295,7 +285,7 @@ def _ends(
     forces: Forces,
     names: Sequence[sp.Symbol],
     there: Mapping[sp.Symbol, sp.Expr],
-) -> tuple[Guard, Guard] | None:
+) -> tuple[Guard, Guard]:
     """The two ends of a contact's hold, in the forces."""
     if slid[index] not in held.overrides:
         sign, guards = system.signs[index], []
@@ -305,14 +295,12 @@ def _ends(
         return guards[0], guards[1]
     guards = []
     for guard in held.hold_guards(slid[index]):
-        parts = _parts(system, guard.expression)
-        if parts is None or index in parts[1]:
-            return None
-        expression = put(parts[0], there)
-        for j, term in parts[1].items():
-            share = _constant_ratio(system, put(term, there), put(forces.friction[j], there))
-            if share is None:
-                return None
-            expression += share * names[j]
+        rest, terms = _parts(system, guard.expression)
+        if index in terms:
+            raise ModelError("a load that depends on its own contact's sign")
+        expression = put(rest, there)
+        for j, term in terms.items():
+            share = cancelled(put(term, there) / put(forces.friction[j], there))
+            expression += _constant(system, share) * names[j]
         guards.append(replace(guard, expression=expression))
     return guards[0], guards[1]

@@ -51,14 +51,8 @@ class HeldField:
 def held_field(system: SwitchedField, reacting: SwitchedField, sliding: Collection[int]) -> HeldField:
     """The field with several contacts held, or one beside others that slide.
 
-    Parameters
-    ----------
-    system : SwitchedField
-        With the overrides of what is held.
-    reacting : SwitchedField
-        The same with bodies that are at rest as contacts.
-    sliding : collection of int
-        All surfaces that slide, the held ones among them.
+    ``reacting``: the system with bodies that are at rest as contacts; ``sliding``: all surfaces that slide, the held
+    ones among them.
 
     Raises
     ------
@@ -86,9 +80,7 @@ def held_field(system: SwitchedField, reacting: SwitchedField, sliding: Collecti
                 )
             made = _Joint(reacting, group, frozenset(held))
             ends |= _with_reactions(system, reacting, own)
-            rates = [
-                new if k in made.rows else kept for k, (new, kept) in enumerate(zip(made.field, rates, strict=True))
-            ]
+            rates = [made.field[k] if k in made.rows else kept for k, kept in enumerate(rates)]
             if any(map(system.rests, own)):  # a body at rest stays where it is, to the last bit
                 rates = [put(rate, made.on_surface) for rate in rates]
             on_surface = {**on_surface, **made.on_surface}

@@ -42,7 +42,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import product
 
 import sympy as sp
@@ -61,9 +61,9 @@ from henon_ref.modes.contact_problem import (
     independent_of,
     solved,
 )
-from henon_ref.modes.decision import Decision, with_entries
+from henon_ref.modes.decision import Decision, several, with_entries
 from henon_ref.modes.equations import Guard
-from henon_ref.modes.mode import Mode, mode_text, replaced
+from henon_ref.modes.mode import Mode, replaced
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.text import listed
 
@@ -122,16 +122,8 @@ def decide_groups(
 ) -> Decision:
     """The mode that follows for the contacts of groups.
 
-    Parameters
-    ----------
-    system : FilippovSystem
-    mode : Mode
-        Entries of the surfaces that are not in play.
-    active : sequence of int
-        Surfaces in play.
-    slipped : collection of int
-        Contacts whose loads have just reached their limits.
-    numbers : Numbers
+    ``mode``: entries of the surfaces that are not in play; ``active``: those in play; ``slipped``: contacts whose loads
+    have just reached their limits.
 
     Raises
     ------
@@ -156,8 +148,7 @@ def decide_groups(
     if len(options) == 1 or (not leaving and all(numbers.same_motion(options[0], other) for other in options[1:])):
         own = sorted(frozenset().union(*found.values()) if not leaving else ())
         return Decision("unique", with_entries(options[0], own, [mode[i] or 1 for i in own]))
-    modes = " or ".join(mode_text(m, system.sign_names) for m in options)
-    return Decision("nonunique", None, f"the future is not unique at t = {numbers.time}: {modes}")
+    return several(system, options, numbers.time)
 
 
 def _with_sections(
@@ -229,9 +220,13 @@ class _Group:
         self.stays: frozenset[int] = frozenset()
         """Surfaces, no contacts, that the mode found does not leave."""
 
+    @cached_property
+    def _balance(self) -> Balance | None:
+        return balance_of(self.system, self.mode, self.contacts, self.numbers.values, self.numbers.negative)
+
     def settled(self, slipped: frozenset[int]) -> Mode | None:
         """The mode that follows; None where no mode is kept by its own field."""
-        balance = balance_of(self.system, self.mode, self.contacts, self.numbers.values, self.numbers.negative)
+        balance = self._balance
         if balance is None:  # no numbers tell: derivatives do
             return self._kept(with_entries(self.mode, self.contacts, [0] * len(self.contacts)), slipped)
         while True:
@@ -303,7 +298,7 @@ class _Group:
 
         Which way, the first derivative tells that is not zero; an acceleration as small as can be stands for it.
         """
-        balance = balance_of(self.system, self.mode, self.contacts, self.numbers.values, self.numbers.negative)
+        balance = self._balance
         if balance is None or self.separating:
             return None
         held = [k for k, i in enumerate(self.contacts) if mode[i] == 0]
