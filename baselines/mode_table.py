@@ -24,11 +24,9 @@ from henon_ref.modes.callables import ARITHMETIC, Scalar, scalar
 from henon_ref.modes.consistency import stays
 from henon_ref.modes.decision import Decision
 from henon_ref.modes.equations import Guard
-from henon_ref.modes.in_doubles import in_doubles
 from henon_ref.modes.mode import Mode, replaced
-from henon_ref.modes.mode_evaluation import ModeEvaluation
-from henon_ref.modes.resets import resetting
-from henon_ref.modes.resting import REMAINING, impact_of
+from henon_ref.modes.mode_evaluation import ModeEvaluation, in_doubles
+from henon_ref.modes.resets import REMAINING, impact_of, resetting
 from henon_ref.modes.selection import after_event, mode_by_signs, sign_after
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.trajectory import Status

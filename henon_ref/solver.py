@@ -51,7 +51,7 @@ class Solver(Protocol):
       with the state after, also where the mode stays. A map that carries another such surface from above zero to zero
       or below triggers that one's reset at the same instant: a transition each, with the state that its map has left
       (:mod:`henon_ref.modes.cascade`). Impacts that accumulate are reported until all later ones last
-      less than 2^-26 of the run; their limit is a ``stick`` on that surface (:mod:`henon_ref.modes.resting`).
+      less than 2^-26 of the run; their limit is a ``stick`` on that surface (:mod:`henon_ref.modes.resets`).
     * What the run returns is checked (:mod:`henon_ref.harness.campaign.contract_check`): a :class:`Trajectory`, an
       entry a state and a surface, times in order and from the start to the horizon; with status ``ok`` the end at the
       horizon and finite states; no more transitions than ten times the truth's and 100000. NumPy's numbers will do,

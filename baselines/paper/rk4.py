@@ -23,8 +23,8 @@ from henon_ref.errors import UnsupportedError
 from henon_ref.jit.processor_time import Deadline, compiling
 from henon_ref.modes.decision import Decision
 from henon_ref.modes.equations import Guard
-from henon_ref.modes.in_doubles import in_doubles
 from henon_ref.modes.mode import Mode, replaced, transition_kind
+from henon_ref.modes.mode_evaluation import in_doubles
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.selection import after_event, initial_mode, sign_after
 from henon_ref.modes.system import FilippovSystem

@@ -13,8 +13,8 @@ from scipy.optimize import brentq
 from henon_ref.baselines.paper.compiled import ffi, flags, lib, rows
 from henon_ref.jit.ir_writer import declarations
 from henon_ref.jit.native_module import NativeModule
+from henon_ref.modes.bounds import double_double
 from henon_ref.modes.equations import Guard
-from henon_ref.modes.exact_numbers import double_double
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.llvm.expansion import expansion_ir

@@ -16,8 +16,8 @@ from henon_ref.baselines.protocol.messages import Problem as ProblemText
 from henon_ref.baselines.protocol.problem_text import problem_text
 from henon_ref.baselines.protocol.reader import read_response, trajectory
 from henon_ref.errors import ContractError, UnavailableError, UnsupportedError
-from henon_ref.modes.in_doubles import in_doubles
 from henon_ref.modes.kinks import visible
+from henon_ref.modes.mode_evaluation import in_doubles
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.selection import initial_mode
 from henon_ref.solver import Run

@@ -11,7 +11,7 @@ import sympy as sp
 from henon_ref.analysis.saltation import Matrix
 from henon_ref.modes.equations import along
 from henon_ref.modes.mode import Mode
-from henon_ref.modes.resting import impact_of
+from henon_ref.modes.resets import impact_of
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Transition

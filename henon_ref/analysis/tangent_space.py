@@ -10,7 +10,7 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.modes.mode import Mode
-from henon_ref.modes.resting import impact_of
+from henon_ref.modes.resets import impact_of
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 

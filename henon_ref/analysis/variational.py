@@ -37,8 +37,8 @@ from henon_ref.integrator.integrator import Integrator
 from henon_ref.integrator.prepared_run import order_for
 from henon_ref.integrator.records import HENON
 from henon_ref.integrator.run import Run
+from henon_ref.modes.bounds import double_double
 from henon_ref.modes.equations import ModeEquations
-from henon_ref.modes.exact_numbers import double_double
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.switched_field import SwitchedField, kept

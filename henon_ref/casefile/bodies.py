@@ -12,7 +12,7 @@ import sympy as sp
 from henon_ref.casefile.grammar import NAME, TAKEN, name_problem
 from henon_ref.casefile.source import WITH_VALUES, Path, Source
 from henon_ref.casefile.tree import MappingNode, ScalarNode, SequenceNode, child
-from henon_ref.modes.exact_numbers import exact_sign
+from henon_ref.modes.bounds import exact_sign
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed
 

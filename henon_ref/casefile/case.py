@@ -38,9 +38,9 @@ from henon_ref.casefile.source import Source
 from henon_ref.casefile.tree import MappingNode, ScalarNode, merged
 from henon_ref.casefile.yaml_file import parse_yaml, read_yaml
 from henon_ref.errors import CaseError
-from henon_ref.modes.exact_numbers import exact_sign
-from henon_ref.modes.overrides import SlidingOverride
+from henon_ref.modes.bounds import exact_sign
 from henon_ref.modes.problem import Problem
+from henon_ref.modes.switched_field import SlidingOverride
 from henon_ref.text import did_you_mean, listed, message
 
 DEFAULT_READING = "default"

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from henon_ref.casefile.schema import CaseForm, Exact, Expect, Orbit
 from henon_ref.casefile.source import Names, Source
-from henon_ref.modes.exact_numbers import Rounded, exact_sign
+from henon_ref.modes.bounds import Rounded, exact_sign
 from henon_ref.modes.problem import Problem
 from henon_ref.text import did_you_mean, listed
 

@@ -9,7 +9,7 @@ import sympy as sp
 from henon_ref.casefile.kinks import MAX_INNER, Sgn, at_signs, branches, chosen, sgn, without_signs
 from henon_ref.casefile.source import Names, Path, Source
 from henon_ref.modes.algebra import signed_form
-from henon_ref.modes.exact_numbers import exact_sign
+from henon_ref.modes.bounds import exact_sign
 from henon_ref.modes.switched_field import up_to_a_number
 
 Kinked = tuple[sp.Expr, list[sp.Expr]]

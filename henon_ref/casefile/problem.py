@@ -12,11 +12,10 @@ from henon_ref.casefile.grammar import NOT_STATES, TAKEN, name_problem
 from henon_ref.casefile.source import Names, Path, Source
 from henon_ref.errors import ModelError
 from henon_ref.modes.algebra import MAX_SIZE
-from henon_ref.modes.bounds import put
-from henon_ref.modes.exact_numbers import exact_sign
-from henon_ref.modes.exponents import with_rational_exponents
-from henon_ref.modes.overrides import Release, Reset, SlidingOverride
+from henon_ref.modes.bounds import exact_sign, put
+from henon_ref.modes.preparation import with_held_loops, with_rational_exponents
 from henon_ref.modes.problem import Problem
+from henon_ref.modes.switched_field import Release, Reset, SlidingOverride
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.size import size
 from henon_ref.taylor.tape import TIME
@@ -70,12 +69,10 @@ def written_model(source: Source) -> tuple[FilippovSystem, Names]:
         system = replace(system, overrides={**system.overrides, **overrides})
     resets = _resets(source, names, system)
     if resets:
-        from henon_ref.modes.resting import with_resting
+        from henon_ref.modes.resets import with_resting
 
         system = with_resting(replace(system, resets={**system.resets, **resets}))
     if len(system.surfaces) > 1:
-        from henon_ref.modes.held_loops import with_held_loops
-
         system = with_held_loops(system)
     return system, names
 
@@ -282,7 +279,7 @@ def _without_value(problem: Problem, expression: sp.Expr) -> bool:
 
 def _check_stops(source: Source, problem: Problem) -> None:
     """Refuse a start beyond a hard stop of a scene, or on one and moving into it."""
-    from henon_ref.modes.resting import impact_of, into_surface
+    from henon_ref.modes.resets import impact_of, into_surface
 
     system = problem.system
     for i in sorted(system.resets):

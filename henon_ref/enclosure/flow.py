@@ -21,8 +21,7 @@ from henon_ref.enclosure.mode_selection import entry_after, entry_after_jump, en
 from henon_ref.enclosure.model import ModeModel, SystemModel
 from henon_ref.modes.equations import Guard
 from henon_ref.modes.mode import Mode, replaced
-from henon_ref.modes.resets import Jump, resetting
-from henon_ref.modes.resting import REMAINING, impact_of, time_to_rest
+from henon_ref.modes.resets import REMAINING, Jump, impact_of, resetting, time_to_rest
 from henon_ref.precision import working_precision
 
 TANGENT_ORDER = 16

@@ -20,7 +20,7 @@ from henon_ref.enclosure.enclosure import UNIT_BALL, UndecidedError
 from henon_ref.enclosure.model import SystemModel, solve_for_states
 from henon_ref.modes.equations import Guard
 from henon_ref.modes.mode import Mode, replaced
-from henon_ref.modes.resting import Impact, impact_of
+from henon_ref.modes.resets import Impact, impact_of
 
 ROOM = 4
 """So many times as far as they would go by the bounds at hand may the states go: the next guess of the box."""

@@ -14,8 +14,7 @@ from henon_ref.enclosure.impacts import speed_after
 from henon_ref.enclosure.model import SystemModel
 from henon_ref.modes.cascade import MOST, acting_groups
 from henon_ref.modes.mode import Mode
-from henon_ref.modes.resets import Jump, jump_of
-from henon_ref.modes.resting import Impact, impact_of
+from henon_ref.modes.resets import Impact, Jump, impact_of, jump_of
 from henon_ref.text import listed
 
 

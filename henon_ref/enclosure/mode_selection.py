@@ -22,7 +22,7 @@ from henon_ref.modes.equations import Guard
 from henon_ref.modes.held_groups import slipped_by
 from henon_ref.modes.mode import Mode, mode_text, replaced
 from henon_ref.modes.problem import Problem
-from henon_ref.modes.resting import impact_of, into_surface
+from henon_ref.modes.resets import impact_of, into_surface
 
 
 def initial_entry(model: SystemModel, problem: Problem) -> tuple[Entry, tuple[int, ...]]:

@@ -13,7 +13,7 @@ from henon_ref.enclosure.balls import enclose, proves_zero
 from henon_ref.enclosure.enclosure import UndecidedError
 from henon_ref.enclosure.tape import Program
 from henon_ref.modes.mode import Mode
-from henon_ref.modes.resting import impact_of
+from henon_ref.modes.resets import impact_of
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME, Tape, build_tape
 

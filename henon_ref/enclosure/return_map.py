@@ -24,8 +24,7 @@ from henon_ref.enclosure.lohner import PointSet
 from henon_ref.enclosure.model import SystemModel, solve_for_states
 from henon_ref.errors import HenonRefError
 from henon_ref.modes.mode import Mode
-from henon_ref.modes.resets import resetting
-from henon_ref.modes.resting import impact_of
+from henon_ref.modes.resets import impact_of, resetting
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from henon_ref.errors import ModelError
 from henon_ref.kernel.shared import LEVELS, doubles, ffi, integers, kernel
-from henon_ref.modes.exact_numbers import double_double
+from henon_ref.modes.bounds import double_double
 from henon_ref.precision import working_precision
 from henon_ref.taylor.fold import Rule, Rules, Walk, fold
 from henon_ref.taylor.rules import FUNCTIONS

@@ -11,8 +11,7 @@ from henon_ref.jit.native_module import NativeModule
 from henon_ref.kernel.shared import kernel
 from henon_ref.modes.equations import ModeTape
 from henon_ref.modes.mode import Mode
-from henon_ref.modes.resets import Jump, jump_of
-from henon_ref.modes.resting import impact_of
+from henon_ref.modes.resets import Jump, impact_of, jump_of
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.machine_code import Part, machine_code
 from henon_ref.taylor.tape import build_tape

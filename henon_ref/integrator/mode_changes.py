@@ -21,8 +21,7 @@ from henon_ref.modes.after_jump import after_jump
 from henon_ref.modes.decision import Decision
 from henon_ref.modes.equations import Guard
 from henon_ref.modes.mode import Mode, numbered_mode, replaced, transition_kind
-from henon_ref.modes.resets import resetting, rows_at
-from henon_ref.modes.resting import REMAINING
+from henon_ref.modes.resets import REMAINING, resetting, rows_at
 from henon_ref.modes.selection import after_event, contact_orders
 from henon_ref.precision import working_precision
 from henon_ref.roots.multiprecision import BITS

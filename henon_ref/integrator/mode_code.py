@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 
 from henon_ref.jit.native_module import NativeModule, source_hash
 from henon_ref.kernel.shared import ffi, kernel
-from henon_ref.modes.equations import Guard, ModeTape, along
+from henon_ref.modes.equations import Guard, ModeTape, along, by_pattern
 from henon_ref.modes.mode import Mode
-from henon_ref.modes.patterns import by_pattern
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.machine_code import Part, machine_code
 from henon_ref.taylor.rules import RULES, IntegralOfProduct, IntegralOfQuotient

@@ -24,11 +24,11 @@ from henon_ref.integrator.mode_code import (
 from henon_ref.integrator.records import mode_dtype, packed, unpacked
 from henon_ref.jit.processor_time import compiling
 from henon_ref.kernel.shared import kernel
-from henon_ref.modes.attraction import EXHAUSTIVE
 from henon_ref.modes.contact_loops import guard_count
 from henon_ref.modes.equations import Guard
 from henon_ref.modes.kinks import continuous
 from henon_ref.modes.mode import Mode, mode_number, replaced
+from henon_ref.modes.sliding import EXHAUSTIVE
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.precision import one_at_a_time
 

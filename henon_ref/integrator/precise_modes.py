@@ -13,9 +13,9 @@ from flint import arb, arb_poly
 from henon_ref.integrator.pairs import Pair
 from henon_ref.jit.processor_time import compiling
 from henon_ref.kernel.shared import EPS
+from henon_ref.modes.arithmetic import RING
 from henon_ref.modes.decision import Decision
 from henon_ref.modes.equations import Guard
-from henon_ref.modes.in_balls import RING
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.mode_evaluation import ModeEvaluation
 from henon_ref.modes.selection import mode_by_signs

@@ -10,11 +10,10 @@ import numpy as np
 import sympy as sp
 
 from henon_ref.integrator.constant_program import ConstantProgram, constant_program
-from henon_ref.modes.in_balls import BALLS, ball_function
-from henon_ref.modes.in_doubles import DOUBLES
+from henon_ref.modes.arithmetic import BALLS, DOUBLES
+from henon_ref.modes.equations import renamed
 from henon_ref.modes.mode import Mode
-from henon_ref.modes.mode_evaluation import ModeEvaluation, ModeWithTape, mode_with_tape
-from henon_ref.modes.patterns import renamed
+from henon_ref.modes.mode_evaluation import ModeEvaluation, ModeWithTape, ball_function, mode_with_tape
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.precision import one_at_a_time
 from henon_ref.taylor.tape import TIME, Tape, build_tape

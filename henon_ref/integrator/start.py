@@ -22,7 +22,7 @@ from henon_ref.integrator.pairs import Pair
 from henon_ref.integrator.records import CHUNK, HENON, STATE_PLACE, words_of, written
 from henon_ref.kernel.shared import doubles, ffi, kernel
 from henon_ref.modes.mode import replaced
-from henon_ref.modes.resting import REMAINING
+from henon_ref.modes.resets import REMAINING
 from henon_ref.trajectory import Status, Trajectory
 
 NO_LIMIT = 1 << 62

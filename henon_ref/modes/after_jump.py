@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Any
 
 import sympy as sp
 
@@ -17,19 +17,11 @@ from henon_ref.modes.cascade import Cascade, Instant, Numbers
 from henon_ref.modes.decision import Decision
 from henon_ref.modes.equations import Guard, gradient
 from henon_ref.modes.mode import Mode, replaced
-from henon_ref.modes.resting import Impact, impact_of, time_to_rest, turning_in_flight
+from henon_ref.modes.resets import Impact, impact_of, time_to_rest, turning_in_flight
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.text import listed
 
-
-class Jumping(Numbers, Protocol):
-    """How numbers are computed and told from zero; a state is a sequence of them."""
-
-    def guard_series(self, mode: Mode, t: Any, x: Sequence[Any]) -> Sequence[Sequence[Any]]:
-        """Taylor coefficients in time of a mode's guards."""
-
-    def decide(self, t: Any, x: Sequence[Any], surfaces: Sequence[int], valid: Sequence[int]) -> Decision:
-        """The mode at a point where surfaces and ``valid`` expressions have these signs."""
+SEVERAL = "several surfaces reset the state at once"
 
 
 @dataclass(frozen=True)
@@ -61,7 +53,7 @@ class AfterJump:
 
 def after_jump(
     system: FilippovSystem,
-    numbers: Jumping,
+    numbers: Numbers,
     mode: Mode,
     surfaces: tuple[int, ...],
     hits: Sequence[Guard],
@@ -69,35 +61,30 @@ def after_jump(
     x: Sequence[Any],
     most: Any,
 ) -> AfterJump:
-    """What follows where surfaces reset the state.
+    """What follows where ``surfaces`` reset the state.
 
-    Parameters
-    ----------
-    system : FilippovSystem
-    numbers : Jumping
-    mode : Mode
-        Before the jump.
-    surfaces : tuple of int
-        Those that reset the state.
-    hits : sequence of Guard
-        All guards of the mode that are at zero.
-    t, x
-        Time [s] and state before it.
-    most
-        How long all later impacts may last together where they have come to their limit [s].
+    ``mode``, ``t``, ``x``: mode, time [s] and state before it; ``hits``: all guards of the mode that are at zero;
+    ``most``: how long all later impacts may last together where they have come to their limit [s].
     """
     hit = {g.index for g in hits if g.kind == "surface"}
     try:
         end = Cascade(system, numbers, mode, t).end(x, hit, surfaces)
     except NO_VALUE:
-        reason = f"the state after the reset at t = {numbers.text(t)} is not finite"
-        return AfterJump(Decision("none", None, reason), x)
+        return AfterJump(_not_finite(numbers, t), x)
     if isinstance(end, Decision):
         return AfterJump(end, x)
     return replace(_Rule(system, numbers, mode, end, t).after(most), applied=end.applied)
 
 
-def without_speed(impact: Impact, numbers: Jumping, t: Any, x: Sequence[Any]) -> list[Any]:
+def _refused(reason: str) -> Decision:
+    return Decision("none", None, reason)
+
+
+def _not_finite(numbers: Numbers, t: Any) -> Decision:
+    return _refused(f"the state after the reset at t = {numbers.text(t)} is not finite")
+
+
+def without_speed(impact: Impact, numbers: Numbers, t: Any, x: Sequence[Any]) -> list[Any]:
     """A state whose h' a force of the surface has taken, on which a body can rest."""
     speed, *push = numbers.values((impact.speed, *impact.push), t, x)
     return [value - speed * p for value, p in zip(x, push, strict=True)]
@@ -106,13 +93,12 @@ def without_speed(impact: Impact, numbers: Jumping, t: Any, x: Sequence[Any]) ->
 class _Rule:
     """What follows the last map of an instant."""
 
-    def __init__(self, system: FilippovSystem, numbers: Jumping, mode: Mode, end: Instant, t: Any) -> None:
+    def __init__(self, system: FilippovSystem, numbers: Numbers, mode: Mode, end: Instant, t: Any) -> None:
         self.system, self.numbers, self.mode, self.t = system, numbers, mode, t
         self.state, self.sides = end.state, list(end.sides)
-        fired = {i for i, _ in end.applied}
-        self.several = len(fired) > 1
+        self.several = len(end.fired) > 1
         # A body at rest to which nothing has given a speed is still at rest.
-        self.rates = {i: rate for i, rate in end.rates.items() if rate.sign or i in fired or mode[i] != 0}
+        self.rates = {i: rate for i, rate in end.rates.items() if rate.sign or i in end.fired or mode[i] != 0}
         self.impacts = {i: impact for i in self.rates if (impact := impact_of(system, i)) is not None}
 
     def after(self, most: Any) -> AfterJump:
@@ -120,7 +106,7 @@ class _Rule:
         try:
             valid = [numbers.sign(value) for value in numbers.values(system.valid, t, after)]
         except NO_VALUE:
-            return AfterJump(self._refused(f"the state after the reset at t = {numbers.text(t)} is not finite"), after)
+            return AfterJump(_not_finite(numbers, t), after)
         on = tuple(i for i, side in enumerate(sides) if side == 0)
         for i, rate in self.rates.items():
             sides[i] = -1 if rate.sign < 0 else 1
@@ -129,19 +115,12 @@ class _Rule:
             return AfterJump(decision, after, on=on)
         try:
             found = self._followed(decision, on, most, valid)
-            rest = found.rest
-            ending = self.several and rest is not None and self._come_to_a_limit(rest.mode, most)
-            return AfterJump(self._refused(ending), after) if ending else found
+            beside = self._come_to_a_limit(found.rest.mode, most) if self.several and found.rest else []
+            return self._no_rest(beside[:1], SEVERAL) if beside else found
         except NO_VALUE:
-            return AfterJump(self._refused(f"a derivative after t = {numbers.text(t)} is not finite"), after)
+            return AfterJump(_refused(f"a derivative after t = {numbers.text(t)} is not finite"), after)
 
-    def _followed(
-        self,
-        decision: Decision,
-        on: tuple[int, ...],
-        most: Any,
-        valid: Sequence[int],
-    ) -> AfterJump:
+    def _followed(self, decision: Decision, on: tuple[int, ...], most: Any, valid: Sequence[int]) -> AfterJump:
         """The rest, where impacts have come to their limit."""
         assert decision.mode is not None
         numbers, system, mode, after, sides = self.numbers, self.system, decision.mode, self.state, self.sides
@@ -175,30 +154,27 @@ class _Rule:
             return AfterJump(decision, after, on=on)
         at_rest = self._mode_at_rest(times, mode, after, sides, valid)
         stuck = at_rest.mode or mode
-        refusal = self._refusal(times, mode, at_rest, guards, series)
-        if refusal:
-            return AfterJump(self._refused(refusal), after)
+        why = self._refusal(times, mode, at_rest, guards, series)
+        if why:
+            return self._no_rest(times, why)
         time = next(iter(times.values()))  # of several all are 0
         rest = Rest(time, self._at_rest(tuple(times), after, stuck, time), stuck)
         return AfterJump(decision, after, on=on, rest=rest)
 
-    def _come_to_a_limit(self, mode: Mode, most: Any) -> str:
-        """Why no rest is told beside bodies that rest at once: impacts come to a limit there; empty where none do."""
-        series = self.numbers.guard_series(mode, self.t, self.state)
+    def _come_to_a_limit(self, mode: Mode, most: Any) -> list[int]:
+        """Surfaces, beside those that bodies rest on at once, whose impacts come to a limit."""
+        series, found = self.numbers.guard_series(mode, self.t, self.state), []
         for guard, own in zip(self.system.equations(mode).guards, series, strict=True):
             rate = self.rates.get(guard.index) if guard.kind == "surface" else None
             if rate is not None and rate.sign > 0 and time_to_rest(rate.before, rate.now, 2 * own[2], most) is not None:
-                return self._several([guard.index])
-        return ""
+                found.append(guard.index)
+        return found
 
-    def _several(self, surfaces: Iterable[int]) -> str:
-        """Why the limit of impacts is not followed where several surfaces reset the state."""
-        names = listed([self.system.sign_names[i] for i in surfaces])
-        return f"{self._limit(names)}several surfaces reset the state at once"
-
-    def _limit(self, names: str) -> str:
-        at = self.numbers.text(self.t)
-        return f"impacts on {names} come to their limit after t = {at}, and no rest is derived: "
+    def _no_rest(self, surfaces: Iterable[int], why: str) -> AfterJump:
+        """The end of a run where impacts come to their limit."""
+        names, at = listed([self.system.sign_names[i] for i in surfaces]), self.numbers.text(self.t)
+        reason = f"impacts on {names} come to their limit after t = {at}, and no rest is derived: {why}"
+        return AfterJump(_refused(reason), self.state)
 
     def _turned(self, index: int, mode: Mode) -> list[int]:
         """Surfaces on whose sign it depends how a body is pressed on, and that the impact has changed the side of."""
@@ -239,25 +215,23 @@ class _Rule:
     ) -> str:
         """Why a rest is not told, where impacts have come to their limit; empty where it is."""
         system, numbers = self.system, self.numbers
-        names = listed([system.sign_names[i] for i in times])
-        begin = self._limit(names)
         for i in times:
             impact = self.impacts[i]
             if impact.refusal:
-                return begin + impact.refusal
+                return impact.refusal
             turned = set(self._turned(i, mode)) - set(times) - turning_in_flight(system, i)
             if turned and numbers.sign(times[i]):
                 signs = listed([system.sign_names[j] for j in sorted(turned)])
-                return begin + f"the force that presses the body on changes with the sign of {signs} in flight"
+                return f"the force that presses the body on changes with the sign of {signs} in flight"
         lasting = [time for time in times.values() if numbers.sign(time)]
         if lasting and self.several:
-            return self._several(times)
+            return SEVERAL
         if at_rest.mode is None:
-            return begin + at_rest.reason
+            return at_rest.reason
         try:
             system.equations(at_rest.mode)
         except ModelError as error:
-            return begin + str(error)
+            return str(error)
         passed = set(times) | {j for i in times for j in turning_in_flight(system, i)}
         for guard, own in zip(guards, series, strict=True):
             value, rate, bend, *_ = own
@@ -265,16 +239,10 @@ class _Rule:
             if lasting and not stays and not (guard.kind == "surface" and guard.index in passed):
                 time = lasting[0]
                 if not abs(value) > abs(rate) * time + abs(bend) * time * time:
-                    return begin + "another event is as close"
+                    return "another event is as close"
         return ""
 
-    def _at_rest(
-        self,
-        surfaces: tuple[int, ...],
-        after: Sequence[Any],
-        stuck: Mode,
-        time: Any,
-    ) -> list[Any]:
+    def _at_rest(self, surfaces: tuple[int, ...], after: Sequence[Any], stuck: Mode, time: Any) -> list[Any]:
         """The state where bodies come to rest, put on the surfaces; wrong by about the square of ``time``."""
         system, numbers = self.system, self.numbers
         x = list(after)
@@ -289,7 +257,3 @@ class _Rule:
             x = [value - h * g / size for value, g in zip(x, slopes, strict=True)]
             x = without_speed(self.impacts[i], numbers, self.t + time, x)
         return x
-
-    @staticmethod
-    def _refused(reason: str) -> Decision:
-        return Decision("none", None, reason)

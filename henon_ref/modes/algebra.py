@@ -10,13 +10,12 @@ symbol and is not looked into.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from math import comb, prod
 
 import sympy as sp
 
-from henon_ref.modes.bounds import put, terms
-from henon_ref.modes.exact_numbers import exact_sign
+from henon_ref.modes.bounds import exact_sign, put, terms
 from henon_ref.modes.switched_field import SwitchedField, up_to_a_number
 from henon_ref.taylor.size import size
 from henon_ref.taylor.tape import TIME
@@ -65,12 +64,8 @@ def known_positive(expression: sp.Expr) -> bool:
 def signed_form(expression: sp.Expr, still: Collection[sp.Symbol] = ()) -> tuple[object, int]:
     """A form that expressions share which are one another times a factor that always has one sign, and this one's sign.
 
-    Parameters
-    ----------
-    expression : Expr
-    still : collection of Symbol
-        Parameters: what holds no other symbol is a coefficient. Factors that hold others count where they are seen to
-        be positive (``exp(x)``).
+    ``still``: parameters; what holds no other symbol is a coefficient. Factors that hold others count where they are
+    seen to be positive (``exp(x)``).
 
     Examples
     --------
@@ -220,7 +215,7 @@ def measured(expression: sp.Expr) -> tuple[Extent, Extent] | None:
         if part is None:
             return None
         n = int(expression.exp)
-        above, below = (part[0].power(abs(n)), part[1].power(abs(n)))
+        above, below = part[0].power(abs(n)), part[1].power(abs(n))
         if not (above.small and below.small):
             return None
         return (above, below) if n > 0 else (below, above)
@@ -246,3 +241,67 @@ def sample(system: SwitchedField, expressions: Sequence[sp.Expr]) -> list[sp.Exp
     numbers = {s: sp.Rational(sp.prime(k + 7), sp.prime(k + 17)) for k, s in enumerate(symbols)}
     numbers |= {TIME: sp.Rational(3, 7), **system.parameters}
     return [sp.N(put(e, numbers), DIGITS) for e in expressions]
+
+
+def leaves_out(
+    shared: sp.Expr, own: sp.Expr, signs: Mapping[sp.Symbol, sp.Expr], moving: Collection[sp.Symbol]
+) -> bool:
+    """Whether a mode's own expression lacks an operation of the shared one that is not linear.
+
+    A branch that a mode does not use is multiplied by zero in what modes share, and zero times the root of a negative
+    number, or times what has overflowed, is no number. ``signs``: what ``own`` has for symbols of ``shared``;
+    ``moving``: time and states.
+    """
+    if shared.free_symbols.isdisjoint(signs):
+        return False
+    kept, values = _operations(own, moving), dict(signs)
+    images = ((e, e.xreplace(values)) for e in _operations(shared, moving))
+    return any(e not in kept and _core(image, moving) not in kept for e, image in images)
+
+
+def _operations(expression: sp.Expr, moving: Collection[sp.Symbol]) -> set[sp.Basic]:
+    """Its powers and functions of what moves, and products of several things that do, without constant factors."""
+    found: set[sp.Basic] = set()
+    known: dict[sp.Basic, bool] = dict.fromkeys(moving, True)
+
+    def moves(e: sp.Basic) -> bool:
+        if e not in known:
+            own = [a for a in e.args if moves(a)]
+            known[e] = bool(own)
+            if own and (e.is_Pow or e.is_Function):
+                found.add(e)
+            elif len(own) > 1 and e.is_Mul:
+                found.add(e if len(own) == len(e.args) else sp.Mul(*own))
+        return known[e]
+
+    moves(expression)
+    return found
+
+
+def _core(expression: sp.Expr, moving: Collection[sp.Symbol]) -> sp.Expr:
+    """An expression without the factors that are constant."""
+    if not expression.is_Mul:
+        return expression
+    return sp.Mul(*(f for f in expression.args if not f.free_symbols.isdisjoint(moving)))
+
+
+def has_no_value(expression: sp.Expr, positive: Iterable[sp.Expr]) -> bool:
+    """Whether an expression has no real value wherever some others are positive.
+
+    So it is where the argument of a logarithm, or of a power that is not whole, is at most a negative multiple of one
+    of them: ``sqrt(-2*x - 1)`` where x is positive.
+    """
+    arguments = [p.base for p in expression.atoms(sp.Pow) if p.exp.is_integer is not True and p.base.free_symbols]
+    arguments += [logarithm.args[0] for logarithm in expression.atoms(sp.log)]
+    known = list(positive) if arguments else []
+    return any(_below_multiple(argument, other) for argument in arguments for other in known)
+
+
+def _below_multiple(argument: sp.Expr, positive: sp.Expr) -> bool:
+    """Whether an expression is a negative multiple of another one, or is below one by a number."""
+    if max(terms(argument, MAX_EXPANDED), terms(positive, MAX_EXPANDED)) > MAX_EXPANDED:
+        return False
+    known, own = (sp.expand(e).as_coefficients_dict() for e in (positive, argument))
+    factor = next((-own[term] / c for term, c in known.items() if term.free_symbols), sp.S.Zero)
+    rest = sp.expand(argument + factor * positive)
+    return bool(factor.is_positive and rest.is_number and not rest.is_positive)

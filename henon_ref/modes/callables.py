@@ -97,15 +97,9 @@ def scalar(
     expressions: Iterable[sp.Expr],
     functions: Mapping[str, Callable[[float], float]] | None = None,
 ) -> Scalar:
-    """``f(t, *states)`` in ``math``, common subexpressions shared.
+    """``f(t, *states)`` in ``math`` of expressions in time and states alone, common subexpressions shared.
 
-    Parameters
-    ----------
-    states : sequence of Symbol
-    expressions : iterable of Expr
-        In time and states only (parameters already put in).
-    functions : mapping, optional
-        Name -> what is called for a function that ``math`` does not have.
+    ``functions``: name -> what is called for a function that ``math`` does not have.
     """
     return _lambdified(tuple(states), with_rounded_constants(expressions), tuple((functions or {}).items()))
 

@@ -22,8 +22,7 @@ import sympy as sp
 from henon_ref.modes.decision import Decision
 from henon_ref.modes.equations import gradient
 from henon_ref.modes.mode import Mode
-from henon_ref.modes.resets import jump_of
-from henon_ref.modes.resting import Impact, impact_of
+from henon_ref.modes.resets import Impact, impact_of, jump_of
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.text import listed
 
@@ -34,7 +33,7 @@ SHRUNK = 2.0**-10
 
 
 class Numbers(Protocol):
-    """How expressions are evaluated and told from zero."""
+    """How numbers are computed and told from zero; a state is a sequence of them."""
 
     rounding: float
     """Part of the sizes of a value's terms below which it is what rounding has left of zero."""
@@ -47,6 +46,12 @@ class Numbers(Protocol):
 
     def text(self, t: Any) -> str:
         """A time as messages have it."""
+
+    def guard_series(self, mode: Mode, t: Any, x: Sequence[Any]) -> Sequence[Sequence[Any]]:
+        """Taylor coefficients in time of a mode's guards."""
+
+    def decide(self, t: Any, x: Sequence[Any], surfaces: Sequence[int], valid: Sequence[int]) -> Decision:
+        """The mode at a point where surfaces and ``valid`` expressions have these signs."""
 
 
 @dataclass(frozen=True)
@@ -76,19 +81,14 @@ class Instant:
     applied: tuple[tuple[int, Sequence[Any]], ...] = ()
     """Surfaces whose maps have been applied, each with the state that its map has left."""
 
+    @property
+    def fired(self) -> set[int]:
+        """These surfaces."""
+        return {i for i, _ in self.applied}
+
 
 class Cascade:
-    """The resets of one instant.
-
-    Parameters
-    ----------
-    system : FilippovSystem
-    numbers : Numbers
-    mode : Mode
-        Before them.
-    t
-        Time [s].
-    """
+    """The resets of one instant, the time t [s], in the mode before them."""
 
     def __init__(self, system: FilippovSystem, numbers: Numbers, mode: Mode, t: Any) -> None:
         self._system, self._numbers, self._mode, self._t = system, numbers, mode, t
@@ -99,14 +99,7 @@ class Cascade:
     def end(self, x: Sequence[Any], hit: Collection[int], due: Iterable[int]) -> Instant | Decision:
         """The instant after all resets, or why there is none.
 
-        Parameters
-        ----------
-        x : sequence
-            State before them.
-        hit : collection of int
-            Surfaces that have fallen to zero.
-        due : iterable of int
-            Those of them that reset the state.
+        ``hit``: surfaces that have fallen to zero; ``due``: those of them that reset the state ``x``.
         """
         sides = tuple(0 if i in hit or entry == 0 else entry for i, entry in enumerate(self._mode))
         first = self._followed(Instant(x, sides, frozenset(due), [abs(v) for v in x]))
@@ -128,7 +121,7 @@ class Cascade:
         made = [start]
         while self._endless or (made[-1].due and not any(self._alike(made[-1], other) for other in known)):
             if self._endless or self._count >= MOST:
-                names = listed([self._system.sign_names[i] for i in sorted({i for i, _ in made[-1].applied})])
+                names = listed([self._system.sign_names[i] for i in sorted(made[-1].fired)])
                 reason = f"more than {MOST} maps at one instant, t = {self._numbers.text(self._t)}: resets of {names}"
                 return Decision("none", None, reason)
             made.append(self._after(made[-1], self._next(made[-1])[0]))
@@ -188,19 +181,21 @@ class Cascade:
                 continue
             if not (j == index or self._speed(impact).free_symbols & moved):
                 continue
-            if sides[j] > 0 and self._sign(system.surfaces[j], made) == 0:  # touched, with no speed until now
+            if (
+                sides[j] > 0 and self._clear_sign(*self._with_size(system.surfaces[j], made)) == 0
+            ):  # touched, with no speed until now
                 sides[j] = 0
             if sides[j] == 0:
                 rates[j] = self._thrown_back(impact, now, made) if j == index else self._turned(j, impact, now, made)
                 due = self._due_by_rate(j, impact, now, due, rates[j]) if j != index else due
         return Instant(after, tuple(sides), due, made.sizes, rates, (*now.applied, (index, after)))
 
-    def _due_by_rate(self, index: int, impact: Impact, now: Instant, due: frozenset[int], rate: Rate) -> frozenset[int]:
+    @staticmethod
+    def _due_by_rate(index: int, impact: Impact, now: Instant, due: frozenset[int], rate: Rate) -> frozenset[int]:
         """Surfaces that are due where a map has changed the rate of one that the state is on."""
         if rate.sign < 0:
             turned = index in now.rates and now.rates[index].sign < 0
-            fired = turned and any(i == index for i, _ in now.applied)
-            return due if fired else due | {index}
+            return due if turned and index in now.fired else due | {index}
         return due if impact.refusal else due - {index}
 
     def _thrown_back(self, impact: Impact, now: Instant, made: Instant) -> Rate:
@@ -223,16 +218,11 @@ class Cascade:
             (before,) = self._numbers.values((speed,), self._t, now.state)
         then, size = self._with_size(speed, made)
         sign = self._clear_sign(then, size)
-        fired = any(i == index for i, _ in now.applied)
-        self._endless |= sign == 0 and fired and bool(abs(before) <= SHRUNK * size)
+        self._endless |= sign == 0 and index in now.fired and bool(abs(before) <= SHRUNK * size)
         return Rate(before, then, sign)
 
     def _speed(self, impact: Impact) -> sp.Expr:
         return impact.speed.xreplace(self._signs)
-
-    def _sign(self, expression: sp.Expr, now: Instant) -> int:
-        """Sign of an expression in time and states; 0 where it is what rounding may have left of zero."""
-        return self._clear_sign(*self._with_size(expression, now))
 
     def _with_size(self, expression: sp.Expr, now: Instant) -> tuple[Any, Any]:
         """An expression in time and states, and the size of its terms."""
@@ -241,6 +231,7 @@ class Cascade:
         return value, sum((abs(slope) * part for slope, part in zip(own, now.sizes, strict=True)), 0 * value)
 
     def _clear_sign(self, value: Any, size: Any) -> int:
+        """0 for what rounding may have left of zero."""
         return 0 if abs(value) <= self._numbers.rounding * size else self._numbers.sign(value)
 
     def _grown(self, now: Instant, index: int, after: Sequence[Any]) -> Sequence[Any]:

@@ -21,10 +21,11 @@ other way, so that a cut which would move the body into the stop has no guard.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
-from itertools import combinations
+from itertools import chain, combinations
 
 import sympy as sp
 from sympy.polys.matrices import DomainMatrix
@@ -49,10 +50,10 @@ def relations(system: SwitchedField, surfaces: tuple[int, ...]) -> tuple[Relatio
     Found are those with rational factors, of surfaces multiplied out; one that is zero at all times counts as none.
     """
     rows = {i: _terms(system, i) for i in surfaces}
-    rows = {i: row for i, row in rows.items() if row}
-    while alone := [i for i, row in rows.items() if any(_owners(rows, term) == 1 for term in row)]:
-        for i in alone:  # no other surface has such a term
-            del rows[i]
+    rows, left = {i: row for i, row in rows.items() if row}, -1
+    while left != len(rows):  # a term that no other surface has
+        uses, left = Counter(chain.from_iterable(rows.values())), len(rows)
+        rows = {i: row for i, row in rows.items() if all(uses[term] > 1 for term in row)}
     if not rows:
         return ()
     order = sorted(rows)
@@ -73,10 +74,6 @@ def _terms(system: SwitchedField, index: int) -> dict[sp.Expr, sp.Rational]:
     surface = expanded(system.numeric(system.surfaces[index]))
     found = {term: factor for term, factor in surface.as_coefficients_dict().items() if factor != 0}
     return found if all(factor.is_Rational for factor in found.values()) else {surface: sp.S.One}
-
-
-def _owners(rows: Mapping[int, Mapping[sp.Expr, sp.Rational]], term: sp.Expr) -> int:
-    return sum(term in row for row in rows.values())
 
 
 def independent(system: SwitchedField, surfaces: Sequence[int]) -> tuple[int, ...]:

@@ -30,11 +30,10 @@ from henon_ref.modes.algebra import cancelled, constant_slope, sample
 from henon_ref.modes.bounds import put
 from henon_ref.modes.decoupled_contacts import (
     Contact,
-    Contacts,
     SwitchedEquations,
     acting_rows,
+    all_entries,
     common_to_all,
-    indicators,
     is_crossed,
 )
 from henon_ref.modes.equations import Guard, along
@@ -64,32 +63,25 @@ class Forces:
     """W, of each contact."""
 
 
-def coupled_equations(system: SwitchedField, contacts: Contacts) -> SwitchedEquations | None:
-    """One set of equations for all modes of contacts that act on each other; None where they are not of this kind.
-
-    Parameters
-    ----------
-    system : SwitchedField
-    contacts : Contacts
-        The same system, with what its contacts hold.
-    """
-    acting = acting_rows(contacts)
-    slid = [i for i, sign in enumerate(system.signs) if not is_crossed(contacts, i, acting[sign])]
-    if not slid or len(system.surfaces) > MOST or not all(_ends_known(contacts, i) for i in slid):
+def coupled_equations(system: SwitchedField) -> SwitchedEquations | None:
+    """One set of equations for all modes of contacts that act on each other; None where they are not of this kind."""
+    acting = acting_rows(system)
+    slid = [i for i, sign in enumerate(system.signs) if not is_crossed(system, i, acting[sign])]
+    if not slid or len(system.surfaces) > MOST or not all(_ends_known(system, i) for i in slid):
         return None
     signs, surfaces = ([part[i] for i in slid] for part in (system.signs, system.surfaces))
     own_field = SwitchedField(system.states, tuple(signs), tuple(surfaces), system.field, system.parameters)
     try:
         own, forces = _own_states(own_field), _forces(own_field)
-        beside = {*contacts.signs} - {*signs}
-        if forces is None or any(not f.free_symbols.isdisjoint(beside) for f in forces.friction):
+        beside = {*system.signs} - {*signs}
+        if any(not f.free_symbols.isdisjoint(beside) for f in forces.friction):
             return None  # on one of the sides it may be none, and no sign holds
-        if own is None or not (_common(own_field, own) and _definite(own_field, own, forces)):
+        if not (_common(own_field, own) and _definite(own_field, own, forces)):
             return None
-        made = _equations(own_field, contacts, slid, own, forces)
-        return None if made is None or any(e.has(sp.zoo, sp.nan) for e in made.outputs) else made
-    except ModelError:
+        made = _equations(own_field, system, slid, own, forces)
+    except ModelError:  # said by what follows, of any part that is of another kind
         return None
+    return None if any(e.has(sp.zoo, sp.nan) for e in made.outputs) else made
 
 
 def _common(system: SwitchedField, own: Mapping[int, int]) -> bool:
@@ -103,30 +95,25 @@ def _common(system: SwitchedField, own: Mapping[int, int]) -> bool:
     )
 
 
-def _ends_known(system: Contacts, index: int) -> bool:
+def _ends_known(system: SwitchedField, index: int) -> bool:
     """Whether a contact has no static friction, or such that holds up to two limits."""
     own = system.overrides.get(index)
     return own is None or (own.entry == "inside" and sorted(g.to_sign for g in system.hold_guards(index)) == [-1, 1])
 
 
-def _own_states(system: SwitchedField) -> dict[int, int] | None:
-    """Of each surface a state that it settles by those which later surfaces settle, and others; None for a loop."""
+def _own_states(system: SwitchedField) -> dict[int, int]:
+    """Of each surface a state that it settles by those which later surfaces settle, and others."""
     states, left = system.states, dict.fromkeys(range(len(system.surfaces)))
     found: dict[int, int] = {}
     while left:
-        owners = {k: [i for i in left if x in system.surfaces[i].free_symbols] for k, x in enumerate(states)}
-        alone = next(
-            (
-                (users[0], k)
-                for k, users in owners.items()
-                if len(users) == 1 and constant_slope(system.surfaces[users[0]], states[k], states) is not None
-            ),
-            None,
-        )
-        if alone is None:
-            return None
-        found[alone[0]] = alone[1]
-        del left[alone[0]]
+        for k, x in enumerate(states):
+            users = [i for i in left if x in system.surfaces[i].free_symbols]
+            if len(users) == 1 and constant_slope(system.surfaces[users[0]], x, states) is not None:
+                found[users[0]] = k
+                del left[users[0]]
+                break
+        else:
+            raise ModelError("contacts in a loop")
     return found
 
 
@@ -145,49 +132,41 @@ def _terms(expression: sp.Expr, signs: Collection[sp.Symbol]) -> Iterator[sp.Exp
         yield from _terms(others * term, signs)
 
 
-def _parts(system: SwitchedField, expression: sp.Expr) -> tuple[sp.Expr, dict[int, sp.Expr]] | None:
-    """What of a sum holds no sign, and by contact what holds its sign; None where signs multiply each other."""
+def _parts(system: SwitchedField, expression: sp.Expr) -> tuple[sp.Expr, dict[int, sp.Expr]]:
+    """What of a sum holds no sign, and by contact what holds its sign."""
     places = {sign: i for i, sign in enumerate(system.signs)}
     free, terms = list[sp.Expr](), dict[int, list[sp.Expr]]()
     for term in _terms(expression, set(places)):
         signs = [places[s] for s in term.free_symbols if s in places]
         if len(signs) > 1:
-            return None
+            raise ModelError("signs that multiply each other")
         (terms.setdefault(signs[0], []) if signs else free).append(term)
     return sp.Add(*free), {i: sp.Add(*own) for i, own in terms.items()}
 
 
-def _constant_ratio(system: SwitchedField, above: sp.Expr, below: sp.Expr) -> sp.Expr | None:
-    """The quotient of two expressions where it is the same at all times and for all signs."""
-    found = cancelled(above / below)
-    return None if found.free_symbols & {TIME, *system.states, *system.signs} else found
+def _constant(system: SwitchedField, expression: sp.Expr) -> sp.Expr:
+    """An expression that is the same at all times and for all signs."""
+    if expression.free_symbols & {TIME, *system.states, *system.signs}:
+        raise ModelError("a factor that changes")
+    return expression
 
 
-def _forces(system: SwitchedField) -> Forces | None:
+def _forces(system: SwitchedField) -> Forces:
     count = len(system.surfaces)
     friction: dict[int, sp.Expr] = {}
     free, shares = list[sp.Expr](), list[Row]()
     for rate in system.field:
-        parts = _parts(system, rate)
-        if parts is None:
-            return None
-        row: Row = {}
-        for i, term in parts[1].items():
-            share = _constant_ratio(system, term, friction.setdefault(i, term))
-            if share is None:
-                return None
-            row[i] = share
-        free.append(parts[0])
-        shares.append(row)
+        rest, terms = _parts(system, rate)
+        free.append(rest)
+        units = {i: friction.setdefault(i, term) for i, term in terms.items()}
+        shares.append({i: _constant(system, cancelled(term / units[i])) for i, term in terms.items()})
     if len(friction) < count or any(put(friction[i], {system.signs[i]: sp.S.Zero}) != 0 for i in friction):
-        return None
+        raise ModelError("a contact without friction in sliding")
     slopes: list[Row] = []
     for h in system.surfaces:
-        row = {}
+        row: Row = {}
         for k, x in enumerate(system.states):
-            slope = sp.diff(h, x) if h.has(x) else sp.S.Zero
-            if slope.free_symbols & {TIME, *system.states}:
-                return None
+            slope = _constant(system, sp.diff(h, x)) if h.has(x) else sp.S.Zero
             for i, share in shares[k].items() if slope != 0 else ():
                 row[i] = row.get(i, sp.S.Zero) + slope * share
         slopes.append({i: value for i, value in row.items() if value != 0})
@@ -225,9 +204,7 @@ def _definite(system: SwitchedField, own: Mapping[int, int], forces: Forces) -> 
 def _there(system: SwitchedField, index: int, state: int) -> dict[sp.Symbol, sp.Expr]:
     """A state on a surface that is linear in it, in the others."""
     h, x = system.surfaces[index], system.states[state]
-    slope = constant_slope(h, x, system.states)
-    assert slope is not None
-    return {x: sp.expand(x - h / slope)}
+    return {x: sp.expand(x - h / constant_slope(h, x, system.states))}
 
 
 class _Solution:
@@ -270,18 +247,18 @@ class _Solution:
 
 
 def _equations(
-    system: SwitchedField, held: Contacts, slid: Sequence[int], own: Mapping[int, int], forces: Forces
-) -> SwitchedEquations | None:
+    system: SwitchedField, held: SwitchedField, slid: Sequence[int], own: Mapping[int, int], forces: Forces
+) -> SwitchedEquations:
     """``system`` has the surfaces that are slid on alone, ``slid`` says which of the others' they are."""
-    indicated = indicators(held.signs)
-    switches = [indicated[i] for i in slid]
+    entries = all_entries(held)
+    switches = [tuple(entries[i][0])[1:] for i in slid]
     solution = _Solution(len(switches))
     matrix, right = list[Row](), list[sp.Expr]()
-    for i, each in enumerate(switches):
-        row = {j: each.slide * slope for j, slope in forces.slopes[i].items()}
-        matrix.append({**row, i: each.slip + row.get(i, sp.S.Zero)})
+    for i, (slip, slide) in enumerate(switches):
+        row = {j: slide * slope for j, slope in forces.slopes[i].items()}
+        matrix.append({**row, i: slip + row.get(i, sp.S.Zero)})
         free = along(system.surfaces[i], system.states, forces.free)
-        right.append(each.slip * forces.friction[i] - each.slide * free)
+        right.append(slip * forces.friction[i] - slide * free)
     solution.solve(matrix, right)
     rates = [
         sp.Add(free, *(share * solution.forces[i] for i, share in row.items()))
@@ -293,23 +270,22 @@ def _equations(
         there = _there(system, i, k)
         kept = along(there[system.states[k]], system.states, tuple(rates))
         ends = _ends(system, held, slid, i, forces, solution.forces, there)
-        if ends is None:
-            return None
         contacts[slid[i]] = Contact(k, rates[k], kept, ends)
-        rates[k] = solution.named(f"rate_{k}", switches[i].slip * rates[k] + switches[i].slide * kept)
-    made = tuple(contacts.get(i) for i in range(len(indicated)))
-    return SwitchedEquations(held, indicated, made, tuple(rates), tuple(solution.definitions))
+        slip, slide = switches[i]
+        rates[k] = solution.named(f"rate_{k}", slip * rates[k] + slide * kept)
+    made = tuple(contacts.get(i) for i in range(len(entries)))
+    return SwitchedEquations(held, entries, made, tuple(rates), tuple(solution.definitions))
 
 
 def _ends(
     system: SwitchedField,
-    held: Contacts,
+    held: SwitchedField,
     slid: Sequence[int],
     index: int,
     forces: Forces,
     names: Sequence[sp.Symbol],
     there: Mapping[sp.Symbol, sp.Expr],
-) -> tuple[Guard, Guard] | None:
+) -> tuple[Guard, Guard]:
     """The two ends of a contact's hold, in the forces."""
     if slid[index] not in held.overrides:
         sign, guards = system.signs[index], []
@@ -319,14 +295,12 @@ def _ends(
         return guards[0], guards[1]
     guards = []
     for guard in held.hold_guards(slid[index]):
-        parts = _parts(system, guard.expression)
-        if parts is None or index in parts[1]:
-            return None
-        expression = put(parts[0], there)
-        for j, term in parts[1].items():
-            share = _constant_ratio(system, put(term, there), put(forces.friction[j], there))
-            if share is None:
-                return None
-            expression += share * names[j]
+        rest, terms = _parts(system, guard.expression)
+        if index in terms:
+            raise ModelError("a load that depends on its own contact's sign")
+        expression = put(rest, there)
+        for j, term in terms.items():
+            share = cancelled(put(term, there) / put(forces.friction[j], there))
+            expression += _constant(system, share) * names[j]
         guards.append(replace(guard, expression=expression))
     return guards[0], guards[1]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Literal
@@ -28,27 +28,6 @@ class Decision:
     def ending(self) -> Literal["nonunique", "invalid", "failed"]:
         """Status of a run that ends for want of a mode."""
         return self.status if self.status in ("nonunique", "invalid") else "failed"
-
-
-def without_indeterminate(
-    found: Sequence[Mode], surfaces: Sequence[int], indeterminate: Callable[[Mode, int], bool]
-) -> list[Mode]:
-    """Consistent modes, without slides whose equivalent sign is 0/0 all along where slip leaves that surface.
-
-    So it is where the gradient of a surface vanishes on it ((x - 1)^3 in place of x - 1). Where slip leaves, both
-    fields lead the same way through the set where the surface is zero, and no mean of two such fields is tangent to it:
-    there is no slide (Filippov 1988, Sec. 4).
-
-    Parameters
-    ----------
-    found : sequence of Mode
-    surfaces : sequence of int
-        Those in play.
-    indeterminate : callable
-        (mode, surface) -> whether both normal velocities beside a surface that the mode slides on stay zero.
-    """
-    left = {i for i in surfaces if any(mode[i] != 0 for mode in found)}
-    return [mode for mode in found if not any(mode[i] == 0 and indeterminate(mode, i) for i in left)]
 
 
 def several(system: FilippovSystem, found: Sequence[Mode], time: str) -> Decision:

@@ -13,67 +13,30 @@ that changes no speed on them. They have no more than their sides.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain
-from typing import Protocol
 
 import sympy as sp
 
+from henon_ref.modes.algebra import leaves_out
 from henon_ref.modes.bounds import put
-from henon_ref.modes.branches import leaves_out
-from henon_ref.modes.equations import Guard, ModeEquations, along
+from henon_ref.modes.equations import Guard, ModeEquations, by_pattern
 from henon_ref.modes.mode import Mode
-from henon_ref.modes.overrides import SlidingOverride
-from henon_ref.modes.patterns import by_pattern
+from henon_ref.modes.switched_field import SwitchedField
 from henon_ref.taylor.tape import TIME
 
-
-class Contacts(Protocol):
-    """What is read of a Filippov system."""
-
-    @property
-    def states(self) -> tuple[sp.Symbol, ...]: ...
-
-    @property
-    def signs(self) -> tuple[sp.Symbol, ...]: ...
-
-    @property
-    def surfaces(self) -> tuple[sp.Expr, ...]: ...
-
-    @property
-    def field(self) -> tuple[sp.Expr, ...]: ...
-
-    @property
-    def valid(self) -> tuple[sp.Expr, ...]: ...
-
-    @property
-    def overrides(self) -> Mapping[int, SlidingOverride]: ...
-
-    @property
-    def open_kinks(self) -> frozenset[int]: ...
-
-    def hold_guards(self, index: int) -> tuple[Guard, ...]:
-        """The release guards of a surface's override."""
-        ...
+Entries = tuple[Mapping[sp.Symbol, sp.Expr], ...]
+"""What the entries -1, 0 and +1 of a surface, in this order, put for its sign and its two switches."""
 
 
-@dataclass(frozen=True)
-class ModeIndicators:
-    """The symbols that one surface's entry of the mode sets."""
-
-    sign: sp.Symbol
-    slip: sp.Symbol
-    slide: sp.Symbol
-
-    def values(self, entry: int) -> dict[sp.Symbol, sp.Expr]:
-        """Their values; a sliding surface's own sign then only stands in terms that are switched off."""
-        return {
-            self.sign: sp.Integer(entry or 1),
-            self.slip: sp.Integer(abs(entry)),
-            self.slide: sp.Integer(1 - abs(entry)),
-        }
+def entries_of(sign: sp.Symbol, index: int) -> Entries:
+    """A surface's switches ``slip`` and ``slide``; where it slides its own sign stands in nothing but what is off."""
+    slip, slide = (sp.Symbol(f"{name}_{index}", real=True) for name in ("slip", "slide"))
+    return tuple(
+        {sign: sp.Integer(s or 1), slip: sp.Integer(abs(s)), slide: sp.Integer(1 - abs(s))} for s in (-1, 0, 1)
+    )
 
 
 @dataclass(frozen=True)
@@ -94,8 +57,8 @@ class Contact:
 class SwitchedEquations:
     """Equations of every mode, in time, states, parameters and switches."""
 
-    system: Contacts
-    switches: tuple[ModeIndicators, ...]
+    system: SwitchedField
+    entries: tuple[Entries, ...]
     """One a surface."""
     contacts: tuple[Contact | None, ...]
     """None for a surface on which nothing slides."""
@@ -114,65 +77,54 @@ class SwitchedEquations:
         """Surfaces on which nothing slides."""
         return frozenset(i for i, contact in enumerate(self.contacts) if contact is None)
 
-    def sides(self, mode: Mode) -> dict[sp.Symbol, sp.Expr]:
-        """What a mode puts for their signs."""
-        return {self.system.signs[i]: sp.Integer(mode[i]) for i in self.crossed}
-
     @cached_property
     def field(self) -> tuple[sp.Expr, ...]:
         """x' of all states."""
         if self.coupled:
             return self.rates
         field = list(self.system.field)
-        for own, contact in zip(self.switches, self.contacts, strict=True):
+        for own, contact in zip(self.entries, self.contacts, strict=True):
             if contact is not None:
-                field[contact.row] = own.slip * contact.slipping + own.slide * contact.sliding
+                _, slip, slide = own[0]
+                field[contact.row] = slip * contact.slipping + slide * contact.sliding
         return tuple(field)
 
     @cached_property
     def outputs(self) -> tuple[sp.Expr, ...]:
         """Two guards a surface, then the ``valid`` expressions; positive inside a mode."""
         outputs: list[sp.Expr] = []
-        for h, own, contact in zip(self.system.surfaces, self.switches, self.contacts, strict=True):
+        for h, own, contact in zip(self.system.surfaces, self.entries, self.contacts, strict=True):
+            sign, slip, slide = own[0]
             if contact is None:
-                outputs += [own.sign * h, sp.S.One]
+                outputs += [sign * h, sp.S.One]
                 continue
             first, second = (end.expression for end in contact.ends)
-            outputs += [own.slip * own.sign * h - own.slide * (-first), own.slip + own.slide * second]
+            outputs += [slip * sign * h - slide * (-first), slip + slide * second]
         return (*outputs, *self.system.valid)
 
     @cached_property
-    def entries(self) -> tuple[tuple[Mapping[sp.Symbol, sp.Expr], ...], ...]:
-        """For every surface what its entry -1, 0 or +1 (in this order) puts for its switches."""
-        return tuple(tuple(own.values(s) for s in (-1, 0, 1)) for own in self.switches)
-
-    @cached_property
     def owner(self) -> Mapping[sp.Symbol, int]:
-        """Switch -> its surface."""
-        return {symbol: i for i, own in enumerate(self.switches) for symbol in (own.sign, own.slip, own.slide)}
-
-    def guards(self, mode: Mode) -> tuple[Guard, ...]:
-        """What each output stands for in a mode; a surface in slip has no second guard, its output stays at 1."""
-        pairs = (own[entry] for own, entry in zip(self._pairs, mode, strict=True))
-        return (*chain.from_iterable(pairs), *self._valid)
+        """Sign or switch -> its surface."""
+        return {symbol: i for i, own in enumerate(self.entries) for symbol in own[0]}
 
     @cached_property
-    def _pairs(self) -> tuple[Mapping[int, tuple[Guard, Guard]], ...]:
-        """For each surface and entry its two guards."""
+    def _guards(self) -> tuple[Mapping[int, tuple[Guard, Guard]], ...]:
+        """For each surface and entry its two guards; in slip the second one never falls."""
         found = []
-        for i, contact in enumerate(self.contacts):
-            first, second = self.outputs[2 * i : 2 * i + 2]
-            slips = {s: (Guard("surface", i, -s, first), Guard("release", i, -1, second)) for s in (-1, 1)}
-            if contact is None:
-                found.append({**slips, 0: slips[1]})
-                continue
-            above, below = contact.ends
-            found.append({**slips, 0: (replace(above, expression=first), replace(below, expression=second))})
+        for i, (h, contact) in enumerate(zip(self.system.surfaces, self.contacts, strict=True)):
+            never = Guard("release", i, -1, sp.S.One)
+            slips = {s: (Guard("surface", i, -s, s * h), never) for s in (-1, 1)}
+            found.append({**slips, 0: slips[1] if contact is None else contact.ends})
         return tuple(found)
 
     @cached_property
     def _valid(self) -> tuple[Guard, ...]:
         return tuple(Guard("valid", i, 0, e, ends="invalid") for i, e in enumerate(self.system.valid))
+
+    def guards(self, mode: Mode) -> tuple[Guard, ...]:
+        """What each output stands for in a mode."""
+        pairs = (own[entry] for own, entry in zip(self._guards, mode, strict=True))
+        return (*chain.from_iterable(pairs), *self._valid)
 
     def places(self, mode: Mode) -> tuple[int, ...]:
         """Where each of :meth:`guards` stands among those of the mode's own equations; -1 where it does not."""
@@ -188,60 +140,39 @@ class SwitchedEquations:
         """Of the guards of the mode's own equations, in their order, the place among the outputs."""
         return [row for _, row in sorted((place, row) for row, place in enumerate(self.places(mode)) if place >= 0)]
 
+    def own_guards(self, mode: Mode) -> tuple[Guard, ...]:
+        """The guards of the mode's own equations."""
+        pairs = list(zip(mode, self._guards, strict=True))
+        ends = chain.from_iterable(own[0] for entry, own in pairs if not entry)
+        sides = self._sides(mode)
+        put_in = (replace(end, expression=put(end.expression, sides)) for end in ends) if sides else ends
+        return (*(own[entry][0] for entry, own in pairs if entry), *put_in, *self._valid)
+
+    def _sides(self, mode: Mode) -> dict[sp.Symbol, sp.Expr]:
+        """What a mode puts for the signs of surfaces on which nothing slides."""
+        return {self.system.signs[i]: sp.Integer(mode[i]) for i in self.crossed}
+
     def values(self, mode: Mode) -> dict[sp.Symbol, sp.Expr]:
-        """What a mode puts for the switches."""
-        return {symbol: value for i, s in enumerate(mode) for symbol, value in self.entries[i][s + 1].items()}
+        """What a mode puts for the signs and switches."""
+        return {
+            symbol: value for own, s in zip(self.entries, mode, strict=True) for symbol, value in own[s + 1].items()
+        }
 
     def equations(self, mode: Mode) -> ModeEquations:
-        """Equations of one mode, put together from those of its contacts."""
-        field, held, sides = list(self.system.field), self.system.overrides, self.sides(mode)
-        for i, (entry, contact) in enumerate(zip(mode, self.contacts, strict=True)):
-            if contact is not None:
-                field[contact.row] = self._slipping[i][entry] if entry else contact.sliding
-        signs = {i: self._equivalent_sign(i) for i, entry in enumerate(mode) if not entry and i not in held}
-        if sides:
-            field, signs = [put(rate, sides) for rate in field], {i: put(e, sides) for i, e in signs.items()}
-        return ModeEquations(tuple(field), self.own_guards(mode), signs)
+        """Equations of one mode.
 
-    def _equivalent_sign(self, index: int) -> sp.Expr:
-        """Filippov's, by the normal velocities N below and above: (N(-1) + N(+1)) / (N(-1) - N(+1))."""
-        if index not in self._equivalent_signs:
-            contact = self.contacts[index]
-            assert contact is not None
-            above, below = (end.expression / 2 for end in contact.ends)
-            self._equivalent_signs[index] = (below - above) / (below + above)
-        return self._equivalent_signs[index]
-
-    @cached_property
-    def _equivalent_signs(self) -> dict[int, sp.Expr]:
-        return {}
-
-    def own_guards(self, mode: Mode) -> tuple[Guard, ...]:
-        """Their guards."""
-        slips = (self._leaving[i][entry] for i, entry in enumerate(mode) if entry)
-        held = (own for entry, own in zip(mode, self.contacts, strict=True) if not entry and own is not None)
-        ends: Iterable[Guard] = chain.from_iterable(own.ends for own in held)
-        if sides := self.sides(mode):
-            ends = (replace(end, expression=put(end.expression, sides)) for end in ends)
-        return (*slips, *ends, *self._valid)
-
-    @cached_property
-    def _leaving(self) -> tuple[Mapping[int, Guard], ...]:
-        """For each surface its guard on either side."""
-        surfaces = enumerate(self.system.surfaces)
-        return tuple({s: Guard("surface", i, -s, s * h) for s in (-1, 1)} for i, h in surfaces)
-
-    @cached_property
-    def _slipping(self) -> tuple[Mapping[int, sp.Expr], ...]:
-        """For each surface the rate in slip either way."""
-        pairs = zip(self.system.signs, self.contacts, strict=True)
-        return tuple(
-            {s: put(contact.slipping, {sign: sp.Integer(s)}) for s in (-1, 1)} if contact is not None else {}
-            for sign, contact in pairs
-        )
+        By the normal velocities N below and above Filippov's equivalent sign is (N(-1) + N(+1)) / (N(-1) - N(+1)).
+        """
+        values, sides = self.values(mode), self._sides(mode)
+        signs = {}
+        for i, contact in enumerate(self.contacts):
+            if contact is not None and not mode[i] and i not in self.system.overrides:
+                above, below = (end.expression / 2 for end in contact.ends)
+                signs[i] = put((below - above) / (below + above), sides)
+        return ModeEquations(tuple(put(rate, values) for rate in self.field), self.own_guards(mode), signs)
 
 
-def switched_equations(system: Contacts) -> SwitchedEquations | None:
+def switched_equations(system: SwitchedField) -> SwitchedEquations | None:
     """One set of equations for all modes; None where the surfaces act on each other or on several rates."""
     contacts: list[Contact | None] = []
     acting = acting_rows(system)
@@ -253,16 +184,21 @@ def switched_equations(system: Contacts) -> SwitchedEquations | None:
         contacts.append(contact)
     slid = {sign for sign, contact in zip(system.signs, contacts, strict=True) if contact is not None}
     own = [contact for contact in contacts if contact is not None]
-    if len({contact.row for contact in own}) < len(own) or any(
-        len(contact.slipping.free_symbols & slid) != 1 for contact in own
-    ):
+    if not own or len({contact.row for contact in own}) < len(own):
         return None
-    if not own or any(end.expression.free_symbols & slid for contact in own for end in contact.ends):
+    if any(len(contact.slipping.free_symbols & slid) != 1 for contact in own):
+        return None
+    if any(end.expression.free_symbols & slid for contact in own for end in contact.ends):
         return None
     beside = {sign for sign in system.signs if sign not in slid}
     if beside and any(_friction_changes(contact, slid, beside) for contact in own):
         return None
-    return SwitchedEquations(system, indicators(system.signs), tuple(contacts))
+    return SwitchedEquations(system, all_entries(system), tuple(contacts))
+
+
+def all_entries(system: SwitchedField) -> tuple[Entries, ...]:
+    """Those of each surface."""
+    return tuple(entries_of(sign, i) for i, sign in enumerate(system.signs))
 
 
 def _friction_changes(contact: Contact, slid: set[sp.Symbol], beside: set[sp.Symbol]) -> bool:
@@ -271,7 +207,7 @@ def _friction_changes(contact: Contact, slid: set[sp.Symbol], beside: set[sp.Sym
     return not sp.expand(above - below).free_symbols.isdisjoint(beside)
 
 
-def acting_rows(system: Contacts) -> dict[sp.Symbol, list[int]]:
+def acting_rows(system: SwitchedField) -> dict[sp.Symbol, list[int]]:
     """Of each sign the rows of the field that hold it."""
     acting: dict[sp.Symbol, list[int]] = {sign: [] for sign in system.signs}
     for row, rate in enumerate(system.field):
@@ -280,7 +216,7 @@ def acting_rows(system: Contacts) -> dict[sp.Symbol, list[int]]:
     return acting
 
 
-def is_crossed(system: Contacts, index: int, acting: Sequence[int]) -> bool:
+def is_crossed(system: SwitchedField, index: int, acting: Sequence[int]) -> bool:
     """Whether nothing slides on a surface, which is seen on both sides of it: no force changes the speed with which it
     is reached, or it acts on none. ``acting``: rows of the field that hold its sign."""
     h, sign = system.surfaces[index], system.signs[index]
@@ -291,18 +227,12 @@ def is_crossed(system: Contacts, index: int, acting: Sequence[int]) -> bool:
     sides, moving = [{sign: sp.Integer(side)} for side in (-1, 1)], {TIME, *system.states}
     if any(leaves_out(rate, put(rate, side), side, moving) for rate in rates for side in sides):
         return False
-    return not rates or along(h, system.states, system.field).free_symbols.isdisjoint(system.signs)
+    return not rates or system.normal_velocity(index).free_symbols.isdisjoint(system.signs)
 
 
-def indicators(signs: Sequence[sp.Symbol]) -> tuple[ModeIndicators, ...]:
-    """The symbols that the entries of a mode set, one set a surface."""
-    return tuple(
-        ModeIndicators(s, sp.Symbol(f"slip_{i}", real=True), sp.Symbol(f"slide_{i}", real=True))
-        for i, s in enumerate(signs)
-    )
-
-
-def _contact(system: Contacts, index: int, acting: Sequence[int], places: Mapping[sp.Symbol, int]) -> Contact | None:
+def _contact(
+    system: SwitchedField, index: int, acting: Sequence[int], places: Mapping[sp.Symbol, int]
+) -> Contact | None:
     """A surface's part, if it has one; ``acting``: the rows of the field that hold its sign, ``places``: of states."""
     h, sign = system.surfaces[index], system.signs[index]
     row = _own_state(h, places)
@@ -360,13 +290,13 @@ def _branching(expression: sp.Expr) -> list[sp.Expr]:
     return [e for e in found if not (e.is_Pow and e.exp.is_Integer)]
 
 
-def _two_ends(system: Contacts, index: int) -> tuple[Guard, Guard] | None:
+def _two_ends(system: SwitchedField, index: int) -> tuple[Guard, Guard] | None:
     """Ends of what static friction holds."""
     ends = system.hold_guards(index)
     return (ends[0], ends[1]) if system.overrides[index].entry == "inside" and len(ends) == 2 else None
 
 
-def _moves_others(system: Contacts, index: int, row: int, there: Mapping[sp.Symbol, sp.Expr]) -> bool:
+def _moves_others(system: SwitchedField, index: int, row: int, there: Mapping[sp.Symbol, sp.Expr]) -> bool:
     """Whether an override moves other states than the surface does."""
     others = (pair for k, pair in enumerate(zip(system.overrides[index].field, system.field, strict=True)) if k != row)
     return any(kept != moved and put(kept, there) != put(moved, there) for kept, moved in others)

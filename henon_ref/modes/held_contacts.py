@@ -21,12 +21,11 @@ from sympy.utilities.iterables import connected_components
 
 from henon_ref.errors import ModelError
 from henon_ref.modes.algebra import AGREE, MAX_SIZE, coefficients, expanded, sample, simplified
-from henon_ref.modes.attraction import attraction_guards
 from henon_ref.modes.bounds import put
 from henon_ref.modes.contact_loops import independent, loop_ends, relations
 from henon_ref.modes.equations import Guard, along
 from henon_ref.modes.linear_system import solution, surfaces_solved
-from henon_ref.modes.overrides import SlidingOverride
+from henon_ref.modes.sliding import attraction_guards
 from henon_ref.modes.switched_field import SwitchedField
 from henon_ref.taylor.size import total_size
 from henon_ref.text import listed
@@ -49,26 +48,11 @@ class HeldField:
     """Surfaces whose sliding is in the field."""
 
 
-def held_field(
-    system: SwitchedField,
-    reacting: SwitchedField,
-    held: Mapping[int, SlidingOverride],
-    zones: Mapping[int, Sequence[Guard]],
-    sliding: Collection[int],
-) -> HeldField:
+def held_field(system: SwitchedField, reacting: SwitchedField, sliding: Collection[int]) -> HeldField:
     """The field with several contacts held, or one beside others that slide.
 
-    Parameters
-    ----------
-    system : SwitchedField
-    reacting : SwitchedField
-        The same with bodies that are at rest as contacts.
-    held : mapping
-        Surface -> its override.
-    zones : mapping
-        Surface -> its release guards.
-    sliding : collection of int
-        All surfaces that slide, the held ones among them.
+    ``reacting``: the system with bodies that are at rest as contacts; ``sliding``: all surfaces that slide, the held
+    ones among them.
 
     Raises
     ------
@@ -76,26 +60,28 @@ def held_field(
         Where the loads of contacts that act on each other are not settled, or what one of them does is not what the
         balance of forces says.
     """
-    _, on_surface = surfaces_solved(system, independent(system, sorted(held)))
+    held = sorted(i for i in sliding if i in system.overrides)
+    _, on_surface = surfaces_solved(system, independent(system, held))
     slipping = tuple(put(rate, on_surface) for rate in system.field)
-    stuck = {i: tuple(put(rate, on_surface) for rate in own.field) for i, own in held.items()}
+    stuck = {i: tuple(put(rate, on_surface) for rate in system.overrides[i].field) for i in held}
     rates, guards, decided = list(slipping), [], set()
     signs: dict[sp.Symbol, sp.Expr] = {}
-    ends = {i: tuple(zone) for i, zone in zones.items()}
-    for group in _groups(system, held, zones, slipping, stuck, sliding):
+    ends = {i: system.hold_guards(i) for i in held}
+    for group in _groups(system, slipping, stuck, sliding):
         if len(group) == 1:
             (i,) = group
             rates = [own if own != rate else kept for own, rate, kept in zip(stuck[i], slipping, rates, strict=True)]
         else:
-            _check_balance(system, held, sliding, group)
+            own = [i for i in group if i in stuck]
+            if not all(_balanced(system, i) for i in own):
+                raise ModelError(
+                    "surfaces that act on each other at once, one with a 'sliding' override that is not what keeps its "
+                    f"surface, cannot slide together: {_names(system, sorted(sliding))}"
+                )
             made = _Joint(reacting, group, frozenset(held))
-            ends |= _with_reactions(system, reacting, held, zones, group)
-            rates = [
-                new if k in made.rows else kept for k, (new, kept) in enumerate(zip(made.field, rates, strict=True))
-            ]
-            if any(
-                held[i].entry == "resting" for i in group if i in held
-            ):  # a body at rest stays where it is, to the last bit
+            ends |= _with_reactions(system, reacting, own)
+            rates = [made.field[k] if k in made.rows else kept for k, kept in enumerate(rates)]
+            if any(map(system.rests, own)):  # a body at rest stays where it is, to the last bit
                 rates = [put(rate, made.on_surface) for rate in rates]
             on_surface = {**on_surface, **made.on_surface}
             signs |= made.signs
@@ -108,61 +94,55 @@ def held_field(
 
 def _groups(
     system: SwitchedField,
-    held: Mapping[int, SlidingOverride],
-    zones: Mapping[int, Sequence[Guard]],
     slipping: Sequence[sp.Expr],
     stuck: Mapping[int, Sequence[sp.Expr]],
     sliding: Collection[int],
 ) -> list[tuple[int, ...]]:
-    """Sliding surfaces, parted into those that act on each other at once; groups with a held contact only."""
+    """Sliding surfaces, parted into those that act on each other at once; groups with a held contact only.
+
+    ``slipping``, ``stuck``: rates of all states in slip, and with a contact held.
+    """
     rows: dict[int, set[int]] = {}
     for i in sliding:
         own = stuck.get(i, slipping)
         rows[i] = {k for k, rate in enumerate(slipping) if rate.has(system.signs[i]) or rate != own[k]}
-    plain = [i for i in sorted(sliding) if i not in held]
+    plain = [i for i in sorted(sliding) if i not in stuck]
     edges = [(i, j) for i, j in combinations(plain, 2) if rows[i] & rows[j]]
-    for i in held:
+    for i in stuck:
         moved = [e for k in rows[i] for e in (slipping[k], stuck[i][k])]
-        loads = [guard.expression for guard in zones[i]]
+        loads = [guard.expression for guard in system.hold_guards(i)]
         for j in sliding:
             if j != i and (rows[i] & rows[j] or any(e.has(system.signs[j]) for e in (*moved, *loads))):
                 edges.append((i, j))
     parts = connected_components((sorted(sliding), edges))
-    groups = [(tuple(sorted(part)), tuple(i for i in part if i in held)) for part in parts]
+    groups = [(tuple(sorted(part)), tuple(i for i in part if i in stuck)) for part in parts]
     # A body at rest stays where it is, whatever plain friction does to it: that slides beside it, in the field at rest.
-    return [own if len(own) == 1 and held[own[0]].entry == "resting" else part for part, own in groups if own]
+    return [own if len(own) == 1 and system.rests(own[0]) else part for part, own in groups if own]
 
 
 def _with_reactions(
-    system: SwitchedField,
-    reacting: SwitchedField,
-    held: Mapping[int, SlidingOverride],
-    zones: Mapping[int, Sequence[Guard]],
-    group: Sequence[int],
+    system: SwitchedField, reacting: SwitchedField, held: Sequence[int]
 ) -> dict[int, tuple[Guard, ...]]:
     """The ends of what a group holds, with what forces that act at rest alone add to its loads."""
     sliding = set().union(*(rate.free_symbols for rate in system.field))
-    own = {i: system.signs[i] for i in group if i in held and held[i].push}
-    signs = {i: s for i, s in own.items() if held[i].entry == "resting" or s not in sliding}
+    own = {i: system.signs[i] for i in held if system.overrides[i].push}
+    signs = {i: s for i, s in own.items() if system.rests(i) or s not in sliding}
     ends: dict[int, tuple[Guard, ...]] = {}
-    for i in (i for i in group if i in held):
-        if held[i].entry == "resting":
-            ends[i] = tuple(replace(guard, expression=reacting.signs[i]) for guard in zones[i])
+    for i in held:
+        zone, inertia = system.hold_guards(i), system.overrides[i].inertia
+        if system.rests(i):
+            ends[i] = tuple(replace(guard, expression=reacting.signs[i]) for guard in zone)
             continue
-        speed = along(reacting.surfaces[i], reacting.states, reacting.field)
         others = [s for j, s in signs.items() if j != i]
-        added = sp.Add(*(factor * s for s, factor in (coefficients(speed, others) or {}).items()))
+        added = sp.Add(*(f * s for s, f in (coefficients(reacting.normal_velocity(i), others) or {}).items()))
         if added == 0:
             continue
-        inertia = held[i].inertia
         if inertia is None:
             raise ModelError(
                 f"how the load of {reacting.sign_names[i]} grows with the reaction on a body at rest is not known: "
                 "its 'sliding' is written by hand"
             )
-        ends[i] = tuple(
-            replace(guard, expression=guard.expression - guard.to_sign * inertia * added) for guard in zones[i]
-        )
+        ends[i] = tuple(replace(end, expression=end.expression - end.to_sign * inertia * added) for end in zone)
     return ends
 
 
@@ -260,26 +240,19 @@ class _Joint:
         return guards + attraction_guards(self.system, plain, (reduced * factors).applyfunc(simplified))
 
 
-def _check_balance(
-    system: SwitchedField, held: Mapping[int, SlidingOverride], sliding: Collection[int], group: Sequence[int]
-) -> None:
-    """Refuse a group in which an override does not do what the balance of forces says."""
-    for i in group:
-        if i in held and not held[i].push and (held[i].entry != "inside" or not _balanced(system, i, held[i].field)):
-            raise ModelError(
-                "surfaces that act on each other at once, one with a 'sliding' override that is not what keeps its "
-                f"surface, cannot slide together: {_names(system, sorted(sliding))}"
-            )
-
-
 @lru_cache(maxsize=256)
-def _balanced(system: SwitchedField, index: int, field: tuple[sp.Expr, ...]) -> bool:
-    """Whether an override's field is the slip field with the sign that keeps the surface, at a point of it."""
+def _balanced(system: SwitchedField, index: int) -> bool:
+    """Whether an override does what the balance of forces says: it keeps its surface, seen at a point of it."""
+    own = system.overrides[index]
+    if own.push:
+        return True
+    if own.entry != "inside":
+        return False
     made = _Joint(system, (index,), frozenset((index,)))
-    count = len(field)
-    values = sample(system, [put(e, made.on_surface) for e in (*field, *made.field)])
+    count = len(own.field)
+    values = sample(system, [put(e, made.on_surface) for e in (*own.field, *made.field)])
     pairs = zip(values[:count], values[count:], strict=True)
-    return all(abs(own - derived) <= AGREE * (1 + abs(derived)) for own, derived in pairs)
+    return all(abs(kept - derived) <= AGREE * (1 + abs(derived)) for kept, derived in pairs)
 
 
 def _names(system: SwitchedField, surfaces: Collection[int]) -> str:

@@ -8,7 +8,7 @@ velocity is h', its force the reaction, which does not pull.
 
 **Group.** Contacts whose forces act on each other at once, through a body that they share. Their relative accelerations
 are affine in their forces, N = a - W s, W being the inverse inertia that they see, symmetric but for units, positive
-semidefinite (:mod:`~henon_ref.modes.group_balance`).
+semidefinite (:mod:`~henon_ref.modes.contact_problem`).
 
 **The problem.** The motion that follows is the one of Gauss's principle with Coulomb's friction: of all accelerations
 those that make
@@ -31,7 +31,7 @@ They hold while some distribution of the loads is within all limits, which ends 
 
 **Equations.** Of held contacts of a group: :mod:`~henon_ref.modes.held_contacts`; of all modes of contacts that do
 not act on each other: :mod:`~henon_ref.modes.decoupled_contacts`; of rows and trees of bodies:
-:mod:`~henon_ref.modes.coupled_contacts`; rest on a stop: :mod:`~henon_ref.modes.resting`.
+:mod:`~henon_ref.modes.coupled_contacts`; rest on a stop: :mod:`~henon_ref.modes.resets`.
 
 Moreau, *Standard inelastic shocks and the dynamics of unilateral constraints* (1985), Sec. 2; Lötstedt, *SIAM J.
 Appl. Math.* 42 (1982) 281-296; Glocker, *Set-Valued Force Laws* (2001), Ch. 6; Brogliato, *Nonsmooth Mechanics* (2016),
@@ -42,19 +42,28 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import product
 
 import sympy as sp
 
 from henon_ref.errors import ModelError
+from henon_ref.modes.bounds import exact_sign
 from henon_ref.modes.contact_loops import closed
-from henon_ref.modes.contact_problem import Accelerations, ContactProblem, Negative, Settled, independent_of, solved
-from henon_ref.modes.decision import Decision, with_entries
+from henon_ref.modes.contact_problem import (
+    Accelerations,
+    Balance,
+    ContactProblem,
+    Negative,
+    Settled,
+    Values,
+    balance_of,
+    independent_of,
+    solved,
+)
+from henon_ref.modes.decision import Decision, several, with_entries
 from henon_ref.modes.equations import Guard
-from henon_ref.modes.exact_numbers import exact_sign
-from henon_ref.modes.group_balance import Balance, Values, balance_of
-from henon_ref.modes.mode import Mode, mode_text, replaced
+from henon_ref.modes.mode import Mode, replaced
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.text import listed
 
@@ -113,16 +122,8 @@ def decide_groups(
 ) -> Decision:
     """The mode that follows for the contacts of groups.
 
-    Parameters
-    ----------
-    system : FilippovSystem
-    mode : Mode
-        Entries of the surfaces that are not in play.
-    active : sequence of int
-        Surfaces in play.
-    slipped : collection of int
-        Contacts whose loads have just reached their limits.
-    numbers : Numbers
+    ``mode``: entries of the surfaces that are not in play; ``active``: those in play; ``slipped``: contacts whose loads
+    have just reached their limits.
 
     Raises
     ------
@@ -147,8 +148,7 @@ def decide_groups(
     if len(options) == 1 or (not leaving and all(numbers.same_motion(options[0], other) for other in options[1:])):
         own = sorted(frozenset().union(*found.values()) if not leaving else ())
         return Decision("unique", with_entries(options[0], own, [mode[i] or 1 for i in own]))
-    modes = " or ".join(mode_text(m, system.sign_names) for m in options)
-    return Decision("nonunique", None, f"the future is not unique at t = {numbers.time}: {modes}")
+    return several(system, options, numbers.time)
 
 
 def _with_sections(
@@ -166,15 +166,21 @@ def _with_sections(
             continue
         if rests or (i not in system.overrides and system.normal_velocity(i).free_symbols.isdisjoint(system.signs)):
             speed = system.velocities.surfaces[i] if rests else system.normal_velocity(i)
-            terms = numbers.values(sp.Add.make_args(sp.expand(speed)), mode)
-            if terms:
-                value, size = sum(terms[1:], terms[0]), sum(map(abs, terms[1:]), abs(terms[0]))
-                side = -1 if numbers.negative(value, size) else int(numbers.negative(-value, size))
-                if side:
-                    mode = replaced(mode, i, side)
-                    continue
+            side = clear_sign(speed, mode, numbers.values, numbers.negative)
+            if side:
+                mode = replaced(mode, i, side)
+                continue
         left.append(i)
     return mode, left
+
+
+def clear_sign(expression: sp.Expr, signs: Mode, values: Values, negative: Negative) -> int:
+    """Sign of an expression in time, states and signs at a point; 0 where its terms may cancel."""
+    terms = values(sp.Add.make_args(sp.expand(expression)), signs)
+    if not terms:
+        return 0
+    value, size = sum(terms[1:], terms[0]), sum(map(abs, terms[1:]), abs(terms[0]))
+    return -1 if negative(value, size) else int(negative(-value, size))
 
 
 @lru_cache(maxsize=1024)
@@ -214,9 +220,13 @@ class _Group:
         self.stays: frozenset[int] = frozenset()
         """Surfaces, no contacts, that the mode found does not leave."""
 
+    @cached_property
+    def _balance(self) -> Balance | None:
+        return balance_of(self.system, self.mode, self.contacts, self.numbers.values, self.numbers.negative)
+
     def settled(self, slipped: frozenset[int]) -> Mode | None:
         """The mode that follows; None where no mode is kept by its own field."""
-        balance = balance_of(self.system, self.mode, self.contacts, self.numbers.values, self.numbers.negative)
+        balance = self._balance
         if balance is None:  # no numbers tell: derivatives do
             return self._kept(with_entries(self.mode, self.contacts, [0] * len(self.contacts)), slipped)
         while True:
@@ -288,7 +298,7 @@ class _Group:
 
         Which way, the first derivative tells that is not zero; an acceleration as small as can be stands for it.
         """
-        balance = balance_of(self.system, self.mode, self.contacts, self.numbers.values, self.numbers.negative)
+        balance = self._balance
         if balance is None or self.separating:
             return None
         held = [k for k, i in enumerate(self.contacts) if mode[i] == 0]

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import chain
-from typing import Any, ClassVar, Protocol, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import sympy as sp
@@ -18,65 +18,31 @@ from henon_ref.modes.mode import Mode
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.size import size
 
-KEPT = 64
-"""Systems of which it is kept which kinks are hidden."""
+TransitionT = TypeVar("TransitionT", bound=Any)
+"""A dataclass with ``surface``, ``from_mode`` and ``to_mode``."""
 
 
-class _Transition(Protocol):
-    __dataclass_fields__: ClassVar[dict[str, Any]]
-
-    @property
-    def surface(self) -> int: ...
-    @property
-    def from_mode(self) -> Mode: ...
-    @property
-    def to_mode(self) -> Mode: ...
-
-
-TransitionT = TypeVar("TransitionT", bound=_Transition)
-
-
+@dataclass(frozen=True)
 class HiddenKinks:
-    """Which kinks of a system another branch hides: in such a mode they are none, and their signs mean nothing.
+    """Which kinks of a system another branch hides: in such a mode they are none, and their signs mean nothing."""
 
-    What has been found out of a kink and a mode is kept.
-    """
-
-    def __init__(self, system: FilippovSystem) -> None:
-        self.system = system
-        self._hidden: dict[tuple[int, Mode], bool] = {}
-        self._shown: dict[Mode, Mode] = {}
-        self._plain: dict[Mode, bool] = {}
+    system: FilippovSystem
 
     def hidden(self, index: int, mode: Mode) -> bool:
         """Whether a surface is a kink that is hidden in a mode."""
-        mode = mode[: len(self.system.signs)]  # sections that a sweep adds stand behind the system's own surfaces
-        if (index, mode) not in self._hidden:
-            self._hidden[index, mode] = index in self.system.kinks and self.system.hides(index, mode)
-        return self._hidden[index, mode]
+        own = mode[: len(self.system.signs)]  # sections that a sweep adds stand behind the system's own surfaces
+        return index in self.system.kinks and self.system.hides(index, own)
 
     def shown(self, mode: Mode) -> Mode:
         """A mode with +1 for what is hidden in it, so that it is one mode however these signs change."""
         if not self.system.kinks:
             return mode
-        if mode not in self._shown:
-            self._shown[mode] = tuple(1 if self.hidden(i, mode) else entry for i, entry in enumerate(mode))
-        return self._shown[mode]
-
-    def as_shown(self, found: TransitionT) -> TransitionT:
-        """A transition with its modes as they are shown."""
-        before, after = self.shown(found.from_mode), self.shown(found.to_mode)
-        alike = before == found.from_mode and after == found.to_mode
-        return found if alike else replace(found, from_mode=before, to_mode=after)
+        return _shown(self, mode)
 
     def hides_none(self, modes: Iterable[Mode]) -> bool:
         """Whether no kink is hidden in any of some modes: all that is found in these is a transition."""
-        for mode in modes:
-            if mode not in self._plain:
-                self._plain[mode] = not any(self.hidden(i, mode) for i in self.system.kinks)
-            if not self._plain[mode]:
-                return False
-        return True
+        kinks = self.system.kinks
+        return not kinks or not any(self.hidden(i, mode) for mode in modes for i in kinks)
 
     def is_transition(self, surface: int, before: Mode, after: Mode) -> bool:
         """Whether what has been found on a surface, between two modes, is a transition: it is not on a hidden kink."""
@@ -99,16 +65,21 @@ class HiddenKinks:
         return found
 
 
-hidden_kinks = lru_cache(maxsize=KEPT)(HiddenKinks)
-"""(system) -> its hidden kinks, kept."""
+@lru_cache(maxsize=1024)
+def _shown(kinks: HiddenKinks, mode: Mode) -> Mode:
+    return tuple(1 if kinks.hidden(i, mode) else entry for i, entry in enumerate(mode))
 
 
 def visible(system: FilippovSystem, transitions: Sequence[TransitionT]) -> Sequence[TransitionT]:
     """Transitions without those on hidden kinks, their modes as :meth:`HiddenKinks.shown` has them."""
     if not system.kinks:
         return transitions
-    kinks = hidden_kinks(system)
-    return tuple(kinks.as_shown(t) for t in transitions if kinks.is_transition(t.surface, t.from_mode, t.to_mode))
+    kinks = HiddenKinks(system)
+    return tuple(
+        replace(t, from_mode=kinks.shown(t.from_mode), to_mode=kinks.shown(t.to_mode))
+        for t in transitions
+        if kinks.is_transition(t.surface, t.from_mode, t.to_mode)
+    )
 
 
 def continuous(system: FilippovSystem) -> frozenset[int]:

@@ -9,19 +9,24 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property, lru_cache
 from math import isfinite
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import sympy as sp
+from flint import arb
 
 from henon_ref.errors import ModelError
-from henon_ref.modes.arithmetic import NO_VALUE, ORDER, Arithmetic, Leading
-from henon_ref.modes.branches import leaves_out
+from henon_ref.modes.algebra import leaves_out
+from henon_ref.modes.arithmetic import BALLS, DOUBLES, NO_VALUE, ORDER, RING, Arithmetic, Leading
 from henon_ref.modes.equations import Guard, ModeEquations, ModeTape
 from henon_ref.modes.mode import Mode, replaced
+from henon_ref.modes.switched_field import kept
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.precision import one_at_a_time
 from henon_ref.taylor.series import expand
 from henon_ref.taylor.tape import TIME, Tape, build_tape
+
+if TYPE_CHECKING:
+    from henon_ref.modes.decoupled_contacts import SwitchedEquations
 
 KEPT = 1024
 """Surfaces, each in a mode of a system, of which it is kept whether their normal velocities are apart."""
@@ -52,27 +57,51 @@ def mode_with_tape(system: FilippovSystem, mode: Mode) -> ModeWithTape | None:
 
 
 class ExactTapes:
-    """Tapes of a system, their constants from its exact numbers; how functions are made is left to others.
+    """Tapes of a system, their constants from its exact numbers; how functions are made is left to others."""
 
-    Parameters
-    ----------
-    system : FilippovSystem
-    values : FilippovSystem or None
-        The same with values of its parameters, where ``system`` has none.
-    number : callable
-        Of an exact number, in the arithmetic.
-    """
-
-    def __init__(self, system: FilippovSystem, values: FilippovSystem | None, number: Callable[[sp.Expr], Any]) -> None:
-        self._system, self.numeric, self._number = system, (values or system).numeric, number
+    def __init__(self, system: FilippovSystem, arithmetic: Arithmetic) -> None:
+        self.system, self.arithmetic = system, arithmetic
 
     def mode(self, mode: Mode) -> ModeWithTape | None:
-        """See :class:`Tapes`."""
-        return mode_with_tape(self._system, mode)
+        return mode_with_tape(self.system, mode)
 
     def constants(self, tape: Tape) -> list[Any]:
-        """See :class:`Tapes`."""
-        return [self._number(self.numeric(c)) for c in tape.constants]
+        return [self.arithmetic.number(self.system.numeric(c)) for c in tape.constants]
+
+
+class _DoubleTapes(ExactTapes):
+    def function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
+        values, names = [self.system.numeric(e) for e in expressions], [TIME, *names]
+        # The time that lambdify takes grows with the names that it is given.
+        used = set().union(*(value.free_symbols for value in values))
+        places = [k for k, name in enumerate(names) if name in used]
+        found: Callable[..., list[Any]] = sp.lambdify([names[k] for k in places], values, "math", cse=True)
+        return lambda *at: found(*(at[k] for k in places))
+
+
+class _BallTapes(ExactTapes):
+    def function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
+        tape = build_tape(tuple(names), (), tuple(expressions))
+        return ball_function(tape, self.constants(tape))
+
+
+def ball_function(tape: Tape, constants: Sequence[arb]) -> Callable[..., list[arb]]:
+    """(t, *x) -> the values of a tape's outputs."""
+
+    def values(t: arb, *x: arb | int) -> list[arb]:
+        return [series[0] for series in expand(tape, constants, t, [arb(v) for v in x], 0, RING)[1]]
+
+    return values
+
+
+def in_doubles(system: FilippovSystem) -> ModeEvaluation:
+    """The modes of a system in double precision."""
+    return ModeEvaluation(system, DOUBLES, _DoubleTapes(system, DOUBLES))
+
+
+def in_balls(system: FilippovSystem) -> ModeEvaluation:
+    """The modes of a system in balls of the working precision."""
+    return ModeEvaluation(system, BALLS, _BallTapes(system, BALLS))
 
 
 @lru_cache(maxsize=KEPT)
@@ -107,49 +136,46 @@ class ModeEvaluation:
 
     def __init__(self, system: FilippovSystem, arithmetic: Arithmetic, tapes: Tapes) -> None:
         self.system, self.arithmetic, self._source = system, arithmetic, tapes
-        self._tapes: dict[Mode, tuple[ModeEquations, Tape, list[Any]] | None] = {}
+        self.function = tapes.function
         self._numbers: dict[tuple[int, tuple[int, ...]], Any] = {}
-        self._functions: dict[tuple[sp.Expr, ...], Callable[..., list[Any]]] = {}
-        self._normals: dict[tuple[int, Mode], Callable[..., list[Any]]] = {}
 
     def at(self, t: Any, x: Sequence[Any], levels: tuple[float, ...] | None = None) -> TapePoint:
-        """A point; ``levels``: see :attr:`Arithmetic.levels`."""
+        """A point; ``levels``: see :attr:`Doubles.levels`."""
         return TapePoint(self, t, x, self.arithmetic.levels if levels is None else levels)
 
     def exactly(self, start: sp.Expr, initial: Sequence[sp.Expr]) -> TapePoint:
         """A point of exact numbers."""
         return self.at(self.arithmetic.number(start), [self.arithmetic.number(v) for v in initial])
 
+    @kept
     def equations(self, mode: Mode) -> tuple[ModeEquations, Tape, list[Any]] | None:
         """Equations of a mode, its field and guards as a tape, and its constants; None where it has none."""
-        if mode not in self._tapes:
-            with one_at_a_time():
-                made = self._source.mode(mode) if self._shared is None else None
-                if made is not None:
-                    self._tapes[mode] = *made, self._source.constants(made[1])
-                else:
-                    self._tapes[mode] = self._shared_equations(mode) if self._shared is not None else None
-        return self._tapes[mode]
+        with one_at_a_time():
+            if self._shared is not None:
+                return self._of_shared(mode, *self._shared)
+            made = self._source.mode(mode)
+            return None if made is None else (*made, self._source.constants(made[1]))
 
     def tape(self, mode: Mode) -> tuple[Tape, list[Any]]:
-        """Field and guards of a mode that has equations as a tape, and its constants."""
+        """Field and guards of a mode as a tape, and its constants; ValueError where it has no equations."""
         made = self.equations(mode)
-        assert made is not None
+        if made is None:
+            raise ValueError("the mode has no equations")
         return made[1], made[2]
 
     @cached_property
-    def _shared(self) -> ModeTape | None:
-        """The tape of a system whose modes have one in common."""
+    def _shared(self) -> tuple[SwitchedEquations, ModeTape] | None:
+        """What the modes of a system have in common."""
         made = self.system.switched
         if made is None:
             return None
-        return ModeTape(build_tape(self.system.states, made.field, made.outputs, made.definitions), made.entries)
+        tape = build_tape(self.system.states, made.field, made.outputs, made.definitions)
+        return made, ModeTape(tape, made.entries)
 
-    def _shared_equations(self, mode: Mode) -> tuple[ModeEquations, Tape, list[Any]]:
-        """A mode's equations, its own part of that tape, and its constants, each worked out once."""
-        shared, made = self._shared, self.system.switched
-        assert shared is not None
-        assert made is not None
+    def _of_shared(
+        self, mode: Mode, made: SwitchedEquations, shared: ModeTape
+    ) -> tuple[ModeEquations, Tape, list[Any]]:
+        """A mode's equations, its own part of the shared tape, and its constants, each worked out once."""
         own = tuple(shared.tape.outputs[row] for row in made.rows(mode))
         numbers = []
         for at, surfaces in enumerate(shared.owners):
@@ -160,33 +186,23 @@ class ModeEvaluation:
             numbers.append(self._numbers[key])
         return ModeEquations((), made.own_guards(mode), {}), replace(shared.tape, outputs=own), numbers
 
-    def function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
-        """(t, *names) -> values of expressions."""
-        return self._source.function(names, expressions)
-
+    @kept
     def of_states_and_signs(self, expressions: tuple[sp.Expr, ...]) -> Callable[..., list[Any]]:
         """(t, *x, *signs) -> values of expressions."""
-        if expressions not in self._functions:
-            with one_at_a_time():
-                names = [*self.system.states, *self.system.signs]
-                self._functions[expressions] = self.function(names, expressions)
-        return self._functions[expressions]
+        with one_at_a_time():
+            return self.function([*self.system.states, *self.system.signs], expressions)
 
     def normal(self, index: int, mode: Mode) -> Callable[..., list[Any]]:
         """(t, *x, *signs) -> dh/dt of a surface, for the signs of a mode."""
-        key = index, tuple(mode[i] for i in acting_on(self.system, index))
-        if key not in self._normals:
-            with one_at_a_time():
-                self._normals[key] = self.of_states_and_signs((normal_in(self.system, *key),))
-        return self._normals[key]
+        return self._normal(index, tuple(mode[i] for i in acting_on(self.system, index)))
+
+    @kept
+    def _normal(self, index: int, entries: Mode) -> Callable[..., list[Any]]:
+        with one_at_a_time():
+            return self.of_states_and_signs((normal_in(self.system, index, entries),))
 
     def guard_series(self, mode: Mode, t: Any, x: Sequence[Any]) -> list[list[Any]]:
-        """Taylor coefficients in time of a mode's guards from a point.
-
-        :data:`NO_VALUE` where they are not finite, or the mode has no equations.
-        """
-        if self.equations(mode) is None:
-            raise ValueError("the mode has no equations")
+        """Taylor coefficients in time of a mode's guards; :data:`NO_VALUE` where it or they have none."""
         return self.at(t, x).series(mode)[0]
 
 
@@ -196,57 +212,50 @@ class TapePoint:
     def __init__(self, modes: ModeEvaluation, t: Any, x: Sequence[Any], levels: tuple[float, ...]) -> None:
         self._modes, self._t, self._x, self.levels = modes, t, x, levels
         self.system, self.arithmetic = modes.system, modes.arithmetic
-        self._series: dict[Mode, tuple[list[list[Any]], float]] = {}
-        self._first: dict[Mode, list[list[Any]]] = {}
-        self._normals: dict[tuple[int, Mode], Any] = {}
 
     @property
     def when(self) -> str:
-        """See :class:`Point`."""
-        return self.arithmetic.text(self._t)
+        return f"{float(self._t):.17g}"
+
+    def _expanded(self, mode: Mode, order: int) -> tuple[list[list[Any]], list[list[Any]]]:
+        """Taylor coefficients of states and guards."""
+        return expand(*self._modes.tape(mode), self._t, self._x, order, self.arithmetic.ring)
 
     def guards(self, mode: Mode) -> tuple[Guard, ...] | None:
-        """See :class:`Point`."""
         made = self._modes.equations(mode)
         if made is None:
             return None
         self.series(mode)
         return made[0].guards
 
+    @kept
     def series(self, mode: Mode) -> tuple[list[list[Any]], float]:
         """Taylor coefficients of a mode's guards, and a rate that makes them comparable."""
-        if mode not in self._series:
-            states, outputs = expand(*self._modes.tape(mode), self._t, self._x, ORDER, self.arithmetic.ring)
-            self._series[mode] = outputs, self.arithmetic.rate(states, outputs)
-        return self._series[mode]
+        states, outputs = self._expanded(mode, ORDER)
+        return outputs, self.arithmetic.rate(states, outputs)
 
     def leading(self, mode: Mode, place: int, first: int, zero: float, beside: int | None = None) -> Leading | None:
-        """See :class:`Point`."""
         outputs, rate = self.series(mode)
         size = 0.0 if beside is None or self.arithmetic.carries_errors else self._size(mode, beside)
         return _term(outputs[place], self.arithmetic.leading(outputs[place], first, rate, size, zero))
 
     def end_of_hold(self, mode: Mode, place: int, zero: float) -> Leading | None:
-        """See :class:`Point`."""
-        (outputs, rate), guards = self.series(mode), self._modes.equations(mode)
-        assert guards is not None
-        index = guards[0].guards[place].index
-        ends = [c for g, c in zip(guards[0].guards, outputs, strict=True) if g.kind == "release" and g.index == index]
+        (outputs, rate), guards = self.series(mode), self.guards(mode) or ()
+        index = guards[place].index
+        ends = [c for g, c in zip(guards, outputs, strict=True) if g.kind == "release" and g.index == index]
         return _term(outputs[place], self.arithmetic.end_of_hold(outputs[place], ends, rate, zero))
 
+    @kept
     def first_order(self, mode: Mode) -> list[list[Any]]:
-        """See :class:`Point`."""
-        if mode not in self._first:
-            self._first[mode] = expand(*self._modes.tape(mode), self._t, self._x, 1, self.arithmetic.ring)[1]
-        return self._first[mode]
+        return self._expanded(mode, 1)[1]
 
     def sides(self, mode: Mode, index: int) -> tuple[Any, Any]:
-        """See :class:`Point`."""
-        sides = [(index, replaced(mode, index, side)) for side in (-1, 1)]
-        for side in sides:
-            if side not in self._normals:
-                self._normals[side] = self._modes.normal(*side)(self._t, *self._x, *side[1])[0]
-        return self._normals[sides[0]], self._normals[sides[1]]
+        below, above = (self._speed(index, replaced(mode, index, side)) for side in (-1, 1))
+        return below, above
+
+    @kept
+    def _speed(self, index: int, mode: Mode) -> Any:
+        return self._modes.normal(index, mode)(self._t, *self._x, *mode)[0]
 
     def _size(self, mode: Mode, index: int) -> float:
         """What dh/dt is small or large against."""
@@ -257,7 +266,6 @@ class TapePoint:
         return float(abs(below) + abs(above))
 
     def values(self, expressions: tuple[sp.Expr, ...], signs: Mode) -> Sequence[Any] | None:
-        """See :class:`Point`."""
         try:
             values = self._modes.of_states_and_signs(expressions)(self._t, *self._x, *signs)
         except NO_VALUE:
@@ -265,11 +273,7 @@ class TapePoint:
         return values if all(isfinite(float(value)) for value in values) else None
 
     def same_motion(self, first: Mode, second: Mode) -> bool:
-        """See :class:`Point`."""
-        one, other = (
-            expand(*self._modes.tape(mode), self._t, self._x, ORDER, self.arithmetic.ring)[0]
-            for mode in (first, second)
-        )
+        one, other = (self._expanded(mode, ORDER)[0] for mode in (first, second))
         return all(self.arithmetic.equal(a, b) for a, b in zip(one, other, strict=True))
 
 

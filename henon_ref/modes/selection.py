@@ -12,7 +12,7 @@ it. :func:`sign_after` is its case of one surface and two velocities that are cl
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import product
 from typing import Any, Protocol
@@ -21,14 +21,21 @@ import sympy as sp
 
 from henon_ref.errors import ModelError
 from henon_ref.modes.arithmetic import CLEAR, NO_VALUE, Point
-from henon_ref.modes.consistency import broken_in_groups, clear_signs, indeterminate, staying, violations
+from henon_ref.modes.bounds import exact_sign
+from henon_ref.modes.consistency import broken_guards, indeterminate
 from henon_ref.modes.contact_loops import Relation, relations
-from henon_ref.modes.decision import Decision, ended, explained, several, with_entries, without_indeterminate
+from henon_ref.modes.decision import Decision, ended, explained, several, with_entries
 from henon_ref.modes.equations import Guard
-from henon_ref.modes.exact_numbers import exact_sign
-from henon_ref.modes.held_groups import Numbers, by_groups, decide_groups, slipped_by
+from henon_ref.modes.held_groups import (
+    IDENTICALLY_ZERO,
+    Numbers,
+    by_groups,
+    clear_sign,
+    decide_groups,
+    slipped_by,
+)
 from henon_ref.modes.mode import Mode, replaced
-from henon_ref.modes.resting import impact_of, into_surface
+from henon_ref.modes.resets import impact_of, into_surface
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import listed
@@ -84,16 +91,7 @@ def signs_at(system: FilippovSystem, start: sp.Expr, initial: Sequence[sp.Expr])
 def initial_mode(
     modes: ExactStart, start: sp.Expr, initial: Sequence[sp.Expr], given: Mapping[int, int] | None = None
 ) -> Decision:
-    """Mode at the start, decided from exact numbers.
-
-    Parameters
-    ----------
-    modes : ExactStart
-    start, initial
-        Exact time and state.
-    given : mapping, optional
-        Surface -> entry, for surfaces the start lies on; taken as it is.
-    """
+    """Mode at the start, decided from exact numbers; ``given``: entries of surfaces that it lies on, taken as is."""
     return mode_by_signs(modes.exactly(start, initial), *signs_at(modes.system, start, initial), given or {})
 
 
@@ -117,26 +115,15 @@ def mode_by_signs(
     mode = tuple(given.get(i, sign) for i, sign in enumerate(surfaces))
     active = tuple(i for i, sign in enumerate(surfaces) if sign == 0 and i not in given)
     decision = _decided(at, mode, active) if active else _attracting(at, Decision("unique", mode))
-    decision = _unless_into_surface(decision, system, active, lambda e: clear_signs(at, mode, [e])[0], at.when)
+    for i in active:
+        impact = impact_of(system, i) if system.rests(i) and decision.status == "none" else None
+        inward = impact is not None and clear_sign(impact.speed, mode, at.values, at.arithmetic.negative) < 0
+        if i in system.resets and (inward if decision.mode is None else decision.mode[i] < 0):
+            decision = Decision("invalid", None, into_surface(system.sign_names[i], at.when))
+            break
     edges = [i for i, sign in enumerate(valid) if sign == 0]
     refused = _rising(at, decision.mode, edges, where) if edges and decision.mode is not None else None
     return refused or decision
-
-
-def _unless_into_surface(
-    decision: Decision, system: FilippovSystem, on: Collection[int], sign: Callable[[sp.Expr], int], time: str
-) -> Decision:
-    """A decision at a point ``on`` some surfaces, unless the state moves into one that resets it.
-
-    ``sign``: of an expression in time and states at the point.
-    """
-    for i in on:
-        impact = impact_of(system, i) if system.rests(i) and decision.status == "none" else None
-        if i in system.resets and (
-            decision.mode[i] < 0 if decision.mode is not None else impact is not None and sign(impact.speed) < 0
-        ):
-            return Decision("invalid", None, into_surface(system.sign_names[i], time))
-    return decision
 
 
 def _rising(at: Point, mode: Mode, edges: Sequence[int], where: str) -> Decision | None:
@@ -178,42 +165,38 @@ def contact_orders(at: Point, mode: Mode, active: Iterable[int], edges: Iterable
     which are zero at the start; 0 for one that falls, or stays zero.
     """
     guards = at.system.guards(mode) if at.system.has_equations(mode) else ()
-    active, edges, zero = set(active), set(edges), at.levels[0]
-    asked = [g.index in active and not (g.ends or g.rising_only) for g in guards]
-    if not edges:
-        known = [_zeros_at_once(at, mode, k, guards[k]) if own else 0 for k, own in enumerate(asked)]
-        if None not in known:
-            return [order for order in known if order is not None]
+    active, edges = set(active), set(edges)
     orders = []
-    for place, (guard, wanted) in enumerate(zip(guards, asked, strict=True)):
-        first = 1 if guard.kind == "surface" else 0
+    for place, guard in enumerate(guards):
+        order = 0
         if guard.kind == "valid" and guard.index in edges:
-            term = at.leading(mode, place, 1, zero)
-            orders.append(term[0] if term is not None and term[1] > 0 else 0)
-        else:
-            term = at.leading(mode, place, first, zero, guard.index) if wanted else (0, 0)
-            orders.append(term[0] if term is not None else first)
+            term = at.leading(mode, place, 1, at.levels[0])
+            order = term[0] if term is not None and term[1] > 0 else 0
+        elif guard.index in active and not (guard.ends or guard.rising_only):
+            order = _known_zeros(at, mode, place, guard)
+        orders.append(order)
     return orders
 
 
-def _zeros_at_once(at: Point, mode: Mode, place: int, guard: Guard) -> int | None:
-    """Known zeros of a guard, where no further derivatives are needed to tell what it is left with from zero.
-
-    None where they are, or it falls.
-    """
+def _known_zeros(at: Point, mode: Mode, place: int, guard: Guard) -> int:
+    """Known zeros of a guard; where that is plain from its first derivative, further ones are not worked out."""
     slides = [i for i, s in enumerate(mode) if s == 0]
+    first = 0 if guard.kind == "release" else 1
     number: Any
     try:
         below, above = at.sides(mode, guard.index)
         if guard.kind == "release":
-            first, number, size = 0, at.first_order(mode)[place][0], abs(above) + abs(below)
+            number, size = at.first_order(mode)[place][0], abs(above) + abs(below)
         else:
-            first, number, size = 1, above if mode[guard.index] > 0 else -below, abs(above - below)
+            number, size = above if mode[guard.index] > 0 else -below, abs(above - below)
             if len(at.system.together(guard.index, slides)) > 1:  # the signs of slides are others than 0
                 number = at.first_order(mode)[place][1]
+        if number > PLAIN * size > 0:
+            return first
     except NO_VALUE:
-        return None
-    return first if number > PLAIN * size > 0 else None
+        pass
+    term = at.leading(mode, place, first, at.levels[0], guard.index)
+    return first if term is None else term[0]
 
 
 def _decided(at: Point, mode: Mode, active: tuple[int, ...], slipped: Collection[int] = ()) -> Decision:
@@ -241,10 +224,17 @@ def _attracting(at: Point, decision: Decision) -> Decision:
 
 
 def _of_all(at: Point, mode: Mode, active: tuple[int, ...], slipped: Collection[int], zero: float) -> Decision:
-    """The one consistent mode of all that surfaces in play allow."""
-    found = [candidate for candidate in _candidates(at, mode, active) if violations(at, candidate, active, zero) == []]
+    """The one consistent mode of all that surfaces in play allow.
+
+    No pivoting here: fields need not be those of friction, and only where all principal minors of the slopes of their
+    normal velocities are positive (:mod:`henon_ref.modes.sliding`) is the first mode found the only one.
+    """
+    found = [own for own in _candidates(at, mode, active) if broken_guards(at, own, active, zero, alone=True) == []]
     if len(found) > 1:
-        found = without_indeterminate(found, active, lambda mode, i: indeterminate(at, mode, i, zero))
+        # Where slip leaves, and the gradient vanishes on the surface ((x - 1)^3 in place of x - 1), both fields lead
+        # the same way through it: no mean of them is tangent to it, and there is no slide (Filippov 1988, Sec. 4).
+        left = [i for i in active if any(own[i] for own in found)]
+        found = [own for own in found if not any(not own[i] and indeterminate(at, own, i, zero) for i in left)]
     if len(found) == 1:
         return Decision("unique", found[0])
     if not found:
@@ -273,8 +263,9 @@ def _staying_mode(at: Point, mode: Mode, active: tuple[int, ...]) -> Decision | 
         reason = f"no mode is consistent at t = {at.when}: the surfaces of {names} depend on each other, and "
         return Decision("none", None, reason + "their signs do not act on them as forces and counterforces do")
     for candidate in _candidates(at, mode, active):
-        surfaces = staying(at, candidate, active, at.levels[0])
-        if surfaces and not any(map(system.rests, surfaces)):  # a body on such a surface rests, and that is a mode
+        broken = broken_guards(at, candidate, active, at.levels[0], alone=True) or []
+        surfaces = {guard.index for guard, _ in broken}  # a body on a surface that it does not leave rests: a mode
+        if surfaces and all(order == IDENTICALLY_ZERO for _, order in broken) and not any(map(system.rests, surfaces)):
             stay |= surfaces
             found.append(candidate)
     if not found:
@@ -296,7 +287,7 @@ def _unsettled(system: FilippovSystem, relation: Relation) -> bool:
 
 def _in_groups(at: Point, mode: Mode, active: tuple[int, ...], slipped: Collection[int], zero: float) -> Decision:
     """The mode of Gauss's principle with Coulomb's friction."""
-    broken = partial(broken_in_groups, at, zero=zero)
+    broken = partial(broken_guards, at, zero=zero, alone=False)
     numbers = Numbers(at.values, at.arithmetic.negative, broken, at.same_motion, at.when)
     try:
         return decide_groups(at.system, mode, active, slipped, numbers)

@@ -4,6 +4,12 @@ On one surface ``f = (1 + s)/2 f(+1) + (1 - s)/2 f(-1)``, s in [-1, 1] such that
 equivalent sign ``s = -rest / slope`` (Filippov, 1988, Sec. 4). On several the combination is the multi-affine one
 (blending: Alexander and Seidman, *Houston J. Math.* 24, 1998), and ``slope`` a matrix.
 
+**Attraction.** With the normal velocities v = a - M s in the signs s, the modes that are consistent at a point solve a
+complementarity problem on the box [-1, 1]^m. It has one solution whatever a is just where all principal minors of M are
+positive, M is a P-matrix (Robinson, *Math. Oper. Res.* 17 (1992) 691-714). On two surfaces sliding then attracts, for
+there are positive d_i with the sum of d_i (abs(h_i) - u_i h_i) falling (Cross, *Linear Algebra Appl.* 20 (1978)
+253-263). Where det M < 0 sliding is one of several modes: the signs of the determinants of all of them add up to 1.
+
 What is done to an expression here is linear in its size, or is begun only where it is known to be little
 (:mod:`henon_ref.modes.algebra`): equations are derived from a stranger's text, also in a process that has
 no deadline. Equations that would be too large are refused.
@@ -11,24 +17,35 @@ no deadline. Equations that would be too large are refused.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
-from itertools import product
+from itertools import combinations, product
 
 import sympy as sp
+from sympy.utilities.iterables import strongly_connected_components
 
 from henon_ref.errors import ModelError
-from henon_ref.modes.algebra import MAX_DERIVED, MAX_SIZE, coefficients, constant_slope, expanded, simplified
-from henon_ref.modes.attraction import attraction_guards
+from henon_ref.modes.algebra import (
+    MAX_DERIVED,
+    MAX_SIZE,
+    coefficients,
+    constant_slope,
+    expanded,
+    known_positive,
+    simplified,
+)
 from henon_ref.modes.bounds import put
-from henon_ref.modes.equations import Guard, along
-from henon_ref.modes.linear_system import solution, surfaces_solved
+from henon_ref.modes.equations import Guard, Refusal, along
+from henon_ref.modes.linear_system import EXPLICIT, determinant, rational, solution, surfaces_solved
 from henon_ref.modes.switched_field import SwitchedField
 from henon_ref.taylor.size import size, total_size
+from henon_ref.taylor.tape import TIME
 from henon_ref.text import listed
 
 MAX_CORNERS = 16
 """Combinations of signs at which an expression that is not linear in them is taken."""
+EXHAUSTIVE = 4
+"""Of more surfaces that act on each other only the diagonal and the determinant are looked at."""
 
 
 def _interpolated(expression: sp.Expr, signs: tuple[sp.Symbol, ...]) -> sp.Expr:
@@ -140,6 +157,38 @@ def _equivalent_signs(
         guards.append(Guard("release", i, 1, -n.xreplace({s: sp.Integer(1)})))
         guards.append(Guard("release", i, -1, n.xreplace({s: sp.Integer(-1)})))
     return {s: -rest[i] / slope[i][i] for i, s in enumerate(signs)}, guards
+
+
+def attraction_guards(system: SwitchedField, sliding: Sequence[int], slopes: sp.Matrix) -> list[Guard]:
+    """Principal minors of M that may not be positive; those that follow from smaller ones are left out.
+
+    ``slopes``, shape (m, m), is -M. A minor of all surfaces that act on each other ends a run as ``nonunique`` where
+    it falls, for the determinant falls with it; beyond another one it is not told whether sliding still attracts.
+    """
+    matrix = -slopes
+    edges = [(i, j) for i in range(matrix.rows) for j in range(matrix.cols) if matrix[i, j] != 0]
+    found = []
+    for group in strongly_connected_components((range(matrix.rows), edges)):
+        sizes = range(1, len(group) + 1) if len(group) <= EXHAUSTIVE else (1, len(group))
+        for chosen in (c for few in sizes for c in combinations(sorted(group), few) if _joined(c, edges)):
+            minor = _determinant(system, matrix.extract(chosen, chosen))
+            if not known_positive(system.numeric(minor)):
+                ends: Refusal = "nonunique" if len(chosen) == len(group) else "none"
+                found.append(Guard("attracts", sliding[chosen[0]], 0, minor, ends=ends))
+    return found
+
+
+def _determinant(system: SwitchedField, matrix: sp.Matrix) -> sp.Expr:
+    """The determinant of a matrix; of a large one that is constant in numbers."""
+    if matrix.rows > EXPLICIT and not matrix.free_symbols & {TIME, *system.states, *system.signs}:
+        return sp.QQ.to_sympy(rational(system, matrix.tolist()).det())
+    return determinant(matrix)
+
+
+def _joined(chosen: Sequence[int], edges: Iterable[tuple[int, int]]) -> bool:
+    """Whether surfaces act on each other without the help of others; else their minor is a product of smaller ones."""
+    inside = [(i, j) for i, j in edges if i in chosen and j in chosen]
+    return len(strongly_connected_components((chosen, inside))) == 1
 
 
 def _small(expressions: Sequence[sp.Expr], signs: Sequence[sp.Symbol]) -> Sequence[sp.Expr]:

@@ -7,22 +7,21 @@ with Discontinuous Righthand Sides* (1988), and Eqs. (6)-(8) of Olejnik and Awre
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from dataclasses import field as dataclass_field
-from functools import cache, cached_property
+from functools import cached_property
 from itertools import chain
 from typing import TYPE_CHECKING
 
 import sympy as sp
 
 from henon_ref.errors import ModelError
+from henon_ref.modes.algebra import has_no_value, leaves_out
 from henon_ref.modes.bounds import put
-from henon_ref.modes.branches import has_no_value, leaves_out
 from henon_ref.modes.contact_loops import closed, relations
-from henon_ref.modes.equations import Guard, ModeEquations, Refusal, along
+from henon_ref.modes.equations import Guard, ModeEquations, Refusal
 from henon_ref.modes.mode import Mode, replaced
-from henon_ref.modes.overrides import Reset, SlidingOverride
 from henon_ref.modes.sliding import filippov_sliding
 from henon_ref.modes.switched_field import SwitchedField, kept
 from henon_ref.precision import one_at_a_time
@@ -46,12 +45,6 @@ class FilippovSystem(SwitchedField):
         intersection, contacts held together that act on each other).
     """
 
-    valid: tuple[sp.Expr, ...] = ()
-    """The model holds while these are > 0."""
-    overrides: Mapping[int, SlidingOverride] = dataclass_field(default_factory=dict)
-    """Surface index -> its own sliding."""
-    resets: Mapping[int, Reset] = dataclass_field(default_factory=dict)
-    """Surface index -> the jump of the state where it falls through zero."""
     written: Mapping[sp.Symbol, str] = dataclass_field(default_factory=dict)
     """State or sign -> the text of its rate or surface, as the case file has it (empty for a scene)."""
     kinks: frozenset[int] = frozenset()
@@ -61,12 +54,6 @@ class FilippovSystem(SwitchedField):
     sign that one of these holds is in use, though the field may not hold it."""
     effects: tuple[str, ...] = ()
     """Names of the effects a scene was built from (empty for a plain system)."""
-    open_kinks: frozenset[int] = frozenset()
-    """Kinks of a branch that is not in use at the start of a run, without a value there: their signs stay open."""
-
-    @cached_property
-    def _normal(self) -> tuple[sp.Expr, ...]:
-        return tuple(along(h, self.states, self.field) for h in self.surfaces)
 
     def equations(self, mode: Mode) -> ModeEquations:
         """Equations of one mode, signs of the surfaces in slip put in as -1 or +1."""
@@ -97,10 +84,7 @@ class FilippovSystem(SwitchedField):
         """Guards of the equations of a mode."""
         return self.switched.own_guards(mode) if self.switched is not None else self.equations(mode).guards
 
-    def slip_signs(self, mode: Mode) -> dict[sp.Symbol, sp.Expr]:
-        """What a mode puts for the signs of its surfaces in slip."""
-        return {self.signs[i]: sp.Integer(s) for i, s in enumerate(mode) if s}
-
+    @kept
     def hides(self, index: int, mode: Mode) -> bool:
         """Whether field, other guards and sections of a mode lack the sign of a surface; never of one slid on."""
         if not mode[index]:
@@ -115,21 +99,17 @@ class FilippovSystem(SwitchedField):
         guards = [guard.expression for guard in shared.guards if guard.index != index or guard.kind != "surface"]
         return not any(put(e, slip).has(self.signs[index]) for e in (*shared.field, *guards, *self.sections))
 
-    @cached_property
-    def _hides_in_all(self) -> Callable[[int, tuple[int, ...]], bool]:
+    @kept
+    def _hides_in_all(self, index: int, sides: Mode) -> bool:
         """The same by the sides of the surfaces on which nothing slides, contacts being as they may."""
         made = self.switched
         assert made is not None
-        crossed = sorted(made.crossed)
-
-        @cache
-        def hides(index: int, sides: tuple[int, ...]) -> bool:
-            slip = {self.signs[i]: sp.Integer(s) for i, s in zip(crossed, sides, strict=True) if i != index}
-            guards = [e for k, e in enumerate(made.outputs) if k // 2 != index]
-            written = (*made.field, *(e for _, e in made.definitions), *guards, *self.sections)
-            return index in made.crossed and not any(put(e, slip).has(self.signs[index]) for e in written)
-
-        return hides
+        if index not in made.crossed:
+            return False
+        slip = {self.signs[i]: sp.Integer(s) for i, s in zip(sorted(made.crossed), sides, strict=True) if i != index}
+        guards = [e for k, e in enumerate(made.outputs) if k // 2 != index]
+        written = (*made.field, *(e for _, e in made.definitions), *guards, *self.sections)
+        return not any(put(e, slip).has(self.signs[index]) for e in written)
 
     @kept
     def unused_kinks(self, mode: Mode) -> frozenset[int]:
@@ -173,7 +153,7 @@ class FilippovSystem(SwitchedField):
         from henon_ref.modes.coupled_contacts import coupled_equations  # few systems have many contacts
         from henon_ref.modes.decoupled_contacts import switched_equations
 
-        return switched_equations(self) or coupled_equations(self, self)
+        return switched_equations(self) or coupled_equations(self)
 
     @property
     def shared(self) -> SwitchedEquations | None:
@@ -214,14 +194,12 @@ class FilippovSystem(SwitchedField):
         self, overridden: frozenset[int], sliding: frozenset[int]
     ) -> tuple[tuple[sp.Expr, ...], tuple[Guard, ...], dict[int, sp.Expr]]:
         """Equations of sliding where some of it is overridden: field, what ends it, and equivalent signs."""
-        zones = {i: self.hold_guards(i) for i in sorted(overridden)}
         if len(sliding) == 1:
             (i,) = sliding
-            return self.overrides[i].field, tuple(g for zone in zones.values() for g in zone), {}
-        held = {i: self.overrides[i] for i in sorted(overridden)}
+            return self.overrides[i].field, self.hold_guards(i), {}
         from henon_ref.modes.held_contacts import held_field
 
-        made = held_field(self, self.with_reactions(self.reacting & overridden), held, zones, sliding)
+        made = held_field(self, self.with_reactions(self.reacting & overridden), sliding)
         field, own, others = made.field, made.guards, tuple(sorted(sliding - made.decided))
         signs = {i: made.signs[self.signs[i]] for i in sorted(made.decided - overridden)}
         if others:
@@ -272,10 +250,6 @@ class FilippovSystem(SwitchedField):
     def velocities(self) -> SwitchedField:
         """The same with all bodies that can rest, whose contacts have velocities for surfaces."""
         return self.with_reactions(self.resting)
-
-    def normal_velocity(self, index: int) -> sp.Expr:
-        """dh_i/dt along f, in time, states, signs and parameters."""
-        return self._normal[index]
 
     def together(self, index: int, sliding: Iterable[int]) -> frozenset[int]:
         """The surfaces of ``sliding`` that act on a surface while it changes its side, or that it acts on, and itself.
@@ -334,46 +308,17 @@ class FilippovSystem(SwitchedField):
     @cached_property
     def _beside(self) -> tuple[frozenset[int], ...]:
         """For each surface those that act on it, or that it acts on."""
-        acting = self._acting
-        acted_on: list[list[int]] = [[] for _ in acting]
-        for j, others in enumerate(acting):
-            for i in others:
-                acted_on[i].append(j)
-        return tuple(own.union(acted_on[i]) for i, own in enumerate(acting))
-
-    @cached_property
-    def _acting(self) -> tuple[frozenset[int], ...]:
-        """For each surface those whose signs are in its normal velocity."""
-        everything = frozenset(range(len(self.surfaces)))
         places = {s: i for i, s in enumerate(self.signs)}
-        found = []
+        beside: list[set[int]] = [set() for _ in places]
         unslid = self.with_reactions(self.reacting - self.resting)
-        normals = self._normal if unslid is self else [along(h, unslid.states, unslid.field) for h in unslid.surfaces]
-        for i, normal in enumerate(normals):
+        for i in range(len(self.surfaces)):
             loads = [g.expression for g in self.hold_guards(i)] if i in self.overrides else []
-            symbols = normal.free_symbols.union(*(load.free_symbols for load in loads))
-            acting = frozenset(places[s] for s in symbols & places.keys())
+            symbols = unslid.normal_velocity(i).free_symbols.union(*(load.free_symbols for load in loads))
             own = i not in self.overrides or self.held_inside(i) or self.rests(i)
-            found.append(acting if own else everything)
-        return tuple(found)
-
-    @kept
-    def hold_guards(self, index: int, mode: Mode = ()) -> tuple[Guard, ...]:
-        """The release guards of a surface's override: its hold zone is where all are positive.
-
-        A load may depend on how other surfaces slip: the signs of the mode's slips are put in.
-        """
-        slip = {s: side for s, side in self.slip_signs(mode).items() if s != self.signs[index]}
-        ends = ((r, r.when if r.direction == "falling" else -r.when) for r in self.overrides[index].release)
-        return tuple(Guard("release", index, r.to, put(end, slip), rising_only=True) for r, end in ends)
-
-    def held_inside(self, index: int) -> bool:
-        """Whether arrival at a surface is decided by the hold zone of its override, not by the slip fields."""
-        return index in self.overrides and self.overrides[index].entry == "inside"
-
-    def rests(self, index: int) -> bool:
-        """Whether a body can rest on a surface that resets the state."""
-        return index in self.overrides and self.overrides[index].entry == "resting"
+            for j in [places[s] for s in symbols & places.keys()] if own else range(len(self.surfaces)):
+                beside[i].add(j)
+                beside[j].add(i)
+        return tuple(map(frozenset, beside))
 
     def entries_from(self, entry: int, index: int) -> tuple[int, ...]:
         """What may become of a surface's entry in the mode: a body that rests on one does not go through it."""

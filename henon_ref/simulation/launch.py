@@ -84,9 +84,9 @@ class Launch(NamedTuple):
                 name = self.base.model.sign_names[last.surface]
                 trajectory = trajectory._replace(reason=f"the run stopped on the surface of {name}, as it was to")
         if self.base.model.kinks:
-            from henon_ref.modes.kinks import hidden_kinks
+            from henon_ref.modes.kinks import HiddenKinks
 
-            kinks = hidden_kinks(self.base.model)
+            kinks = HiddenKinks(self.base.model)
             trajectory = trajectory._replace(end_mode=kinks.shown(trajectory.end_mode))
             if isinstance(found, TransitionArray):
                 trajectory = trajectory._replace(transitions=found.visible(kinks))

@@ -21,7 +21,7 @@ from henon_ref.integrator.pairs import Pair, exact_expression, exact_number, pai
 from henon_ref.integrator.records import HENON
 from henon_ref.integrator.start import Start, begin
 from henon_ref.kernel.shared import kernel
-from henon_ref.modes.exact_numbers import double_double
+from henon_ref.modes.bounds import double_double
 from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.system import System
 

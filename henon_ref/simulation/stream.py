@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from henon_ref.integrator.run import Run
-from henon_ref.modes.kinks import hidden_kinks
+from henon_ref.modes.kinks import HiddenKinks
 from henon_ref.simulation.launch import Launch
 from henon_ref.simulation.outcome import Outcome
 from henon_ref.simulation.tables import rows_of
@@ -27,7 +27,7 @@ class TransitionStream(Iterator[Any]):
 
     def _made(self, made: Launch) -> Iterator[Any]:
         model = made.base.model
-        run, rows, kinks = Run(made.integrator, made.start), rows_of(model), hidden_kinks(model)
+        run, rows, kinks = Run(made.integrator, made.start), rows_of(model), HiddenKinks(model)
         for block in run.stream():
             yield from rows(block.visible(kinks) if model.kinks else block)
         assert run.ended is not None

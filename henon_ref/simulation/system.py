@@ -17,7 +17,7 @@ from henon_ref.casefile.source import Source
 from henon_ref.casefile.tree import MappingNode, ScalarNode, child, merged
 from henon_ref.casefile.work import Work
 from henon_ref.errors import ArgumentError, ExpressionError, HenonRefError
-from henon_ref.modes.exponents import parameters_in_exponents, with_rational_exponents
+from henon_ref.modes.preparation import parameters_in_exponents, with_rational_exponents
 from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.written import (
     Number,
@@ -320,7 +320,7 @@ class System:
             (i, o.field, tuple((r.when, r.direction, r.to) for r in o.release), o.entry)
             for i, o in sorted(model.overrides.items())
         )
-        resets = tuple((i, tuple(r.map.items()), r.when, r.priority) for i, r in sorted(model.resets.items()))
+        resets = tuple((i, tuple(r.map.items()), r.priority) for i, r in sorted(model.resets.items()))
         names = tuple(self._names.values)
         return model.states, model.signs, model.surfaces, model.field, model.valid, overrides, resets, names
 

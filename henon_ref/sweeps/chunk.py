@@ -21,7 +21,7 @@ from henon_ref.integrator.integrator import Integrator
 from henon_ref.integrator.pairs import decimal_pairs
 from henon_ref.integrator.points import Keep
 from henon_ref.integrator.prepared_run import local_error
-from henon_ref.modes.exact_numbers import double_double
+from henon_ref.modes.bounds import double_double
 from henon_ref.simulation.dependent_parameters import following, pairs_at, without_others
 from henon_ref.simulation.launch import integrator_of
 from henon_ref.simulation.system import System

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from henon_ref.integrator.start import MOST_STEPS
 from henon_ref.modes.algebra import signed_form
-from henon_ref.modes.exact_numbers import double_double
-from henon_ref.modes.kinks import HiddenKinks, hidden_kinks
+from henon_ref.modes.bounds import double_double
+from henon_ref.modes.kinks import HiddenKinks
 from henon_ref.modes.mode import Mode, mode_text
 from henon_ref.simulation.system import System
 from henon_ref.simulation.written import python_number
@@ -178,7 +178,7 @@ class Runs:
 
     @cached_property
     def _kinks(self) -> HiddenKinks:
-        return hidden_kinks(self.system.model)
+        return HiddenKinks(self.system.model)
 
     def told(self, run: int) -> str:
         """Which point a run is of, in words: ``point 3 (F = 0.5)``."""

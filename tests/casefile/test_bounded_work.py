@@ -319,7 +319,7 @@ def test_a_large_system_is_read_with_little_of_the_work_that_is_allowed(monkeypa
 
 def test_exact_times_are_compared_by_their_digits(monkeypatch) -> None:
     asked: list[sp.Expr] = []
-    monkeypatch.setattr("henon_ref.modes.exact_numbers.exact_sign", lambda number: asked.append(number) or 1)
+    monkeypatch.setattr("henon_ref.modes.bounds.exact_sign", lambda number: asked.append(number) or 1)
     times = ", ".join(f"{i}*sqrt(2)/9" for i in range(1, 101))
     parse_case(belt("s") + f"exact: {{transition_times: [{times}]}}\n")
     assert asked == []

@@ -14,7 +14,7 @@ from henon_ref.casefile.case import Case, load_case, parse_case
 from henon_ref.casefile.grammar import TAKEN
 from henon_ref.errors import CaseError
 from henon_ref.harness.rows import TransitionRow
-from henon_ref.modes.overrides import Release
+from henon_ref.modes.switched_field import Release
 
 
 def test_the_case_file_of_the_contract_is_read() -> None:

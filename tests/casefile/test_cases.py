@@ -9,7 +9,7 @@ import sympy as sp
 
 from henon_ref.casefile.case import load_case
 from henon_ref.harness.registry import fixed_step, names
-from henon_ref.modes.in_doubles import in_doubles
+from henon_ref.modes.mode_evaluation import in_doubles
 from henon_ref.modes.selection import initial_mode
 
 CASES = Path(__file__).parents[2] / "cases"

@@ -7,7 +7,7 @@ import sympy as sp
 
 from henon_ref.casefile.case import parse_case
 from henon_ref.errors import CaseError
-from henon_ref.modes.overrides import Reset
+from henon_ref.modes.switched_field import Reset
 
 TEXT = """schema: 1
 name: ball

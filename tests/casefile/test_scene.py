@@ -15,7 +15,7 @@ from henon_ref.casefile.scene import build_scene, conditions
 from henon_ref.casefile.schema import CaseForm
 from henon_ref.casefile.source import Names, Source
 from henon_ref.casefile.yaml_file import parse_yaml
-from henon_ref.modes.overrides import Release
+from henon_ref.modes.switched_field import Release
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME, build_tape
 

@@ -20,9 +20,9 @@ from henon_ref.integrator.points import Keep, PointRuns
 from henon_ref.integrator.records import HENON
 from henon_ref.integrator.run import Run
 from henon_ref.integrator.transition_array import KINDS
-from henon_ref.modes.overrides import Reset
 from henon_ref.modes.problem import Problem
-from henon_ref.modes.resting import with_resting
+from henon_ref.modes.resets import with_resting
+from henon_ref.modes.switched_field import Reset
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Trajectory, Transition

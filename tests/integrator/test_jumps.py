@@ -8,9 +8,9 @@ import pytest
 import sympy as sp
 
 from henon_ref.harness.registry import solver
-from henon_ref.modes.overrides import Reset
 from henon_ref.modes.problem import Problem
-from henon_ref.modes.resting import with_resting
+from henon_ref.modes.resets import with_resting
+from henon_ref.modes.switched_field import Reset
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Trajectory

@@ -14,8 +14,7 @@ from runs import kinds, run
 
 from henon_ref.integrator.multiprecision_event import LocatedEvent, UndecidedStep, locate_event
 from henon_ref.integrator.precise_modes import PreciseModes
-from henon_ref.modes.in_balls import in_balls
-from henon_ref.modes.in_doubles import in_doubles
+from henon_ref.modes.mode_evaluation import in_balls, in_doubles
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.roots import multiprecision as isolation
 from henon_ref.roots.multiprecision import ONE, bernstein, first_event_of, first_falling_root

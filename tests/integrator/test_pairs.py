@@ -10,7 +10,7 @@ import numpy as np
 import sympy as sp
 
 from henon_ref.integrator import pairs
-from henon_ref.modes.exact_numbers import double_double
+from henon_ref.modes.bounds import double_double
 
 
 def test_the_examples() -> None:

@@ -23,9 +23,9 @@ from henon_ref.integrator.records import HENON
 from henon_ref.integrator.run import Run
 from henon_ref.integrator.start import Start
 from henon_ref.kernel.shared import ffi
-from henon_ref.modes.exact_numbers import double_double
-from henon_ref.modes.in_doubles import in_doubles
+from henon_ref.modes.bounds import double_double
 from henon_ref.modes.mode import replaced
+from henon_ref.modes.mode_evaluation import in_doubles
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.selection import contact_orders, mode_by_signs, signs_at
 
@@ -70,7 +70,7 @@ def test_every_case_starts_as_sympy_says(path: Path) -> None:
     """In the mode that exact signs lead to, with its known zeros, and constants that are right to the last bit."""
     fast, exact, integrator = from_doubles(read(path).readings[0].problem)
     table, t, x = integrator.mode_table, float(exact.start), list(map(float, exact.initial))
-    at = in_doubles(integrator.system, exact.system).at(t, x)
+    at = in_doubles(exact.system).at(t, x)
     surfaces, valid = signs_at(exact.system, exact.start, exact.initial)
     decision = mode_by_signs(at, surfaces, valid, exact.initial_mode)
     assert [fast.time, fast.until, *fast.x] == [double_double(v) for v in (exact.start, exact.until, *exact.initial)]

@@ -11,8 +11,8 @@ from problems import make_problem
 from runs import run
 
 from henon_ref.harness.truth.proofs import prove
-from henon_ref.modes.attraction import attraction_guards
 from henon_ref.modes.problem import Problem
+from henon_ref.modes.sliding import attraction_guards
 from henon_ref.taylor.tape import TIME
 
 

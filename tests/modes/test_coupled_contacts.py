@@ -128,30 +128,35 @@ def test_equations_are_those_of_each_mode(name: str) -> None:
         assert guards == pytest.approx(expected, rel=1e-11, abs=1e-11), mode
 
 
-@pytest.mark.parametrize("name", daily(["stack", "clutches"], some=["clutches"]))
-def test_runs_need_no_equations_of_single_modes(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The same transitions as by the modes' own equations, at the same times; Python decides none of them."""
-    system = SYSTEMS[name]
+def told_both_ways(system: FilippovSystem, until: int) -> list[tuple[str, int, Mode, Mode]]:
+    """Transitions by one set of equations, at the times that the modes' own equations give; Python decides none."""
     start = tuple(sp.Rational((-1) ** k * k, 4) for k in range(len(system.states)))
     runs = []
     for together in (True, False):
         fresh = replace(system)
-        with monkeypatch.context() as patch:
-            if together:
-                patch.setattr(FilippovSystem, "shared_equations", lambda *_: pytest.fail("a mode was derived"))
-            else:
-                patch.setattr(FilippovSystem, "switched", None)
-            integrator = Integrator(fresh, 18)
-            problem = Problem(fresh, sp.S.Zero, start, sp.Integer(6))
-            run = Run(integrator, integrator.start(problem, tolerance=1e-13, landing=HENON)).to_horizon()
+        if not together:
+            vars(fresh)["switched"] = None
+        integrator = Integrator(fresh, 18)
+        problem = Problem(fresh, sp.S.Zero, start, sp.Integer(until))
+        run = Run(integrator, integrator.start(problem, tolerance=1e-13, landing=HENON)).to_horizon()
         assert run.status == "ok", run.reason
         assert not together or run.counts.decisions == Decisions()
+        assert derived(fresh) is not together
         runs.append(run)
     told = [[(t.kind, t.surface, t.from_mode, t.to_mode) for t in run.transitions] for run in runs]
     assert told[0] == told[1]
-    assert len(told[0]) > 5
-    times = [[t.time for t in run.transitions] for run in runs]
-    assert times[0] == pytest.approx(times[1], abs=1e-11)
+    assert [t.time for t in runs[0].transitions] == pytest.approx([t.time for t in runs[1].transitions], abs=1e-11)
+    return told[0]
+
+
+def derived(system: FilippovSystem) -> bool:
+    """Whether equations of single modes have been made."""
+    return any(method.endswith("shared_equations") for method, _ in vars(system).get("_kept", ()))
+
+
+@pytest.mark.parametrize("name", daily(["stack", "clutches"], some=["clutches"]))
+def test_runs_need_no_equations_of_single_modes(name: str) -> None:
+    assert len(told_both_ways(SYSTEMS[name], 6)) > 5
 
 
 def beside(system: FilippovSystem, surface: sp.Expr, force: sp.Expr = sp.S.Zero) -> FilippovSystem:
@@ -173,22 +178,8 @@ def test_what_stands_beside_them_changes_no_more_than_its_side(kind: str) -> Non
     force = {"kink": 10 * (P - 1) * (x + sp.Rational(1, 50)), "force that jumps": -P / 2}.get(kind, sp.S.Zero)
     surface = {"section": TIME - 1, "section of a speed": v + sp.Rational(1, 10)}.get(kind, x + sp.Rational(1, 50))
     system = beside(base, surface, force)
-    start = tuple(sp.Rational((-1) ** k * k, 4) for k in range(len(system.states)))
-    runs = []
-    for together in (True, False):
-        fresh = replace(system)
-        if not together:
-            vars(fresh)["switched"] = None
-        integrator = Integrator(fresh, 18)
-        problem = Problem(fresh, sp.S.Zero, start, sp.Integer(3))
-        run = Run(integrator, integrator.start(problem, tolerance=1e-13, landing=HENON)).to_horizon()
-        assert run.status == "ok", run.reason
-        assert not together or run.counts.decisions == Decisions()
-        runs.append(run)
-    told = [[(t.kind, t.surface, t.from_mode, t.to_mode) for t in run.transitions] for run in runs]
-    assert told[0] == told[1]
-    assert kind == "section of a speed" or any(each[1] == len(base.surfaces) for each in told[0])
-    assert [t.time for t in runs[0].transitions] == pytest.approx([t.time for t in runs[1].transitions], abs=1e-11)
+    told = told_both_ways(system, 3)
+    assert kind == "section of a speed" or any(each[1] == len(base.surfaces) for each in told)
 
 
 def test_friction_that_another_surface_turns_off_is_no_one_set() -> None:

@@ -18,7 +18,7 @@ from henon_ref.enclosure.balls import enclose
 from henon_ref.enclosure.run import certify
 from henon_ref.harness.registry import solver
 from henon_ref.harness.truth.multiprecision.points import SeriesEvaluation
-from henon_ref.modes.in_doubles import in_doubles
+from henon_ref.modes.mode_evaluation import in_doubles
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.selection import initial_mode
 

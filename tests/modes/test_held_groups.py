@@ -22,9 +22,9 @@ from henon_ref.errors import ModelError
 from henon_ref.harness.registry import solver
 from henon_ref.harness.truth.multiprecision.points import SeriesEvaluation
 from henon_ref.modes.mode import Mode
-from henon_ref.modes.overrides import Release, SlidingOverride
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.selection import initial_mode
+from henon_ref.modes.switched_field import Release, SlidingOverride
 from henon_ref.modes.system import FilippovSystem
 
 

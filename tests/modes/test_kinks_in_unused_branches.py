@@ -13,7 +13,7 @@ import henon_ref as hr
 from henon_ref.casefile.case import parse_case
 from henon_ref.harness.registry import solver
 from henon_ref.harness.truth.compute import compute
-from henon_ref.modes.branches import has_no_value
+from henon_ref.modes.algebra import has_no_value
 
 X, V = sp.symbols("x v", real=True)
 CASE = """\

@@ -8,8 +8,8 @@ import pytest
 import sympy as sp
 
 import henon_ref as hr
-from henon_ref.modes import patterns
-from henon_ref.modes.patterns import by_pattern, renamed
+from henon_ref.modes import equations
+from henon_ref.modes.equations import by_pattern, renamed
 from henon_ref.taylor.tape import TIME
 
 X9, X10, X11, K, KC = sp.symbols("x_9 x_10 x_11 k kc", real=True)
@@ -42,8 +42,8 @@ def test_expressions_of_one_pattern_are_equal_and_others_are_not() -> None:
 @pytest.mark.parametrize("static", [None, "Fs"])
 def test_contacts_of_a_chain_are_derived_once_a_pattern(static: str | None, monkeypatch: pytest.MonkeyPatch) -> None:
     asked = []
-    made = patterns._made
-    monkeypatch.setattr(patterns, "_made", lambda rule, forms: asked.append((rule, forms)) or made(rule, forms))
+    made = equations._made
+    monkeypatch.setattr(equations, "_made", lambda rule, forms: asked.append((rule, forms)) or made(rule, forms))
     count, scene = 40, hr.Scene(parameters={"k": 1, "kc": 2, "Fs": 1.5, "Fk": 1})
     bodies = [scene.body(f"b{i}", mass=1) for i in range(count)]
     for body in bodies:

@@ -7,8 +7,8 @@ import pytest
 import sympy as sp
 
 from henon_ref.errors import ModelError
-from henon_ref.modes.overrides import SlidingOverride
 from henon_ref.modes.problem import Problem
+from henon_ref.modes.switched_field import SlidingOverride
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 

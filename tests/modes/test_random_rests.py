@@ -24,7 +24,7 @@ from henon_ref.enclosure.enclosure import UndecidedError
 from henon_ref.enclosure.mode_selection import initial_entry
 from henon_ref.enclosure.model import SystemModel
 from henon_ref.harness.truth.multiprecision.points import SeriesEvaluation
-from henon_ref.modes.in_doubles import in_doubles
+from henon_ref.modes.mode_evaluation import in_doubles
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.selection import initial_mode
 from henon_ref.taylor.tape import TIME

@@ -13,10 +13,10 @@ from runs import kinds, run
 from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.harness import registry
 from henon_ref.modes import mode_evaluation
-from henon_ref.modes.arithmetic import CLEAR
+from henon_ref.modes.arithmetic import CLEAR, DOUBLES, rate_of
+from henon_ref.modes.bounds import exact_sign
 from henon_ref.modes.equations import Guard
-from henon_ref.modes.exact_numbers import exact_sign
-from henon_ref.modes.in_doubles import DOUBLES, in_doubles, rate_of
+from henon_ref.modes.mode_evaluation import in_doubles
 from henon_ref.modes.selection import after_event, contact_orders, initial_mode, sign_after
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.series import expand

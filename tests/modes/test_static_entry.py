@@ -23,11 +23,11 @@ from henon_ref.errors import CaseError
 from henon_ref.harness.registry import solver
 from henon_ref.harness.truth.multiprecision.numbers import exact_ball
 from henon_ref.harness.truth.multiprecision.points import SeriesEvaluation
-from henon_ref.modes.in_doubles import in_doubles
 from henon_ref.modes.mode import Mode
-from henon_ref.modes.overrides import Release, SlidingOverride
+from henon_ref.modes.mode_evaluation import in_doubles
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.selection import after_event, initial_mode
+from henon_ref.modes.switched_field import Release, SlidingOverride
 from henon_ref.modes.system import FilippovSystem
 
 FS, FK, VB = sp.Rational(3, 2), sp.Integer(1), sp.Rational(1, 2)

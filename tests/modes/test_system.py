@@ -7,7 +7,7 @@ import sympy as sp
 from problems import make_problem
 
 from henon_ref.errors import ModelError
-from henon_ref.modes.overrides import Release, SlidingOverride
+from henon_ref.modes.switched_field import Release, SlidingOverride
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 

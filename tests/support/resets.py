@@ -6,9 +6,9 @@ from math import asin, atan2, pi, sqrt
 
 import sympy as sp
 
-from henon_ref.modes.overrides import Reset
 from henon_ref.modes.problem import Problem
-from henon_ref.modes.resting import with_resting
+from henon_ref.modes.resets import with_resting
+from henon_ref.modes.switched_field import Reset
 from henon_ref.modes.system import FilippovSystem
 
 X, V, S = sp.symbols("x v s", real=True)

@@ -10,8 +10,8 @@ from functools import cache
 
 import sympy as sp
 
-from henon_ref.modes.overrides import Release, SlidingOverride
 from henon_ref.modes.problem import Problem
+from henon_ref.modes.switched_field import Release, SlidingOverride
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 

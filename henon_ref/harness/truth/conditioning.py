@@ -41,8 +41,7 @@ from henon_ref.harness.truth.reference import ReferenceTransition, instants
 from henon_ref.modes.equations import Guard
 from henon_ref.modes.mode import Mode, replaced
 from henon_ref.modes.problem import Problem
-from henon_ref.modes.resets import jump_of
-from henon_ref.modes.resting import impact_of, turning_in_flight
+from henon_ref.modes.resets import impact_of, jump_of, turning_in_flight
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 
@@ -216,7 +215,7 @@ class _Variations:
         From height h and speed v it is ``v / a + s / b + r s (1 + 1/q) / (a (1 - q r))`` away, -a and -b = -q^2 a being
         the accelerations on the way up and down (q = 1 where no friction turns round), and s^2 = q^2 v^2 + 2 b h: its
         derivative is ``(1 + q^2 r) / ((1 - q r) q v)`` by h and ``(1 + q) / ((1 - q r) q a)`` by v
-        (:mod:`henon_ref.modes.resting`).
+        (:mod:`henon_ref.modes.resets`).
         """
         system, resting, jump = self.system, impact_of(self.system, surface), jump_of(self.system, surface)
         assert resting is not None  # there is a rest

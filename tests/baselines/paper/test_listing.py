@@ -16,8 +16,8 @@ import sympy as sp
 from henon_ref.baselines.paper.listing import LISTING
 from henon_ref.baselines.paper.rk4 import RK4
 from henon_ref.errors import UnsupportedError
-from henon_ref.modes.overrides import Release, SlidingOverride
 from henon_ref.modes.problem import Problem
+from henon_ref.modes.switched_field import Release, SlidingOverride
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.solver import Solver
 from henon_ref.taylor.tape import TIME

@@ -12,9 +12,9 @@ from henon_ref.harness.truth.conditioning import conditioning
 from henon_ref.harness.truth.multiprecision.route import multiprecision
 from henon_ref.harness.truth.proofs import prove
 from henon_ref.harness.truth.reference import Route
-from henon_ref.modes.overrides import Reset
 from henon_ref.modes.problem import Problem
-from henon_ref.modes.resting import with_resting
+from henon_ref.modes.resets import with_resting
+from henon_ref.modes.switched_field import Reset
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.precision import working_precision
 from tests.support.resets import S, V, X, ball, impact_oscillator, oscillator_impacts

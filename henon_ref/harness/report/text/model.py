@@ -18,7 +18,7 @@ from henon_ref.modes.kinks import continuous
 from henon_ref.modes.latex import MOST_OPERATIONS, aligned, derivative, few, latex, printable, symbol
 from henon_ref.modes.latex import general_form as general_form
 from henon_ref.modes.mode import Mode, mode_text
-from henon_ref.modes.resting import REMAINING, impact_of
+from henon_ref.modes.resets import REMAINING, impact_of
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.llvm.count import count
 from henon_ref.taylor.llvm.expansion import expansion_ir

@@ -11,8 +11,8 @@ from dataclasses import replace
 import sympy as sp
 
 from henon_ref.analysis.tangent import SurfaceCoordinate
-from henon_ref.modes.overrides import Release, SlidingOverride
 from henon_ref.modes.problem import Problem
+from henon_ref.modes.switched_field import Release, SlidingOverride
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 

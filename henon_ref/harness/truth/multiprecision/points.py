@@ -14,10 +14,9 @@ from flint import arb
 
 from henon_ref.errors import ModelError
 from henon_ref.harness.truth.multiprecision import series
-from henon_ref.modes.arithmetic import Leading
+from henon_ref.modes.arithmetic import BALLS, Leading
 from henon_ref.modes.decision import Decision
 from henon_ref.modes.equations import Guard
-from henon_ref.modes.in_balls import BALLS
 from henon_ref.modes.mode import Mode, replaced
 from henon_ref.modes.selection import mode_by_signs
 from henon_ref.modes.system import FilippovSystem

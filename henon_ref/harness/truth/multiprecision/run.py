@@ -23,8 +23,7 @@ from henon_ref.modes.decision import Decision
 from henon_ref.modes.equations import Guard
 from henon_ref.modes.mode import Mode, transition_kind
 from henon_ref.modes.problem import Problem
-from henon_ref.modes.resets import resetting, rows_at
-from henon_ref.modes.resting import REMAINING, turning_in_flight
+from henon_ref.modes.resets import REMAINING, resetting, rows_at, turning_in_flight
 from henon_ref.modes.selection import after_event, initial_mode, signs_at
 from henon_ref.precision import working_precision
 from henon_ref.trajectory import Kind, Status

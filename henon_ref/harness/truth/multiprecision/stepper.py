@@ -25,7 +25,7 @@ from henon_ref.harness.truth.multiprecision.numbers import to_ball
 from henon_ref.harness.truth.roots import END
 from henon_ref.modes.equations import Guard, along
 from henon_ref.modes.mode import Mode
-from henon_ref.modes.resting import impact_of, settled_state
+from henon_ref.modes.resets import impact_of, settled_state
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 

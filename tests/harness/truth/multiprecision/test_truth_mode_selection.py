@@ -10,8 +10,8 @@ from flint import arb, ctx
 
 from henon_ref.harness.truth.multiprecision.points import SeriesEvaluation
 from henon_ref.modes.equations import Guard
-from henon_ref.modes.overrides import SlidingOverride
 from henon_ref.modes.selection import after_event, initial_mode
+from henon_ref.modes.switched_field import SlidingOverride
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 

@@ -1,19 +1,63 @@
-"""Loops of contacts some of which have no static friction: these hold as well, at most what they slide with.
-
-A stop that a body rests on may be in a loop: of the contacts that a block has with a wall and with that body, say.
-"""
+"""A system as it is written made ready for its modes: exponents in numbers, contacts in loops that hold."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import sympy as sp
 
 from henon_ref.errors import ModelError
 from henon_ref.modes.contact_loops import circuits, loops, relations
-from henon_ref.modes.overrides import Release, SlidingOverride
 from henon_ref.modes.sliding import filippov_sliding
+from henon_ref.modes.switched_field import Release, SlidingOverride
 from henon_ref.modes.system import FilippovSystem
+
+
+def with_rational_exponents(system: FilippovSystem) -> FilippovSystem:
+    """The system with the numbers of its parameters in every exponent that they make rational.
+
+    An exponent decides what function a power is (a product, a root), and nothing that holds for the symbol holds
+    for all its values: x**3 is smooth where x is 0, x**n is so for some n only. Powers of numbers and parameters, and
+    parameters everywhere else, stay as they are written.
+    """
+    constant = set(system.parameters)
+
+    def is_open(e: sp.Basic) -> bool:
+        return (
+            isinstance(e, sp.Pow)
+            and bool(e.exp.free_symbols & constant)
+            and not e.base.free_symbols <= constant
+            and bool(system.numeric(e.exp).is_Rational)
+        )
+
+    @cache  # overrides hold the field's own rates again and again
+    def written(expression: sp.Expr) -> sp.Expr:
+        return expression.replace(is_open, lambda e: sp.Pow(e.base, system.numeric(e.exp)), simultaneous=False)
+
+    overrides = {
+        index: replace(
+            override,
+            field=tuple(map(written, override.field)),
+            release=tuple(replace(r, when=written(r.when)) for r in override.release),
+        )
+        for index, override in system.overrides.items()
+    }
+    resets = {
+        index: replace(reset, map={x: written(value) for x, value in reset.map.items()})
+        for index, reset in system.resets.items()
+    }
+    surfaces, field, valid = (tuple(map(written, own)) for own in (system.surfaces, system.field, system.valid))
+    return replace(system, surfaces=surfaces, field=field, valid=valid, overrides=overrides, resets=resets)
+
+
+def parameters_in_exponents(system: FilippovSystem) -> set[sp.Symbol]:
+    """Parameters whose values :func:`with_rational_exponents` looks at: with others the system is another one."""
+    expressions = [*system.surfaces, *system.field, *system.valid]
+    for override in system.overrides.values():
+        expressions += [*override.field, *(r.when for r in override.release)]
+    exponents = (power.exp for e in set(expressions) for power in e.atoms(sp.Pow))
+    return {symbol for exponent in exponents for symbol in exponent.free_symbols} & set(system.parameters)
 
 
 def with_held_loops(system: FilippovSystem) -> FilippovSystem:
@@ -22,7 +66,8 @@ def with_held_loops(system: FilippovSystem) -> FilippovSystem:
     Filippov's combination has no single equivalent signs where surfaces depend on each other, and the motion may be
     settled all the same. A contact's own two ends, both fields pointing at its surface, are those of a hold zone, by
     which it is decided like one with static friction. Surfaces that are only multiples of one are left to
-    :func:`henon_ref.modes.sliding.filippov_sliding`, which takes them for one contact.
+    :func:`henon_ref.modes.sliding.filippov_sliding`, which takes them for one contact. A stop that a body rests on may
+    be in a loop: of the contacts that a block has with a wall and with that body, say.
     """
     acting = [i for i, s in enumerate(system.signs) if i in system.overrides or system.normal_velocity(i).has(s)]
     if not relations(system.velocities, tuple(acting)):
