@@ -86,38 +86,20 @@ def _abort() -> type[Exception]:
     return typer.Abort
 
 
-def parsed(app: Callable[..., Any], arguments: Sequence[str] | None, *, name: str = "") -> Any:
+def parsed(app: Callable[..., Any], arguments: Sequence[str] | None, *, name: str = "", obj: Any = None) -> Any:
     """What a typer application's function returns for these arguments; a status where it was help that was asked for.
 
-    Parameters
-    ----------
-    app : typer.Typer
-    arguments : sequence of str, optional
-        None: those of the process.
-    name : str
-        The subcommand's, which the usage names.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        Which typer would turn into a status.
+    Without arguments they are those of the process; the usage names the subcommand, and the function finds ``obj`` in
+    its context. A KeyboardInterrupt, which typer would turn into a status, is passed on.
     """
-    result = app(arguments, prog_name=f"henon-ref {name}".strip(), standalone_mode=False)
+    result = app(arguments, prog_name=f"henon-ref {name}".strip(), standalone_mode=False, obj=obj)
     if type(result) is int and result == INTERRUPTED:
         raise KeyboardInterrupt
     return DONE if result is None else result
 
 
 def command_of(app: Callable[..., Any], name: str) -> Callable[..., int]:
-    """The subcommand that a typer application reads: a function of its arguments, or the process's; the exit status.
-
-    Parameters
-    ----------
-    app : typer.Typer
-        Its function returns the exit status where nothing goes wrong.
-    name : str
-        The subcommand's.
-    """
+    """The subcommand that a typer application reads: a function of its arguments, or the process's; the exit status."""
 
     def command(arguments: Sequence[str] | None = None) -> int:
         return exit_status(lambda: int(parsed(app, arguments, name=name)), name=name, arguments=arguments)
@@ -127,13 +109,7 @@ def command_of(app: Callable[..., Any], name: str) -> Callable[..., int]:
 
 @contextmanager
 def writing_into(folder: Path, *, kept: str = "") -> Iterator[None]:
-    """What goes wrong with the folder that a command was told to write into is a bad argument.
-
-    Raises
-    ------
-    CaseError
-        In place of an OSError that says so. Any other one is passed on.
-    """
+    """What goes wrong with the folder that a command was told to write into is a bad argument: a CaseError says so."""
     try:
         yield
     except OSError as error:

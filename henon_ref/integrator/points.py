@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -95,6 +95,8 @@ class PointRuns:
         By default nothing.
     stop_falling, stop_rising, most_steps : int
         See :class:`henon_ref.integrator.start.Start`.
+    mode : mapping, optional
+        Surface -> -1, 0 or +1, for starts on a surface that the fields leave open: each is decided in Python.
     exact : callable, optional
         The exact numbers of a point, by its number: values, state, initial time, horizon. By default those that the
         doubles are printed as.
@@ -126,11 +128,12 @@ class PointRuns:
         stop_falling: int = 0,
         stop_rising: int = 0,
         most_steps: int = MOST_STEPS,
+        mode: Mapping[int, int] | None = None,
         exact: Callable[[int], ExactPoint] | None = None,
     ) -> None:
         if integrator.system.parameters:
             raise ModelError("an integrator of a system with values of its parameters runs that system alone")
-        self.integrator, self.keep, self._exact = integrator, keep, exact
+        self.integrator, self.keep, self.given_mode, self._exact = integrator, keep, mode, exact
         self.values = threes(_pairs(values, 2))
         self.initial = _pairs(initial, 2)
         points, n = self.initial.shape[:2]
@@ -141,6 +144,7 @@ class PointRuns:
             "stop_falling": stop_falling,
             "stop_rising": stop_rising,
             "most_steps": most_steps,
+            "mode": mode,
         }
         self.ends = np.zeros(points, dtype=END)
         self.states = np.zeros((points, n))
@@ -310,6 +314,8 @@ class _Part:
         signs = integrator.programs.start_signs(np.concatenate([points, values], axis=1))
         contacts = integrator.mode_table.contacts
         rows, surfaces = np.full((len(points), max(self.words, 1)), -1), np.full(len(points), -1)
+        if runs.given_mode:
+            return rows, surfaces
         modes, places = np.unique(signs, axis=0, return_inverse=True)
         for k, mode in enumerate(modes.tolist()):
             found = row_at_start(integrator.mode_table, mode)

@@ -10,14 +10,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from sweep_systems import assert_same, belt, parquet_files
+from sweep_systems import assert_same, belt, collected, parquet_files
 
 from henon_ref.errors import CaseError
 from henon_ref.sweeps import observe, storage
 from henon_ref.sweeps.storage import SweepFolder
-from henon_ref.sweeps.sweep import collected, sweep
+from henon_ref.sweeps.sweep import SweepTable, sweep
 from henon_ref.sweeps.sweep_file import load_sweep
-from henon_ref.sweeps.table import SweepTable
 
 
 def swept(out: Path, **how: Any) -> SweepTable:
@@ -108,7 +107,7 @@ def test_a_chunk_counts_once_its_points_are_there(tmp_path: Path) -> None:
 
 def test_what_stands_beside_the_results_runs_the_sweep_again(tmp_path: Path) -> None:
     table = swept(tmp_path / "out")
-    again = collected(load_sweep(tmp_path / "out" / "sweep.yaml").plan, jobs=1)
+    again = collected(load_sweep(tmp_path / "out" / "sweep.yaml").plan)
     assert_same(again, table)
     manifest = json.loads((tmp_path / "out" / "manifest.json").read_text())
     assert manifest["rerun"] == "python -m henon_ref.sweep sweep.yaml --out again"
@@ -121,4 +120,4 @@ def test_a_table_of_points_stands_beside_them(tmp_path: Path, many: bool) -> Non
     arguments = {"until": 1, "observe": [observe.final_state()], "jobs": 1}
     table = sweep(belt(), {"x": 1.5, "v": 0}, grid=grid, out=tmp_path / "out", **arguments)
     assert (tmp_path / "out" / "points.csv").exists()
-    assert_same(collected(load_sweep(tmp_path / "out" / "sweep.yaml").plan, jobs=1), table)
+    assert_same(collected(load_sweep(tmp_path / "out" / "sweep.yaml").plan), table)

@@ -26,8 +26,7 @@ from henon_ref.harness.report.html.sweep_content import (
 )
 from henon_ref.harness.report.html.sweep_runs import NAME, PLACE, case_text, kept_runs, tolerance
 from henon_ref.harness.table import count
-from henon_ref.sweeps.manifest import SWEEP_FILE
-from henon_ref.sweeps.storage import MANIFEST, PAGE
+from henon_ref.sweeps.storage import MANIFEST, PAGE, SWEEP_FILE
 from henon_ref.sweeps.sweep_file import load_sweep
 from henon_ref.text import one_line
 

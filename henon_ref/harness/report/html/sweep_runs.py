@@ -17,8 +17,8 @@ from henon_ref.harness.report.html.sweep_content import grid_sizes
 from henon_ref.harness.table import setting
 from henon_ref.simulation.simulate import simulate
 from henon_ref.simulation.solution import Solution
-from henon_ref.sweeps.manifest import SWEEP_FILE
 from henon_ref.sweeps.plan import Plan
+from henon_ref.sweeps.storage import SWEEP_FILE
 from henon_ref.sweeps.sweep_file import CASE_KEYS
 
 KEPT = 25
@@ -58,7 +58,7 @@ def _spread(plan: Plan) -> list[int]:
 
 def _run(plan: Plan, number: int) -> Solution | None:
     """A point's run with its polynomials; None where it cannot be had, or has too many steps for a picture."""
-    settings, values = plan.work.settings, dict(zip(plan.points.names, plan.points.values[number], strict=True))
+    settings, values = plan.work, dict(zip(plan.points.names, plan.points.values[number], strict=True))
     states = {name: float(values.pop(name)) for name in settings.system.state if name in values}
     how: dict[str, Any] = {
         "until": settings.until, "start": settings.start, "rtol": settings.rtol, "mode": settings.mode,
@@ -95,7 +95,7 @@ def case_text(plan: Plan, folder: Path) -> str | None:
     if plan.points.chain > 1:
         return None
     for k, name in enumerate(plan.points.names):
-        place = made["initial"] if name in plan.work.settings.system.state else parameters
+        place = made["initial"] if name in plan.work.system.state else parameters
         if name not in place:
             return None
         place[name] = PLACE.format(k)
@@ -109,4 +109,4 @@ def case_text(plan: Plan, folder: Path) -> str | None:
 
 def tolerance(plan: Plan) -> str:
     """The sweep's relative tolerance, as the command takes it."""
-    return setting(plan.work.settings.rtol, None)
+    return setting(plan.work.rtol, None)
