@@ -1,9 +1,9 @@
-"""``python -m henon_ref.sweep``: a door to :mod:`henon_ref.harness.report.sweep`, which nobody imports."""
+"""``python -m henon_ref.sweep``: a door to :mod:`henon_ref.harness.cli.sweep`, which nobody imports."""
 
 if __name__ == "__main__":
     import sys
 
-    from henon_ref.harness.report.sweep import program
+    from henon_ref.harness.cli.sweep import program
 
     sys.exit(program())
 elif __name__ != "__mp_main__":  # by which workers that are spawned import it

@@ -72,7 +72,7 @@ def test_a_door_that_is_imported_says_so_and_takes_no_function_s_place() -> None
     doors = ("sweep", "compare", "check", "prune")
     code = (
         "import importlib, os; before = dict(os.environ)\n"
-        "import henon_ref.harness.cli.compare, henon_ref.commands.sweep, henon_ref.sweeps.sweep, henon_ref as hr\n"
+        "import henon_ref.harness.cli.compare, henon_ref.harness.cli.sweep, henon_ref.sweeps.sweep, henon_ref as hr\n"
         f"for door in {doors}:\n"
         "    try:\n        importlib.import_module(f'henon_ref.{door}')\n"
         "    except ImportError as error:\n        print(error)\n"

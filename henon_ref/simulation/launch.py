@@ -54,11 +54,6 @@ def integrator_of(system: System, tolerance: float, open_kinks: frozenset[int] =
         return made
 
 
-def no_transitions(states: int) -> TransitionArray:
-    """Those of a run that has none."""
-    return TransitionArray(np.zeros((0, TRANSITION_PLACES + states)), ())
-
-
 class Launch(NamedTuple):
     """A run that is ready to go."""
 
@@ -73,11 +68,12 @@ class Launch(NamedTuple):
 
         Where there was no mode to begin with, there is none at the end.
         """
-        if self.start.refused is not None:
-            trajectory = trajectory._replace(end_mode=())
         found = trajectory.transitions
         if not isinstance(found, TransitionArray):  # there are none
-            return trajectory._replace(transitions=no_transitions(len(self.base.state)))
+            found = TransitionArray(np.zeros((0, TRANSITION_PLACES + len(self.base.state))), ())
+            trajectory = trajectory._replace(transitions=found)
+        if self.start.refused is not None:
+            return trajectory._replace(end_mode=())
         if (self.start.stop_falling or self.start.stop_rising) and trajectory.status == "ok":
             last = found[-1] if len(found) else None
             if last is not None and (last.time, last.time_low) != self.start.until and last.time == trajectory.end_time:
@@ -87,8 +83,8 @@ class Launch(NamedTuple):
             from henon_ref.modes.kinks import hidden_kinks
 
             kinks = hidden_kinks(self.base.model)
-            trajectory = trajectory._replace(end_mode=kinks.shown(trajectory.end_mode))
-            trajectory = trajectory._replace(transitions=found.visible(kinks))
+            shown = kinks.shown(trajectory.end_mode)
+            trajectory = trajectory._replace(end_mode=shown, transitions=found.visible(kinks))
         return trajectory
 
 

@@ -289,6 +289,15 @@ def test_the_start_comes_before_what_happens_there() -> None:
     assert run.y[0, 0] == float(case.initial["x"]) < 0 <= run.y[0, 1]
 
 
+def test_a_run_whose_transitions_are_all_on_hidden_kinks_has_its_modes() -> None:
+    """The larger of two changes in a branch that is not active, as x falls from 2.5."""
+    system = hr.System(["x", "v"], {}, {}, ["v", "piecewise(2 - x, x > 0, max(sqrt(5 - v), x))"])
+    run = hr.simulate(system, {"x": 2.5, "v": 0.25}, until=6)
+    assert (run.status, len(run.transitions)) == ("ok", 0)
+    assert run.mode([1, 5]) == [run.mode(0)] * 2
+    assert set(run.to_dataframe()["kink1"]) == {1}
+
+
 @pytest.mark.parametrize("until", [0.01, 1.5, 14, 60])
 def test_frames_are_those_of_rows(until: float) -> None:
     run = hr.simulate(BELT, {"x": 1, "v": 0}, until=until)

@@ -18,8 +18,8 @@ from sweep_systems import SWEEP, assert_same, sliding_block
 
 import henon_ref as hr
 from henon_ref.errors import HenonRefError
+from henon_ref.harness.cli.sweep import program
 from henon_ref.harness.report.folder import FolderLock
-from henon_ref.harness.report.sweep import program
 from henon_ref.sweeps.storage import KEY, SweepFolder, owned
 from henon_ref.sweeps.sweep import assembled
 from henon_ref.sweeps.sweep_file import load_sweep

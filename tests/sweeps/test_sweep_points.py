@@ -247,3 +247,8 @@ def test_a_name_stands_once() -> None:
     for given in (grid, table):
         with pytest.raises(ArgumentError, match="'1' twice"):
             given({1: [1.0], "1": [2.0]})
+
+
+def test_a_long_grid_beside_a_line_is_written_down() -> None:
+    points = continuation({"F": [1, 2]}, {"x": np.linspace(0, 1, 5001)})
+    assert len(points.written["continuation"]["grid"]["x"]) == 5001

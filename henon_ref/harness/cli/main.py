@@ -45,7 +45,7 @@ SUBCOMMANDS = {
     "check": Subcommand("check:command", "Check stored reports against a fresh comparison."),
     "demo": Subcommand("commands.demo:command", "Draw a stick-slip orbit with its transitions."),
     "simulate": Subcommand("commands.simulate:command", "Simulate one case: its transitions, a picture."),
-    "sweep": Subcommand("harness.report.sweep:program", "Run one system at many points, and observe each run."),
+    "sweep": Subcommand("sweep:program", "Run one system at many points, and observe each run."),
     "cases": Subcommand("cases:command", "List cases: names, sizes, titles, tags."),
     "solvers": Subcommand("solvers:command", "List solvers: versions, options, and why one cannot be had."),
     "schema": Subcommand("schema:command", "Print the JSON Schema of a case file."),

@@ -1,9 +1,9 @@
-"""Sweeps whose folders are locked while they are written, and have a page: the function and the command."""
+"""The function :func:`henon_ref.sweep`: a sweep whose folder is locked while it is written, and has a page."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import wraps
 from pathlib import Path
@@ -37,10 +37,3 @@ def sweep(*arguments: Any, **options: Any) -> SweepTable:
         raise ArgumentError(f"out is {str(out)[:60]}; wanted the path of a folder, or None")
     with written(Path(out)):
         return sweeps.sweep(*arguments, **options)
-
-
-def program(arguments: Sequence[str] | None = None) -> int:
-    """The command ``sweep``; the exit status."""
-    from henon_ref.commands.sweep import program as command  # which loads what only commands need
-
-    return command(arguments, around=written)

@@ -15,7 +15,7 @@ from html_pages import SCHEMES, SIZES, opened, serious, sideways
 from sweep_systems import SWEEP, belt, sliding_block
 
 import henon_ref
-from henon_ref.harness.report.sweep import program
+from henon_ref.harness.cli.sweep import program
 from henon_ref.harness.report.html import sweep_content, sweep_page
 from henon_ref.harness.report.html.rendering import MOST_BYTES, read_embedded
 from henon_ref.harness.report.html.sweep_content import frame_content, kept_points, read_table, rows_of
