@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import groupby
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import sympy as sp
@@ -24,8 +23,10 @@ from henon_ref.trajectory import Trajectory, Transition
 
 LATE = 0.5
 """Part of the run after which it is taken to be on its orbit."""
-REPETITIONS = 3
-"""Of a pattern, to be seen at the end of a run."""
+REPETITIONS, LONGEST = 3, 64
+"""Of a pattern, to be seen at the end of a run; and the transitions that it has at most."""
+SAME = 1e-9
+"""Two states closer than this, relative to the largest state seen, are the same."""
 SETTLING = 1e-2
 """How far a run may still be from its limit, relative to the largest state seen: near enough for Newton's method."""
 
@@ -168,42 +169,21 @@ def _depends_on_time(model: FilippovSystem) -> bool:
     return any(e.has(TIME) for e in expressions)
 
 
-@dataclass(frozen=True)
-class Period:
+class Period(NamedTuple):
     """What a settled run repeats."""
 
     value: float
     """Period [s]: the mean over all repetitions seen."""
     pattern: tuple[Transition, ...]
     """The transitions of one period, the last that were seen."""
-    repetitions: int
-    """Whole periods seen."""
-    scatter: float
-    """Largest difference of one return from the mean [s]."""
     settled: bool
     """Whether they repeat to the tolerance; else they come closer at each return, and their limit is near."""
 
 
-def measured_period(
-    transitions: Iterable[Transition], *, after: float, tolerance: float = 1e-9, most: int = 64
-) -> Period | None:
-    """The period of the end of a run of an autonomous system.
+def measured_period(transitions: Iterable[Transition], *, after: float) -> Period | None:
+    """The period of the end of a run of an autonomous system, from its transitions later than a time [s].
 
-    Parameters
-    ----------
-    transitions : iterable of Transition
-        In order of time.
-    after : float
-        Only transitions later than this are looked at [s].
-    tolerance : float
-        Two states closer than this, relative to the largest state seen, are the same.
-    most : int
-        Longest pattern looked for, in transitions.
-
-    Returns
-    -------
-    Period or None
-        None where no pattern of up to ``most`` transitions is seen at least three times over at the end.
+    None where no pattern of up to :data:`LONGEST` transitions is seen at least three times over at the end.
     """
     late = [t for t in transitions if t.time > after]
     if len(late) < REPETITIONS:
@@ -213,7 +193,7 @@ def measured_period(
     changes = np.array([known.setdefault((t.kind, t.surface, t.to_mode), len(known)) for t in late])
     times = np.array([t.time for t in late]) - late[0].time
     times += np.array([t.time_low for t in late]) - late[0].time_low
-    lengths = range(1, min(most, len(late) // REPETITIONS) + 1)
+    lengths = range(1, min(LONGEST, len(late) // REPETITIONS) + 1)
     sizes = [float(np.abs(states[-REPETITIONS * length :]).max()) for length in lengths]
     returns = []
     for length in lengths:
@@ -221,7 +201,7 @@ def measured_period(
         apart[changes[length:] != changes[:-length]] = np.inf
         returns.append(apart)
     for length, apart, size in zip(lengths, returns, sizes, strict=True):
-        same = apart <= tolerance * size
+        same = apart <= SAME * size
         if same[-(REPETITIONS - 1) * length :].all():
             first = 0 if same.all() else len(same) - int(np.argmin(same[::-1]))
             return _period(late[first:], times[first:], length, settled=True)
@@ -235,6 +215,4 @@ def measured_period(
 
 def _period(late: list[Transition], times: NDArray[np.float64], length: int, *, settled: bool) -> Period:
     count = (len(late) - 1) // length
-    value = float((times[count * length] - times[0]) / count)
-    scatter = float(np.abs(times[length:] - times[:-length] - value).max())
-    return Period(value, tuple(late[-length:]), count, scatter, settled)
+    return Period(float((times[count * length] - times[0]) / count), tuple(late[-length:]), settled)

@@ -19,6 +19,8 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, TextIO
 
+import typer
+
 from henon_ref.commands import status_line
 from henon_ref.errors import CaseError, HenonRefError
 from henon_ref.text import message
@@ -26,6 +28,8 @@ from henon_ref.text import message
 DONE, NOT_MET, BAD, UNFORESEEN, INTERRUPTED = 0, 1, 2, 3, 130
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EFBIG)
 """What a disk says on which nothing more can be written."""
+USAGE_ERROR: Any = typer.BadParameter.__base__
+"""What typer raises for a wrong argument; it exports this one class of them only."""
 
 
 def exit_status(act: Callable[[], int], *, name: str, arguments: Sequence[str] | None, kept: str = "") -> int:
@@ -45,8 +49,14 @@ def exit_status(act: Callable[[], int], *, name: str, arguments: Sequence[str] |
     with _standard_streams(), warnings_shown():
         try:
             signal.signal(signal.SIGTERM, _terminate)
-            return _guarded(act)
-        except KeyboardInterrupt:
+            return act()
+        except HenonRefError as error:
+            say(f"error: {error}")
+            return BAD
+        except USAGE_ERROR as error:
+            say(f"error: {error.format_message()} (see --help)")
+            return BAD
+        except (KeyboardInterrupt, typer.Abort):
             say("; ".join(part for part in ("interrupted", kept) if part))
             return INTERRUPTED
         except (Exception, SystemExit) as error:  # noqa: BLE001 - the one place where what nobody foresaw is told
@@ -57,33 +67,6 @@ def exit_status(act: Callable[[], int], *, name: str, arguments: Sequence[str] |
             where = f"the log is {log}" if log else "no log can be written"
             say("; ".join(part for part in (f"error: unforeseen: {what}", kept, where) if part))
             return UNFORESEEN
-
-
-def _guarded(act: Callable[[], int]) -> int:
-    """Every way of ending that is foreseen."""
-    try:
-        return act()
-    except HenonRefError as error:
-        say(f"error: {error}")
-    except _usage_error() as error:
-        say(f"error: {error.format_message()} (see --help)")
-    except _abort():
-        raise KeyboardInterrupt from None
-    return BAD
-
-
-def _usage_error() -> Any:
-    """What typer raises for a wrong argument; it exports this one class of them only."""
-    import typer
-
-    return typer.BadParameter.__base__
-
-
-def _abort() -> type[Exception]:
-    """What typer raises where it is interrupted."""
-    import typer
-
-    return typer.Abort
 
 
 def parsed(app: Callable[..., Any], arguments: Sequence[str] | None, *, name: str = "", obj: Any = None) -> Any:
