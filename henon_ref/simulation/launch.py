@@ -9,12 +9,10 @@ from functools import cached_property
 from threading import Lock
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from henon_ref.errors import ArgumentError
 from henon_ref.integrator.integrator import Integrator
 from henon_ref.integrator.prepared_run import local_error, order_for
-from henon_ref.integrator.records import HENON, TRANSITION_PLACES
+from henon_ref.integrator.records import HENON
 from henon_ref.integrator.start import MOST_STEPS, NO_LIMIT, Start
 from henon_ref.integrator.transition_array import TransitionArray
 from henon_ref.modes.mode import mode_text
@@ -64,16 +62,10 @@ class Launch(NamedTuple):
     start: Start
 
     def ended(self, trajectory: Trajectory) -> Trajectory:
-        """What the run returned: its transitions an array, with the words for a run that was to stop.
-
-        Where there was no mode to begin with, there is none at the end.
-        """
-        found = trajectory.transitions
-        if not isinstance(found, TransitionArray):  # there are none
-            found = TransitionArray(np.zeros((0, TRANSITION_PLACES + len(self.base.state))), ())
-            trajectory = trajectory._replace(transitions=found)
+        """What the run returned, with the words for a run that was to stop, and no mode where there was none."""
         if self.start.refused is not None:
             return trajectory._replace(end_mode=())
+        found = trajectory.transitions
         if (self.start.stop_falling or self.start.stop_rising) and trajectory.status == "ok":
             last = found[-1] if len(found) else None
             if last is not None and (last.time, last.time_low) != self.start.until and last.time == trajectory.end_time:
@@ -83,8 +75,8 @@ class Launch(NamedTuple):
             from henon_ref.modes.kinks import hidden_kinks
 
             kinks = hidden_kinks(self.base.model)
-            shown = kinks.shown(trajectory.end_mode)
-            trajectory = trajectory._replace(end_mode=shown, transitions=found.visible(kinks))
+            visible = found.visible(kinks) if isinstance(found, TransitionArray) else found
+            trajectory = trajectory._replace(end_mode=kinks.shown(trajectory.end_mode), transitions=visible)
         return trajectory
 
 

@@ -6,13 +6,13 @@ import html
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from henon_ref.errors import ArgumentError
-from henon_ref.integrator.records import RESET
+from henon_ref.integrator.records import RESET, TRANSITION_PLACES
 from henon_ref.integrator.transition_array import TransitionArray
 from henon_ref.modes.mode import Mode
 from henon_ref.simulation.dense_output import DenseOutput, checked_times
@@ -103,9 +103,12 @@ class Solution(Outcome):
         """Records of the transitions."""
         return self._transitions.records
 
-    @property
+    @cached_property
     def _transitions(self) -> TransitionArray:
-        return cast(TransitionArray, self.trajectory.transitions)
+        found = self.trajectory.transitions
+        if isinstance(found, TransitionArray):
+            return found
+        return TransitionArray(np.zeros((0, TRANSITION_PLACES + len(self._pairs))), ())  # there are none
 
     def _modes(self, times: NDArray[np.float64]) -> list[Mode]:
         """The mode at each time, after the transitions there."""
@@ -228,7 +231,8 @@ class Solution(Outcome):
         """
         from henon_ref.simulation.run_file import write_run
 
-        write_run(Path(path), (self.system, self.start_time, self._pairs, self.trajectory, self._steps))
+        trajectory = self.trajectory._replace(transitions=self._transitions)
+        write_run(Path(path), (self.system, self.start_time, self._pairs, trajectory, self._steps))
 
     def plot(
         self,
