@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:  # modules, too, under the names by which they go here
     import henon_ref.figures.sweeps as plots  # noqa: F401
     import henon_ref.sweeps.observe as observe  # noqa: F401
-    import henon_ref.sweeps.point_sets as points  # noqa: F401
+    import henon_ref.sweeps.points as points  # noqa: F401
     from henon_ref.analysis.lyapunov import lyapunov_exponents
     from henon_ref.analysis.periodic_orbit import periodic_orbit
     from henon_ref.analysis.tangent import tangent_points
@@ -77,7 +77,7 @@ _HOME = {
     "Transition": "trajectory",
 }
 
-_MODULES = {"observe": "sweeps.observe", "plots": "figures.sweeps", "points": "sweeps.point_sets"}
+_MODULES = {"observe": "sweeps.observe", "plots": "figures.sweeps", "points": "sweeps.points"}
 """What goes with :func:`sweep`: what is observed, where it is run, how it is drawn."""
 
 __all__ = [

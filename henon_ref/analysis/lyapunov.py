@@ -92,24 +92,10 @@ class Spectrum:
 
 
 def lyapunov_spectrum(problem: Problem, *, discard: float, span: float, tolerance: float = 1e-12) -> Spectrum:
-    """All Lyapunov exponents of a problem's trajectory.
+    """All Lyapunov exponents of a problem's trajectory: see :func:`lyapunov_exponents`.
 
-    Parameters
-    ----------
-    problem : Problem
-        Its own ``until`` is not used.
-    discard : float
-        Time before the averages begin, for the trajectory to reach its attractor and the vectors theirs [s]. What
-        sticks take away until then counts for nothing.
-    span : float
-        Time to average over [s].
-    tolerance : float
-        Local error of a step; a larger one than the logarithms' sum is checked to is not taken.
-
-    Raises
-    ------
-    UnsupportedError
-        Where several surfaces change at one instant, or the logarithms' sum is not that of the volume.
+    The problem's own ``until`` is not used; ``tolerance`` is the local error of a step, of which a larger one than the
+    logarithms' sum is checked to is not taken.
     """
     tolerance = min(tolerance, LOCAL_ERROR)
     flow = TangentFlow(problem, tolerance=tolerance)

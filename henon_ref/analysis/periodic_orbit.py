@@ -1,15 +1,15 @@
-"""The periodic orbit that a motion tends to, with a proof."""
+"""The periodic orbit that a motion tends to, with a proof; the period of a run that has settled, measured."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import groupby
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import sympy as sp
+from numpy.typing import NDArray
 
-from henon_ref.analysis.periodic import measured_period
 from henon_ref.enclosure.periodic_orbit import PeriodicOrbit, find_periodic_orbit
 from henon_ref.enclosure.return_map import Guess, OrbitError
 from henon_ref.errors import ArgumentError
@@ -23,6 +23,12 @@ from henon_ref.trajectory import Trajectory, Transition
 
 LATE = 0.5
 """Part of the run after which it is taken to be on its orbit."""
+REPETITIONS, LONGEST = 3, 64
+"""Of a pattern, to be seen at the end of a run; and the transitions that it has at most."""
+SAME = 1e-9
+"""Two states closer than this, relative to the largest state seen, are the same."""
+SETTLING = 1e-2
+"""How far a run may still be from its limit, relative to the largest state seen: near enough for Newton's method."""
 
 
 def periodic_orbit(
@@ -161,3 +167,52 @@ def _depends_on_time(model: FilippovSystem) -> bool:
     expressions += [r.when for o in model.overrides.values() for r in o.release]
     expressions += [value for reset in model.resets.values() for value in reset.map.values()]
     return any(e.has(TIME) for e in expressions)
+
+
+class Period(NamedTuple):
+    """What a settled run repeats."""
+
+    value: float
+    """Period [s]: the mean over all repetitions seen."""
+    pattern: tuple[Transition, ...]
+    """The transitions of one period, the last that were seen."""
+    settled: bool
+    """Whether they repeat to the tolerance; else they come closer at each return, and their limit is near."""
+
+
+def measured_period(transitions: Iterable[Transition], *, after: float) -> Period | None:
+    """The period of the end of a run of an autonomous system, from its transitions later than a time [s].
+
+    None where no pattern of up to :data:`LONGEST` transitions is seen at least three times over at the end.
+    """
+    late = [t for t in transitions if t.time > after]
+    if len(late) < REPETITIONS:
+        return None
+    states = np.array([t.state for t in late])
+    known: dict[object, int] = {}
+    changes = np.array([known.setdefault((t.kind, t.surface, t.to_mode), len(known)) for t in late])
+    times = np.array([t.time for t in late]) - late[0].time
+    times += np.array([t.time_low for t in late]) - late[0].time_low
+    lengths = range(1, min(LONGEST, len(late) // REPETITIONS) + 1)
+    sizes = [float(np.abs(states[-REPETITIONS * length :]).max()) for length in lengths]
+    returns = []
+    for length in lengths:
+        apart = np.abs(states[length:] - states[:-length]).max(axis=1)
+        apart[changes[length:] != changes[:-length]] = np.inf
+        returns.append(apart)
+    for length, apart, size in zip(lengths, returns, sizes, strict=True):
+        same = apart <= SAME * size
+        if same[-(REPETITIONS - 1) * length :].all():
+            first = 0 if same.all() else len(same) - int(np.argmin(same[::-1]))
+            return _period(late[first:], times[first:], length, settled=True)
+    for length, apart, size in zip(lengths, returns, sizes, strict=True):
+        before, now = apart[-2 * length : -length].max(), apart[-length:].max()
+        # As a geometric series: how far it is still to the limit.
+        if now < before < np.inf and now * now / (before - now) <= SETTLING * size:
+            return _period(late[-REPETITIONS * length :], times[-REPETITIONS * length :], length, settled=False)
+    return None
+
+
+def _period(late: list[Transition], times: NDArray[np.float64], length: int, *, settled: bool) -> Period:
+    count = (len(late) - 1) // length
+    return Period(float((times[count * length] - times[0]) / count), tuple(late[-length:]), settled)

@@ -1,45 +1,126 @@
-"""Saltation matrices: what a perturbation becomes at a transition (:mod:`henon_ref.analysis.variational`)."""
+"""Perturbations of a system: the directions that they have in a mode, and what they become at a transition.
+
+See :mod:`henon_ref.analysis.variational` for the formulas and where they are from.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import cast
 
 import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.analysis.tangent_space import TangentSpace
 from henon_ref.errors import UnsupportedError
 from henon_ref.integrator.run import Jumped
-from henon_ref.modes.equations import Guard
+from henon_ref.modes.equations import along
 from henon_ref.modes.mode import Mode
-from henon_ref.modes.resets import jump_of
+from henon_ref.modes.resets import impact_of, jump_of
+from henon_ref.modes.switched_field import kept
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Transition
 
+Vector = Sequence[float] | NDArray[np.float64]
 Matrix = NDArray[np.float64]
+SINGULAR = 1e-13
+"""A jump whose derivative has a singular value this small, relative to the largest, takes a direction away."""
 AT_ZERO = 1e-12
 """Part of the sizes of its terms below which a surface's function counts as zero."""
 _Function = Callable[..., list[float]]
 
 
-class Saltation:
-    """Saltation matrices of one system in double precision.
-
-    Parameters
-    ----------
-    system : FilippovSystem
-        The system itself, without tangent vectors.
-    """
+class TangentSpace:
+    """The tangent spaces of a system's modes: all directions in slip, those along the surfaces in sliding."""
 
     def __init__(self, system: FilippovSystem) -> None:
         self.system = system
-        self._spaces = TangentSpace(system)
-        self._fields: dict[Mode, _Function] = {}
-        self._guards: dict[sp.Expr, _Function] = {}
-        self._maps: dict[int, _Function] = {}
+
+    def dimension(self, mode: Mode) -> int:
+        """How many directions perturbations have in a mode."""
+        return len(self.system.states) - len(self._gradients_in(_slid_on(mode)))
+
+    def completed(self, vectors: Matrix, mode: Mode, t: float, x: Vector) -> Matrix:
+        """Orthonormal vectors of a mode's tangent space, shape (n, k), and what makes them a basis, (n, dimension)."""
+        beside = np.column_stack([vectors, np.reshape(self._normals_in(_slid_on(mode))(t, *x), (-1, len(x))).T])
+        more = np.linalg.qr(beside, mode="complete")[0][:, beside.shape[1] :]
+        return np.column_stack([vectors, more])
+
+    def basis(self, mode: Mode, t: float, x: Vector) -> Matrix:
+        """An orthonormal basis of a mode's tangent space, shape (n, dimension)."""
+        return self.completed(np.zeros((len(x), 0)), mode, t, x)
+
+    def meet_at_once(self, before: Mode, after: Mode) -> bool:
+        """Whether the surfaces that change from one mode to the next are one, beside those that are slid on in both.
+
+        One may be a multiple of another, and in a loop of contacts the last ones come to rest together.
+        """
+        both = _slid_on(before) & _slid_on(after)
+        changed = {i for i, (old, new) in enumerate(zip(before, after, strict=True)) if old != new}
+        return len(self._gradients_in(both | changed)) <= len(self._gradients_in(both)) + 1
+
+    def jacobian(self, mode: Mode, t: float, x: Vector) -> Matrix:
+        """Derivative of a mode's field by the state, shape (n, n); zero where it has no finite value."""
+        states = self.system.states
+        slopes = [self.system.numeric(sp.diff(f, x)) for f in self.system.equations(mode).field for x in states]
+        values = sp.lambdify([TIME, *states], slopes, "numpy", cse=True)
+        with np.errstate(all="ignore"):
+            found = np.array(values(np.float64(t), *np.asarray(x, dtype=float)), dtype=float).reshape(len(states), -1)
+        return found if np.isfinite(found).all() else np.zeros_like(found)
+
+    def divergence(self, field: Sequence[sp.Expr], sliding: frozenset[int]) -> sp.Expr:
+        """The rate at which a field, shape (n,), spreads volumes of the tangent space of sliding on some surfaces.
+
+        The trace of its Jacobian J restricted to the directions that are orthogonal to the gradients N of what is kept
+        at zero: ``tr J - tr((N N^T)^-1 N J N^T)``.
+        """
+        states = self.system.states
+        trace = sp.Add(*(sp.diff(f, x) for f, x in zip(field, states, strict=True)))
+        gradients = self._gradients_in(sliding)
+        if not gradients:
+            return trace
+        normals = sp.Matrix(gradients)
+        inverse = (normals * normals.T).inv()
+        along_normals = [
+            [sp.Add(*(g * sp.diff(f, x) for g, x in zip(row, states, strict=True) if g != 0)) for f in field]
+            for row in gradients
+        ]
+        return trace - (inverse * normals * sp.Matrix(along_normals).T).trace()
+
+    @kept
+    def _gradients_in(self, sliding: frozenset[int]) -> list[list[sp.Expr]]:
+        """Gradients of surfaces slid on, and of the speeds of bodies at rest; none that follows from the others."""
+        system = self.system
+        found: list[list[sp.Expr]] = []
+        for i in sorted(sliding):
+            impact = impact_of(system, i) if system.rests(i) else None
+            for zero in (system.surfaces[i], *(() if impact is None else (impact.speed,))):
+                row = [system.numeric(sp.diff(zero, x)) for x in system.states]
+                if sp.Matrix([*found, row]).rank() > len(found):
+                    found.append(row)
+        return found
+
+    @kept
+    def _normals_in(self, sliding: frozenset[int]) -> Callable[..., list[list[float]]]:
+        made = sp.lambdify([TIME, *self.system.states], self._gradients_in(sliding), "math", cse=True)
+        return cast(Callable[..., list[list[float]]], made)
+
+
+def _slid_on(mode: Mode) -> frozenset[int]:
+    return frozenset(i for i, entry in enumerate(mode) if entry == 0)
+
+
+def rank_lost(matrix: Matrix) -> int:
+    """Directions, of as many as a matrix has columns, that it takes away."""
+    return matrix.shape[1] - int(np.linalg.matrix_rank(matrix, rtol=SINGULAR))
+
+
+class Saltation:
+    """Saltation matrices of one system (itself, without tangent vectors) in double precision."""
+
+    def __init__(self, system: FilippovSystem) -> None:
+        self.system, self.spaces = system, TangentSpace(system)
 
     def matrix(self, transition: Transition) -> Matrix:
         """The saltation matrix of a transition, shape (n, n).
@@ -55,7 +136,7 @@ class Saltation:
         """
         before, after = transition.from_mode, transition.to_mode
         changed = [i for i, (a, b) in enumerate(zip(before, after, strict=True)) if a != b]
-        if len(changed) > 1 and not self._spaces.meet_at_once(before, after):
+        if len(changed) > 1 and not self.spaces.meet_at_once(before, after):
             raise UnsupportedError(
                 f"{len(changed)} surfaces change at t = {transition.time:.17g}: the flow has no saltation matrix there"
             )
@@ -63,20 +144,13 @@ class Saltation:
         if not changed or self._continuous(transition):
             return identity
         t, x = transition.time, transition.state
-        f_before = np.array(self._field(before)(t, *x))
-        f_after = np.array(self._field(after)(t, *x))
+        f_before, f_after = (np.array(self._field(mode)(t, *x)) for mode in (before, after))
         _, rate, *gradient = self._guard(self._reached(transition))(t, *x)
         normal = np.array(gradient)
         return identity + np.outer(f_after - f_before, normal) / (normal @ f_before + rate)
 
     def of_jump(self, jumped: Jumped, after: Mode) -> Matrix:
-        """The saltation matrix of a jump of the state, shape (n, n).
-
-        Parameters
-        ----------
-        jumped : Jumped
-        after : Mode
-            That follows.
+        """The saltation matrix of a jump of the state to the mode ``after``, shape (n, n).
 
         Raises
         ------
@@ -92,9 +166,23 @@ class Saltation:
         drift, matrix = self._map(jumped)
         f_before = np.array(self._field(jumped.mode)(t, *jumped.before))
         f_after = np.array(self._field(after)(t, *jumped.after))
-        _, rate, *gradient = self._guard(self.system.surfaces[jumped.surfaces[0]])(t, *jumped.before)
+        _, rate, *gradient = self._guard(self.system.surfaces[first])(t, *jumped.before)
         normal = np.array(gradient)
         return matrix + np.outer(f_after - matrix @ f_before - drift, normal) / (normal @ f_before + rate)
+
+    def of_limit(self, transition: Transition) -> Matrix:
+        """What a perturbation after the last impact becomes where a body comes to rest on a surface h, shape (n, n).
+
+        ``I - A (C A)^-1 C``, with the gradients of h and h' in the rows of C, and in the columns of A the change p of
+        the state by an impulse that changes h' by 1, and ``(df/dx) p - dp/dt``, by which the state moves on after one.
+        When the body comes to rest is of no account: from the impact on the force is the same in the mean. It is the
+        limit for a rest that follows at once.
+        """
+        mode = transition.from_mode
+        index = next(i for i, entry in enumerate(transition.to_mode) if entry == 0 != mode[i])
+        found = self._pushes_and_gradients(mode, index)(transition.time, *transition.state)
+        pushes, rows = np.array(found).reshape(2, 2, -1)
+        return np.eye(len(self.system.states)) - pushes.T @ np.linalg.solve(rows @ pushes.T, rows)
 
     def _is_on(self, index: int, jumped: Jumped) -> bool:
         """Whether the state was on a surface before a jump, so far as rounding tells."""
@@ -106,13 +194,9 @@ class Saltation:
         n, state = len(jumped.before), jumped.before
         drift, matrix = np.zeros(n), np.eye(n)
         for index in jumped.surfaces:
-            if index not in self._maps:
-                values = jump_of(self.system, index).states
-                slopes = [sp.diff(value, x) for value in values for x in (TIME, *self.system.states)]
-                self._maps[index] = self._lambdified([*values, *slopes])
-            after, *found = np.split(np.array(self._maps[index](jumped.time, *state), dtype=float), [n])
-            slopes_there = found[0].reshape(n, n + 1)
-            drift, matrix = slopes_there[:, 1:] @ drift + slopes_there[:, 0], slopes_there[:, 1:] @ matrix
+            after, slopes = np.split(np.array(self._values_and_slopes(index)(jumped.time, *state), dtype=float), [n])
+            slopes = slopes.reshape(n, n + 1)
+            drift, matrix = slopes[:, 1:] @ drift + slopes[:, 0], slopes[:, 1:] @ matrix
             state = tuple(after.tolist())
         return drift, matrix
 
@@ -122,31 +206,45 @@ class Saltation:
 
     def _reached(self, transition: Transition) -> sp.Expr:
         """The function that fell to zero."""
-        index = transition.surface
+        index, to_sign = transition.surface, transition.to_mode[transition.surface]
         if transition.kind != "release":
             return self.system.surfaces[index]
-        ways: list[Guard] = [
-            g
-            for g in self.system.equations(transition.from_mode).guards
-            if g.kind == "release" and g.index == index and g.to_sign == transition.to_mode[index]
-        ]
-        return min((g.expression for g in ways), key=lambda e: abs(self._relative(e, transition)))
+        guards = self.system.equations(transition.from_mode).guards
+        ways = [g.expression for g in guards if (g.kind, g.index, g.to_sign) == ("release", index, to_sign)]
+        return min(ways, key=lambda e: abs(self._relative(e, transition)))
 
     def _relative(self, expression: sp.Expr, transition: Transition) -> float:
         value, rate, *gradient = self._guard(expression)(transition.time, *transition.state)
         return value / (abs(rate) + sum(map(abs, gradient)) + 1e-300)
 
+    @kept
     def _field(self, mode: Mode) -> _Function:
-        if mode not in self._fields:
-            self._fields[mode] = self._lambdified(list(self.system.equations(mode).field))
-        return self._fields[mode]
+        return self._lambdified(self.system.equations(mode).field)
 
+    @kept
     def _guard(self, g: sp.Expr) -> _Function:
         """Value, rate of change in time, gradient."""
-        if g not in self._guards:
-            self._guards[g] = self._lambdified([g, sp.diff(g, TIME), *(sp.diff(g, x) for x in self.system.states)])
-        return self._guards[g]
+        return self._lambdified([g, *(sp.diff(g, x) for x in (TIME, *self.system.states))])
 
-    def _lambdified(self, expressions: list[sp.Expr]) -> _Function:
+    @kept
+    def _values_and_slopes(self, index: int) -> _Function:
+        """The map of a surface, then its derivatives by time and states, row by row."""
+        values = jump_of(self.system, index).states
+        return self._lambdified([*values, *(sp.diff(v, x) for v in values for x in (TIME, *self.system.states))])
+
+    @kept
+    def _pushes_and_gradients(self, mode: Mode, index: int) -> _Function:
+        """The columns of A, then the rows of C (:meth:`of_limit`)."""
+        system, impact = self.system, impact_of(self.system, index)
+        assert impact is not None  # a body rests
+        states, field, push = system.states, system.equations(mode).field, impact.push
+        moved = [
+            along(f, states, push) - sp.diff(f, TIME) - along(p, states, field)
+            for f, p in zip(field, push, strict=True)
+        ]
+        rows = [sp.diff(zero, x) for zero in (system.surfaces[index], impact.speed) for x in states]
+        return self._lambdified([*push, *moved, *rows])
+
+    def _lambdified(self, expressions: Sequence[sp.Expr]) -> _Function:
         numeric = [self.system.numeric(e) for e in expressions]
         return cast(_Function, sp.lambdify([TIME, *self.system.states], numeric, "math", cse=True))

@@ -13,8 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.analysis.saltation import Matrix
-from henon_ref.analysis.tangent_space import rank_lost
+from henon_ref.analysis.saltation import Matrix, rank_lost
 from henon_ref.analysis.variational import TangentFlow, TangentTransition
 from henon_ref.errors import UnsupportedError
 from henon_ref.trajectory import Status, Trajectory
@@ -37,13 +36,7 @@ TURNED = 1e-3
 
 
 class TangentFrame:
-    """An orthonormal frame of tangent vectors, and the logarithms of how they grew.
-
-    Parameters
-    ----------
-    flow : TangentFlow
-    tolerance : float
-        Local error of its steps.
+    """An orthonormal frame of tangent vectors along a flow, and the logarithms of how they grew.
 
     Attributes
     ----------
@@ -182,13 +175,7 @@ class _Volume:
     allowed: float = field(default=0.0, init=False)
 
     def add(self, grown: NDArray[np.float64], volume: float) -> None:
-        """Add a stretch.
-
-        Raises
-        ------
-        UnsupportedError
-            Where they do not agree.
-        """
+        """Add a stretch; an UnsupportedError where they do not agree."""
         self.off += float(grown.sum()) - volume
         self.terms += float(np.abs(grown).sum()) + abs(volume)
         self.allowed += self.rounding

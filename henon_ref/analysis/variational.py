@@ -12,8 +12,8 @@ sliding the function that releases it. Where the state jumps, x -> R(t, x), it i
     S = dR/dx + (f_after - (dR/dx) f_before - dR/dt) (grad g)^T / (grad g . f_before + dg/dt),
 
 f_after being at the state after, in the mode that follows (at rest, where the impact takes all speed), all else before.
-Where impacts on h accumulate, their limit takes both h and its speed h' away
-(:mod:`henon_ref.analysis.limit_of_impacts`). A Filippov release is continuous in f, so S = I. Where the mode after
+Where impacts on h accumulate, their limit takes both h and its speed h' away (:meth:`Saltation.of_limit`).
+A Filippov release is continuous in f, so S = I. Where the mode after
 slides, ``(grad h)^T S = 0``: one direction of perturbations is lost for good, and one Lyapunov exponent is
 -infinity. See Leine and Nijmeijer, *Dynamics and Bifurcations of Non-Smooth Mechanical Systems* (2004),
 Ch. 7, and di Bernardo et al., *Piecewise-smooth Dynamical Systems* (2008), Sec. 2.5.
@@ -29,9 +29,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.analysis.limit_of_impacts import LimitOfImpacts
-from henon_ref.analysis.saltation import Matrix, Saltation
-from henon_ref.analysis.tangent_space import TangentSpace, rank_lost
+from henon_ref.analysis.saltation import Matrix, Saltation, TangentSpace, rank_lost
 from henon_ref.errors import UnsupportedError
 from henon_ref.integrator.integrator import Integrator
 from henon_ref.integrator.prepared_run import order_for
@@ -127,22 +125,13 @@ class TangentTransition:
 class TangentFlow:
     """A trajectory and n tangent vectors along it, which start as the identity.
 
-    Parameters
-    ----------
-    problem : Problem
-    tolerance : float
-        Local error of a step, of states and tangent vectors alike, each relative to its own size.
-
-    Attributes
-    ----------
-    spaces : TangentSpace
-        Of the problem's system.
+    ``tolerance`` is the local error of a step, of states and tangent vectors alike, each relative to its own size.
     """
 
     def __init__(self, problem: Problem, *, tolerance: float) -> None:
         self._n = n = len(problem.system.states)
-        self.spaces = TangentSpace(problem.system)
-        self._saltation, self._limit = Saltation(problem.system), LimitOfImpacts(problem.system)
+        self._saltation = Saltation(problem.system)
+        self.spaces = self._saltation.spaces
         self._integrator = Integrator(AugmentedSystem.of(problem.system), order_for(tolerance))
         more = (*(sp.Integer(i == j) for i in range(n) for j in range(n)), sp.Integer(0))
         augmented = replace(problem, system=self._integrator.system, initial=problem.initial + more)
@@ -194,12 +183,7 @@ class TangentFlow:
         self._run.go_back(saved)
 
     def advance(self, until: sp.Expr | float) -> TangentTransition | Trajectory:
-        """Go to the next transition, or to ``until`` if that comes first.
-
-        Parameters
-        ----------
-        until : Expr or float
-            [s]; exact numbers are kept to double-double.
+        """Go to the next transition, or to ``until`` [s] if that comes first: exact numbers, kept to double-double.
 
         Returns
         -------
@@ -221,20 +205,12 @@ class TangentFlow:
         rests = transition.time > own.time
         matrix = self._saltation.of_jump(own, transition.from_mode if rests else self.mode)
         if rests:
-            matrix = self._limit.matrix(transition) @ matrix
+            matrix = self._saltation.of_limit(transition) @ matrix
         return TangentTransition(transition, matrix, (own.mode, own.time, own.before), jumps=True)
 
 
 def fundamental_matrix(problem: Problem, since: sp.Expr, until: sp.Expr, *, tolerance: float) -> tuple[Matrix, int]:
-    """Derivative of the state at ``until`` by the state at ``since``, along a problem's solution.
-
-    Parameters
-    ----------
-    problem : Problem
-        Its own ``until`` is not used.
-    since, until : Expr or float
-        Times [s], problem.start <= since < until.
-    tolerance : float
+    """Derivative of the state at ``until`` [s] by the state at ``since`` [s], along a problem's solution.
 
     Returns
     -------

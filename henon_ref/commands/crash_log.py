@@ -18,13 +18,7 @@ import platformdirs
 
 
 def write_log(error: BaseException, name: str, arguments: Sequence[str]) -> Path | None:
-    """Write down an error of a command.
-
-    Returns
-    -------
-    Path or None
-        The file, which only the user can read; None where neither the user's folder nor a temporary one takes it.
-    """
+    """The file with an error of a command, for the user alone; None where not even a temporary folder takes it."""
     text = _text(error, name, arguments).encode(errors="backslashreplace")
     for folder in (_users_folder, _temporary_folder):
         try:
@@ -38,13 +32,7 @@ def write_log(error: BaseException, name: str, arguments: Sequence[str]) -> Path
 
 
 def _users_folder() -> Path:
-    """The user's folder of logs, made if it is not there, closed to others.
-
-    Raises
-    ------
-    OSError
-        Where it cannot be made, or others can write into it.
-    """
+    """The user's folder of logs, made if it is not there; an OSError where others can write into it."""
     folder = platformdirs.user_log_path("henon_ref")
     if not folder.is_absolute():
         raise NotADirectoryError(f"{folder}: there is no home")

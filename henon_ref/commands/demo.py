@@ -12,7 +12,7 @@ import typer
 
 from henon_ref.commands import status_line
 from henon_ref.commands.exit_status import DONE, command_of
-from henon_ref.commands.pictures import check_picture, write_picture
+from henon_ref.commands.simulate import check_picture, write_picture
 from henon_ref.commands.typer_app import application, examples
 
 app = application()

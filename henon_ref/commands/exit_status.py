@@ -19,6 +19,8 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, TextIO
 
+import typer
+
 from henon_ref.commands import status_line
 from henon_ref.errors import CaseError, HenonRefError
 from henon_ref.text import message
@@ -26,6 +28,8 @@ from henon_ref.text import message
 DONE, NOT_MET, BAD, UNFORESEEN, INTERRUPTED = 0, 1, 2, 3, 130
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EFBIG)
 """What a disk says on which nothing more can be written."""
+USAGE_ERROR: Any = typer.BadParameter.__base__
+"""What typer raises for a wrong argument; it exports this one class of them only."""
 
 
 def exit_status(act: Callable[[], int], *, name: str, arguments: Sequence[str] | None, kept: str = "") -> int:
@@ -45,8 +49,14 @@ def exit_status(act: Callable[[], int], *, name: str, arguments: Sequence[str] |
     with _standard_streams(), warnings_shown():
         try:
             signal.signal(signal.SIGTERM, _terminate)
-            return _guarded(act)
-        except KeyboardInterrupt:
+            return act()
+        except HenonRefError as error:
+            say(f"error: {error}")
+            return BAD
+        except USAGE_ERROR as error:
+            say(f"error: {error.format_message()} (see --help)")
+            return BAD
+        except (KeyboardInterrupt, typer.Abort):
             say("; ".join(part for part in ("interrupted", kept) if part))
             return INTERRUPTED
         except (Exception, SystemExit) as error:  # noqa: BLE001 - the one place where what nobody foresaw is told
@@ -59,65 +69,20 @@ def exit_status(act: Callable[[], int], *, name: str, arguments: Sequence[str] |
             return UNFORESEEN
 
 
-def _guarded(act: Callable[[], int]) -> int:
-    """Every way of ending that is foreseen."""
-    try:
-        return act()
-    except HenonRefError as error:
-        say(f"error: {error}")
-    except _usage_error() as error:
-        say(f"error: {error.format_message()} (see --help)")
-    except _abort():
-        raise KeyboardInterrupt from None
-    return BAD
-
-
-def _usage_error() -> Any:
-    """What typer raises for a wrong argument; it exports this one class of them only."""
-    import typer
-
-    return typer.BadParameter.__base__
-
-
-def _abort() -> type[Exception]:
-    """What typer raises where it is interrupted."""
-    import typer
-
-    return typer.Abort
-
-
-def parsed(app: Callable[..., Any], arguments: Sequence[str] | None, *, name: str = "") -> Any:
+def parsed(app: Callable[..., Any], arguments: Sequence[str] | None, *, name: str = "", obj: Any = None) -> Any:
     """What a typer application's function returns for these arguments; a status where it was help that was asked for.
 
-    Parameters
-    ----------
-    app : typer.Typer
-    arguments : sequence of str, optional
-        None: those of the process.
-    name : str
-        The subcommand's, which the usage names.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        Which typer would turn into a status.
+    Without arguments they are those of the process; the usage names the subcommand, and the function finds ``obj`` in
+    its context. A KeyboardInterrupt, which typer would turn into a status, is passed on.
     """
-    result = app(arguments, prog_name=f"henon-ref {name}".strip(), standalone_mode=False)
+    result = app(arguments, prog_name=f"henon-ref {name}".strip(), standalone_mode=False, obj=obj)
     if type(result) is int and result == INTERRUPTED:
         raise KeyboardInterrupt
     return DONE if result is None else result
 
 
 def command_of(app: Callable[..., Any], name: str) -> Callable[..., int]:
-    """The subcommand that a typer application reads: a function of its arguments, or the process's; the exit status.
-
-    Parameters
-    ----------
-    app : typer.Typer
-        Its function returns the exit status where nothing goes wrong.
-    name : str
-        The subcommand's.
-    """
+    """The subcommand that a typer application reads: a function of its arguments, or the process's; the exit status."""
 
     def command(arguments: Sequence[str] | None = None) -> int:
         return exit_status(lambda: int(parsed(app, arguments, name=name)), name=name, arguments=arguments)
@@ -127,13 +92,7 @@ def command_of(app: Callable[..., Any], name: str) -> Callable[..., int]:
 
 @contextmanager
 def writing_into(folder: Path, *, kept: str = "") -> Iterator[None]:
-    """What goes wrong with the folder that a command was told to write into is a bad argument.
-
-    Raises
-    ------
-    CaseError
-        In place of an OSError that says so. Any other one is passed on.
-    """
+    """What goes wrong with the folder that a command was told to write into is a bad argument: a CaseError says so."""
     try:
         yield
     except OSError as error:

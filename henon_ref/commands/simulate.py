@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from henon_ref.commands.exit_status import DONE, command_of, say
-from henon_ref.commands.pictures import check_picture, write_picture
 from henon_ref.commands.typer_app import application, examples
 from henon_ref.errors import CaseError
 from henon_ref.text import did_you_mean, listed
@@ -24,6 +23,10 @@ if TYPE_CHECKING:
 
 app = application()
 STANDARD_OUTPUT = Path("-")
+KINDS = (".png", ".svg", ".pdf")
+"""Endings of a picture's name."""
+WIDTH, HEIGHT = 10.0, 4.6
+"""Of a picture [in]."""
 
 
 @app.command(
@@ -84,13 +87,7 @@ def main(
 
 
 def _run(system: System, until: str | None, values: Sequence[str], rtol: float, *, dense: bool) -> Solution:
-    """The run of a case's reading, with other values of some parameters and initial states.
-
-    Raises
-    ------
-    HenonRefError
-        For invalid arguments.
-    """
+    """The run of a case's reading, with other values of some parameters and initial states."""
     from henon_ref.simulation.simulate import simulate
 
     own = system.own_start
@@ -120,6 +117,34 @@ def _run(system: System, until: str | None, values: Sequence[str], rtol: float, 
 def _write(path: Path, text: str) -> None:
     try:
         path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise CaseError(f"cannot write {path}: {error.strerror or error}") from None
+
+
+def check_picture(path: Path) -> None:
+    """Refuse the name of a picture before anything is run: its ending, and a folder that is not there."""
+    if path.suffix.lower() not in KINDS:
+        raise CaseError(f"{path}: a picture's name ends with {listed(KINDS)}")
+    if not path.parent.is_dir():
+        raise CaseError(f"{path}: there is no folder {path.parent}")
+
+
+def write_picture(path: Path, run: Solution) -> None:
+    """Write the picture of a run: the phase portrait with its transitions, and states over time."""
+    from henon_ref.figures import style
+
+    with style.figure(HEIGHT, width=WIDTH) as figure:
+        figure.set_layout_engine("constrained")
+        grid = figure.add_gridspec(2, 2, width_ratios=(1.15, 1))
+        run.plot(ax=figure.add_subplot(grid[:, 0]), transitions=True)
+        upper = figure.add_subplot(grid[0, 1])
+        lower = figure.add_subplot(grid[1, 1], sharex=upper)
+        names = [*run.system.state[:2], *run.system.model.sign_names][:2]
+        run.plot_time(*names, ax=[upper, lower][: len(names)])
+        if len(names) < 2:
+            lower.remove()
+    try:
+        path.write_bytes(style.image(figure, path.suffix.lower()[1:]))
     except OSError as error:
         raise CaseError(f"cannot write {path}: {error.strerror or error}") from None
 

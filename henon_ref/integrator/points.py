@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -90,6 +90,8 @@ class PointRuns:
         Initial time and horizon [s].
     keep : Keep
         By default nothing.
+    mode : mapping, optional
+        Surface -> -1, 0 or +1, for starts on a surface that the fields leave open: each is decided in Python.
     exact : callable, optional
         The exact numbers of a point, by its number: values, state, initial time, horizon. By default those that the
         doubles are printed as.
@@ -118,12 +120,14 @@ class PointRuns:
         start: ArrayLike = 0.0,
         until: ArrayLike,
         keep: Keep = NOTHING,
+        mode: Mapping[int, int] | None = None,
         exact: Callable[[int], ExactPoint] | None = None,
         **settings: Any,
     ) -> None:
         if integrator.system.parameters:
             raise ModelError("an integrator of a system with values of its parameters runs that system alone")
-        self.integrator, self.keep, self._exact, self._settings = integrator, keep, exact, settings
+        self.integrator, self.keep, self.given_mode, self._exact = integrator, keep, mode, exact
+        self._settings = {**settings, "mode": mode}
         self.values = _pairs(values, 2)
         self.initial = _pairs(initial, 2)
         points, n = self.initial.shape[:2]
@@ -271,6 +275,8 @@ class _Part:
         signs = integrator.programs.start.signs_at(np.concatenate([points, values], axis=1))
         contacts = integrator.mode_table.contacts
         rows, surfaces = np.full((len(points), max(self.words, 1)), -1), np.full(len(points), -1)
+        if runs.given_mode:
+            return rows, surfaces
         modes, places = np.unique(signs, axis=0, return_inverse=True)
         for k, mode in enumerate(modes.tolist()):
             found = row_at_start(integrator.mode_table, mode)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from numbers import Integral, Real
 from typing import Any
@@ -26,35 +25,6 @@ STOPS = 63
 SMALLEST, LARGEST = 1e-16, 1.0
 """Between these lies a tolerance, as in a case file."""
 
-SCIPY = {
-    "t_eval": "the run is known at every time: write run.sol(times), or run.to_dataframe(times)",
-    "args": "parameters go by name: System(..., parameters={'F': 1}), and simulate(..., parameters={'F': 2})",
-    "t_span": "write until=10, and start=1 where it does not begin at 0",
-    "y0": "write initial={'x': 1, 'v': 0}",
-    "events": "every surface of the system is located: see run.transitions; stop={'s': 'falling'} ends the run on one",
-    "method": "there is one method; rtol says how exact it is",
-    "jac": "derivatives are taken from the system's expressions",
-    **dict.fromkeys(("max_step", "min_step", "first_step"), "steps follow from rtol, and pass over no event"),
-    **dict.fromkeys(("vectorized", "jac_sparsity", "lband", "uband"), "there is nothing that it could say here"),
-}
-"""Arguments of SciPy's solve_ivp -> what is written here."""
-
-
-def refuse(function: str, others: Mapping[str, Any]) -> None:
-    """Refuse arguments that a function does not have.
-
-    Raises
-    ------
-    ArgumentError
-        For those of SciPy's solve_ivp, saying what to write.
-    TypeError
-        For others, as Python does.
-    """
-    for name in others:
-        if name in SCIPY:
-            raise ArgumentError(f"{function} has no argument '{name}': {SCIPY[name]}")
-    raise TypeError(f"{function}() got an unexpected keyword argument '{next(iter(others))}'")
-
 
 def start_of(
     system: System, initial: Any, until: Any, start: Any, mode: Mapping[Any, Any] | None
@@ -62,11 +32,6 @@ def start_of(
     """Initial values by their states, horizon, initial time and mode of a run; of the case for what is not given.
 
     The mode of the case belongs to its initial values.
-
-    Raises
-    ------
-    ArgumentError
-        For a system that has none of its own, and for more or fewer values than it has states.
     """
     own = system.own_start
     if (initial is None or until is None) and own is None:
@@ -95,12 +60,7 @@ def problem_of(
     parameters: Mapping[Any, Any] | None = None,
     mode: Mapping[Any, Any] | None = None,
 ) -> tuple[System, Problem]:
-    """The system of a run and its initial-value problem, in exact numbers.
-
-    Parameters
-    ----------
-    system, initial, until, start, parameters, mode
-        As in :func:`henon_ref.simulation.simulate.simulate`.
+    """The system of a run and its initial-value problem in exact numbers; arguments as in :func:`henon_ref.simulate`.
 
     Raises
     ------
@@ -137,57 +97,26 @@ def _mapping(value: object, what: str, kind: str, known: tuple[str, ...]) -> Map
 
 
 def tolerance_of(value: Any) -> float:
-    """A relative tolerance as a double.
-
-    Raises
-    ------
-    ArgumentError
-        For what is no number between 1e-16 and 1.
-    """
+    """A relative tolerance as a double; an ArgumentError for what is no number between 1e-16 and 1."""
     if isinstance(value, str):
         raise ArgumentError(f"rtol is text, {shortened(value)}; wanted a number without quotes, as in rtol=1e-9")
-    if _is_number(value) and SMALLEST <= value < LARGEST:
+    is_number = isinstance(value, Real) and not isinstance(value, bool)
+    if is_number and SMALLEST <= value < LARGEST:
         return float(value)
     raise ArgumentError(f"rtol is {str(value)[:60]}; a tolerance is a number from 1e-16 to below 1")
 
 
-def whole_number(value: Any, what: str) -> int:
-    """A number of things, from 1 on.
-
-    Raises
-    ------
-    ArgumentError
-        For anything else.
-    """
-    if isinstance(value, bool) or not isinstance(value, Integral) or value < 1:
-        raise ArgumentError(f"{what} is {str(value)[:60]}; wanted a whole number from 1 on")
+def whole_number(value: Any, what: str, least: int = 1, most: int | None = None) -> int:
+    """A whole number within bounds; an ArgumentError for anything else."""
+    whole = isinstance(value, Integral) and not isinstance(value, bool)
+    if not (whole and least <= value and (most is None or value <= most)):
+        bounds = f"from {least} on" if most is None else f"from {least} to {most}"
+        raise ArgumentError(f"{what} is {str(value)[:60]}; wanted a whole number {bounds}")
     return int(value)
 
 
-def check_absolute_tolerance(value: Any) -> None:
-    """Check the absolute tolerance, which is not used: steps go by each state's own size.
-
-    Raises
-    ------
-    ArgumentError
-        For what is not a positive number.
-    """
-    if value is not None and not (_is_number(value) and 0 < value < math.inf):
-        raise ArgumentError(f"atol is {str(value)[:60]}; wanted a number larger than 0, or None")
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, Real) and not isinstance(value, bool)
-
-
 def stop_of(system: System, stop: Mapping[Any, Any]) -> tuple[int, int]:
-    """Surfaces that end a run where they are reached from above, and from below: a bit each, by their index.
-
-    Raises
-    ------
-    ArgumentError
-        For an unknown surface or direction.
-    """
+    """Surfaces that end a run where they are reached from above, and from below: a bit each, by their index."""
     names = system.model.sign_names
     _mapping(stop, "'stop'", "surface", names)
     bits = dict.fromkeys(DIRECTIONS, 0)

@@ -43,15 +43,9 @@ class DenseOutput:
 
     @classmethod
     def of(cls, steps: NDArray[Any], start: float, end: Trajectory) -> DenseOutput:
-        """That of a run.
+        """That of a run, from its steps (:func:`henon_ref.integrator.records.step_dtype`), initial time [s] and end.
 
-        Parameters
-        ----------
-        steps : ndarray, shape (k,) of :func:`henon_ref.integrator.records.step_dtype`
-        start : float
-            Initial time [s].
-        end : Trajectory
-            How the run ended: where it did so, the state is constant from there on.
+        Where it ended early, the state is constant from there on.
         """
         rest = np.zeros((1, *steps["coefficients"].shape[1:]))
         rest[0, :, 0] = end.end_state
@@ -92,13 +86,7 @@ class DenseOutput:
 
 
 def checked_times(t: ArrayLike, start: float, end: float) -> Vector:
-    """Times of a run as an array of no or one dimension.
-
-    Raises
-    ------
-    ArgumentError
-        For what is not between start and end, is no number, or has more dimensions.
-    """
+    """Times of a run as an array of no or one dimension; an ArgumentError for what is none between start and end."""
     try:
         times = np.asarray(t, dtype=np.float64)
     except (TypeError, ValueError):

@@ -1,94 +1,66 @@
-"""Parameters that are expressions in others, where these have other values."""
+"""Numbers that are expressions in parameters, where these have other values than the system's own."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from graphlib import TopologicalSorter
 
+import numpy as np
 import sympy as sp
+from numpy.typing import NDArray
 
-from henon_ref.integrator.constant_program import ConstantProgram, constant_program
+from henon_ref.integrator.constant_program import constant_program
 from henon_ref.integrator.pairs import Pair, exact_expression
+from henon_ref.modes.bounds import double_double
 from henon_ref.simulation.system import System
 
 
 def following(system: System, moved: frozenset[str]) -> dict[str, sp.Expr]:
-    """Parameters that are expressions in moved ones, directly or not, each behind those that it uses."""
+    """Parameters that are expressions in moved ones, directly or not: in symbols of the moved ones alone."""
     read = {name: expression for name, expression in system.parameter_expressions.items() if name not in moved}
     uses = {name: {s.name for s in expression.free_symbols} for name, expression in read.items()}
-    changed = set(moved)
-    order = [name for name in TopologicalSorter(uses).static_order() if name in read]
+    known = {symbol: value for symbol, value in system.model.parameters.items() if symbol.name not in moved}
     found: dict[str, sp.Expr] = {}
-    for name in order:
-        if uses[name] & changed:
-            changed.add(name)
-            found[name] = read[name]
+    for name in TopologicalSorter(uses).static_order():  # each behind those that it uses
+        if name in read and uses[name] & (moved | found.keys()):
+            found[name] = known[sp.Symbol(name, real=True)] = read[name].xreplace(known)
     return found
 
 
-def without_others(
-    expressions: Mapping[str, sp.Expr], moved: frozenset[str], exact: Mapping[str, sp.Expr]
-) -> dict[str, sp.Expr]:
-    """Expressions in moved parameters alone: others' own expressions and exact values put in."""
-    known = {sp.Symbol(name, real=True): value for name, value in exact.items() if name not in moved}
-    found: dict[str, sp.Expr] = {}
-    for name, expression in expressions.items():  # each behind those that it uses
-        found[name] = known[sp.Symbol(name, real=True)] = expression.xreplace(known)
-    return found
+class Number:
+    """An expression in parameters, at the decimal numbers that their doubles are printed as, to the last bit.
 
-
-def pairs_at(program: ConstantProgram, point: Sequence[float]) -> list[Pair]:
-    """Expressions of a program at the decimal numbers that doubles are printed as; NaN where they are not finite."""
-    nowhere = math.nan, 0.0
-    if not all(map(math.isfinite, point)):
-        return [nowhere] * len(program.outputs)
-    exact = program.exact_values([exact_expression(v) for v in point])
-    highs = [float(value) for value in exact]
-    pairs = zip(highs, exact, strict=True)
-    return [(high, float(value - high)) if math.isfinite(high) else nowhere for high, value in pairs]
-
-
-@dataclass(frozen=True, eq=False)
-class DependentParameters:
-    """What follows some parameters of a system that move.
-
-    Attributes
-    ----------
-    names : tuple of str
-        Of the parameters that are expressions in them.
-    expressions : tuple of Expr
-        In those that move alone.
+    Raises
+    ------
+    ModelError
+        Where it has a function that no program evaluates.
     """
 
-    inputs: tuple[sp.Symbol, ...]
-    names: tuple[str, ...]
-    expressions: tuple[sp.Expr, ...]
-    program: ConstantProgram
+    def __init__(self, expression: sp.Expr) -> None:
+        symbols = tuple(sorted(expression.free_symbols, key=lambda s: s.name))
+        self.names = tuple(symbol.name for symbol in symbols)
+        self._expression, self._symbols = expression, symbols
+        self._program = constant_program(symbols, (expression,)) if symbols else None
 
-    @classmethod
-    def of(cls, system: System, moved: frozenset[str]) -> DependentParameters:
-        """Those of a system.
+    def pair(self, point: Sequence[float]) -> Pair:
+        """Its double and what that leaves, where ``names`` have some values; NaN where one of them is not finite."""
+        if self._program is None:
+            return double_double(self._expression)
+        if all(map(math.isfinite, point)):
+            (exact,) = self._program.exact_values([exact_expression(value) for value in point])
+            high = float(exact)
+            if math.isfinite(high):
+                return high, float(exact - high)
+        return math.nan, 0.0
 
-        Raises
-        ------
-        ModelError
-            Where an expression has a function that no program evaluates.
-        """
-        exact = {symbol.name: value for symbol, value in system.model.parameters.items()}
-        found = without_others(following(system, moved), moved, exact)
-        expressions = tuple(found.values())
-        inputs = tuple(sorted(set().union(*(e.free_symbols for e in expressions)), key=lambda s: s.name))
-        return cls(inputs, tuple(found), expressions, constant_program(inputs, expressions))
+    def pairs(self, columns: Mapping[str, NDArray[np.float64]], count: int) -> NDArray[np.float64]:
+        """The same at many points, whose values ``columns`` have by name, shape (count, 2)."""
+        if self._program is None:
+            return np.broadcast_to(self.pair(()), (count, 2))
+        points, places = np.unique(np.column_stack([columns[n] for n in self.names]), axis=0, return_inverse=True)
+        return np.array([self.pair(point) for point in points.tolist()]).reshape(-1, 2)[places.ravel()]
 
-    def pairs(self, values: Mapping[str, float]) -> dict[str, Pair]:
-        """Their values where the others have some, each a double and what that leaves; NaN where one is not finite."""
-        if not self.names:
-            return {}
-        return dict(zip(self.names, pairs_at(self.program, [values[s.name] for s in self.inputs]), strict=True))
-
-    def exact(self, values: Mapping[str, float]) -> dict[str, sp.Expr]:
-        """The same as exact numbers."""
-        known = {symbol: exact_expression(values[symbol.name]) for symbol in self.inputs}
-        return {name: e.xreplace(known) for name, e in zip(self.names, self.expressions, strict=True)}
+    def exact(self, values: Mapping[str, float]) -> sp.Expr:
+        """The exact number where parameters have some values."""
+        return self._expression.xreplace({s: exact_expression(values[s.name]) for s in self._symbols})

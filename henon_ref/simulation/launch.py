@@ -1,10 +1,11 @@
-"""From the arguments of a run to where the reference starts it."""
+"""From the arguments of a run to where the reference starts it, and from what that returned to how the run ended."""
 
 from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cached_property
 from threading import Lock
 from typing import Any, NamedTuple
 
@@ -14,19 +15,13 @@ from henon_ref.integrator.prepared_run import local_error, order_for
 from henon_ref.integrator.records import HENON
 from henon_ref.integrator.start import MOST_STEPS, NO_LIMIT, Start
 from henon_ref.integrator.transition_array import TransitionArray
+from henon_ref.modes.mode import mode_text
 from henon_ref.precision import one_at_a_time
-from henon_ref.simulation.arguments import (
-    check_absolute_tolerance,
-    problem_of,
-    start_of,
-    stop_of,
-    tolerance_of,
-    whole_number,
-)
+from henon_ref.simulation.arguments import problem_of, start_of, stop_of, tolerance_of, whole_number
 from henon_ref.simulation.quick_start import QuickStart
 from henon_ref.simulation.system import System
 from henon_ref.terminal import notice_if_slow
-from henon_ref.trajectory import Trajectory
+from henon_ref.trajectory import Counts, Status, Trajectory
 
 MOST_PREPARED = 32
 """Tolerances of one system that are kept."""
@@ -57,13 +52,6 @@ def integrator_of(system: System, tolerance: float, open_kinks: frozenset[int] =
         return made
 
 
-class Prepared(NamedTuple):
-    """What is made once a system and tolerance."""
-
-    integrator: Integrator
-    quick: QuickStart | None
-
-
 class Launch(NamedTuple):
     """A run that is ready to go."""
 
@@ -87,9 +75,8 @@ class Launch(NamedTuple):
             from henon_ref.modes.kinks import HiddenKinks
 
             kinks = HiddenKinks(self.base.model)
-            trajectory = trajectory._replace(end_mode=kinks.shown(trajectory.end_mode))
-            if isinstance(found, TransitionArray):
-                trajectory = trajectory._replace(transitions=found.visible(kinks))
+            visible = found.visible(kinks) if isinstance(found, TransitionArray) else found
+            trajectory = trajectory._replace(end_mode=kinks.shown(trajectory.end_mode), transitions=visible)
         return trajectory
 
 
@@ -99,19 +86,12 @@ def launch(
     until: Any,
     start: Any,
     rtol: float,
-    atol: float | None,
     parameters: Mapping[Any, Any] | None,
     mode: Mapping[Any, int] | None,
     stop: Mapping[Any, str] | None,
     max_steps: int,
 ) -> Launch:
-    """Read the arguments of :func:`henon_ref.simulation.simulate.simulate`.
-
-    Raises
-    ------
-    ArgumentError
-        For invalid arguments.
-    """
+    """Read the arguments of :func:`henon_ref.simulate`; an ArgumentError for invalid ones."""
     if not isinstance(system, System):
         example = ", such as System(['x', 'v'], field=['v', '-x']): the field as text, not a function"
         meant = ": write scene.system()" if hasattr(system, "system") else example if callable(system) else ""
@@ -121,15 +101,11 @@ def launch(
     if type(initial) is not dict or until is None or start is None:
         initial, until, start, mode = start_of(system, initial, until, start, mode)
     tolerance = rtol if type(rtol) is float else tolerance_of(rtol)
-    ready: Prepared | None = system.prepared.get(tolerance)
-    begin = None
-    if ready is not None and ready.quick is not None:
-        begin = ready.quick(initial, until, start, parameters, mode)
-    if atol is not None:
-        check_absolute_tolerance(atol)
+    quick: QuickStart | None = system.prepared.get(tolerance)
+    begin = None if quick is None else quick(initial, until, start, parameters, mode)
     falling, rising = stop_of(system, stop) if stop else (0, 0)
-    if begin is not None and ready is not None:
-        integrator = ready.integrator
+    if begin is not None and quick is not None:
+        integrator = quick.integrator
     else:  # what is wrong is said before anything is compiled
         error = local_error(tolerance_of(tolerance))
         own, problem = problem_of(system, initial, until=until, start=start, parameters=parameters, mode=mode)
@@ -137,8 +113,8 @@ def launch(
             integrator = integrator_of(own, error, problem.system.open_kinks)
             with one_at_a_time():
                 begin = integrator.start(problem, tolerance=error, landing=HENON)
-            if ready is None:
-                quick = _prepared(system, tolerance).quick
+            if tolerance not in system.prepared:
+                quick = _prepared(system, tolerance)
                 if quick is not None:  # its compiled functions are loaded now, not by the second run
                     quick(initial, until, start, parameters, mode)
     if falling or rising or max_steps != MOST_STEPS:
@@ -147,11 +123,69 @@ def launch(
     return Launch(system, parameters, integrator, begin)
 
 
-def _prepared(system: System, tolerance: float) -> Prepared:
+def _prepared(system: System, tolerance: float) -> QuickStart | None:
     """What later runs at a tolerance begin with."""
     if len(system.prepared) >= MOST_PREPARED:
         system.prepared.clear()
     error = local_error(tolerance)
-    integrator = integrator_of(system, error)
-    made = system.prepared[tolerance] = Prepared(integrator, QuickStart.of(system, integrator, error))
+    made = system.prepared[tolerance] = QuickStart.of(system, integrator_of(system, error), error)
     return made
+
+
+class Outcome:
+    """How a run ended, and what it took.
+
+    Attributes
+    ----------
+    system : System
+        With the parameters of the run.
+    trajectory : Trajectory
+        What the reference returned.
+    status : str
+        ``ok``, or how the run ended before its horizon: ``nonunique``, ``invalid``, ``diverged``, ``failed``.
+    success : bool
+        Whether it is ``ok``.
+    message : str
+        How the run ended, in one sentence.
+    counts : Counts
+        ``steps``, ``rhs_evaluations``, ``event_evaluations``, as :class:`henon_ref.baselines.henon.HenonSolver` counts;
+        and ``decisions``, how often the run went to Python, by cause (:class:`henon_ref.trajectory.Decisions`).
+    undecided_after : dict of str to float
+        Surfaces that have been below their own rounding, and since when [s]: of these no later transition is told, for
+        double precision does not decide it.
+    final_mode : str
+        Mode at the end, such as ``s1=-1 s2=0``; empty where there is none to begin with.
+    """
+
+    def __init__(self, base: System, parameters: Mapping[Any, Any] | None, trajectory: Trajectory) -> None:
+        self._base, self._parameters, self.trajectory = base, parameters, trajectory
+
+    @cached_property
+    def system(self) -> System:
+        return self._base.with_parameters(self._parameters) if self._parameters else self._base
+
+    @property
+    def status(self) -> Status:
+        return self.trajectory.status
+
+    @property
+    def success(self) -> bool:
+        return self.trajectory.status == "ok"
+
+    @property
+    def message(self) -> str:
+        return self.trajectory.reason or "the run reached its horizon"
+
+    @property
+    def counts(self) -> Counts:
+        return self.trajectory.counts
+
+    @property
+    def undecided_after(self) -> dict[str, float]:
+        names = self._base.model.sign_names
+        return {names[i]: time for i, time in self.trajectory.undecided_after if 0 <= i < len(names)}
+
+    @property
+    def final_mode(self) -> str:
+        mode = self.trajectory.end_mode
+        return mode_text(mode, self._base.model.sign_names) if mode else ""

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.artist import Artist, ArtistInspector
+from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from henon_ref.errors import ArgumentError
@@ -13,6 +15,7 @@ from henon_ref.figures import style
 from henon_ref.figures.motion import Motion, axes_of_portrait, mark_transitions, portrait, position_of, velocity_of
 from henon_ref.figures.time_series import MOST_SURFACES, over_time
 from henon_ref.modes.system import FilippovSystem
+from henon_ref.simulation.calls import check_words
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed
 
@@ -24,6 +27,12 @@ PORTRAIT, PANEL, BORDER = (5.6, 4.3), 1.5, 0.85
 """Width and height of a portrait, height of a panel over time, and of what stands above and below the panels [in]."""
 
 
+def keywords_of(kind: type[Artist]) -> list[str]:
+    """What matplotlib takes for a kind of drawing, its short names included."""
+    inspector = ArtistInspector(kind)
+    return sorted({*inspector.get_setters(), *(short for names in inspector.aliasd.values() for short in names)})
+
+
 def plotted(
     system: FilippovSystem,
     motion: Motion,
@@ -33,13 +42,8 @@ def plotted(
     transitions: pd.DataFrame | None,
     line: dict[str, Any],
 ) -> Axes:
-    """Axes with a portrait, or a state over time: see :meth:`henon_ref.simulation.solution.Solution.plot`.
-
-    Raises
-    ------
-    ArgumentError
-        For a name that is no state.
-    """
+    """Axes with a portrait, or a state over time: see :meth:`henon_ref.simulation.solution.Solution.plot`."""
+    check_words("plot", line, ("x", "y", "ax", "transitions"), keywords_of(Line2D))
     across, upward = _plane(system, x, y)
     if across is None:
         (ax,) = plotted_over_time(system, motion, [system.state_names[upward]], ax, line)
@@ -60,13 +64,8 @@ def plotted(
 def plotted_over_time(
     system: FilippovSystem, motion: Motion, names: Sequence[str], ax: Any, line: dict[str, Any]
 ) -> NDArray[Any]:
-    """Axes of states and surfaces: see :meth:`henon_ref.simulation.solution.Solution.plot_time`.
-
-    Raises
-    ------
-    ArgumentError
-        For a name that is no state and no surface, and another number of axes than names.
-    """
+    """Axes of states and surfaces: see :meth:`henon_ref.simulation.solution.Solution.plot_time`."""
+    check_words("plot_time", line, ("ax",), keywords_of(Line2D))
     known = [*system.state_names, *system.sign_names]
     for name in names:
         if name not in known:

@@ -26,7 +26,7 @@ from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.system import System
 
 if TYPE_CHECKING:
-    from henon_ref.simulation.dependent_parameters import DependentParameters
+    from henon_ref.simulation.dependent_parameters import Number
 
 KEPT = 64
 """Parameter values of which the constants are kept."""
@@ -39,23 +39,14 @@ Changes = tuple[tuple[str, float], ...]
 
 
 class QuickStart:
-    """Starts of one system at one tolerance.
-
-    Parameters
-    ----------
-    system : System
-    integrator : Integrator
-        Of its structure.
-    tolerance : float
-        Local error of a step.
-    """
+    """Starts of one system, with the integrator of its structure, at one local error of a step."""
 
     def __init__(self, system: System, integrator: Integrator, tolerance: float) -> None:
-        self._system, self._integrator, self._tolerance = system, integrator, tolerance
+        self._system, self.integrator, self._tolerance = system, integrator, tolerance
         programs, self._own = integrator.programs, system.model.parameters
         self._values: Values = tuple(double_double(self._own[symbol]) for symbol in programs.parameters)
         self._places = {symbol.name: at for at, symbol in enumerate(programs.parameters)}
-        self._dependents: dict[tuple[str, ...], DependentParameters | None] = {}
+        self._dependents: dict[tuple[str, ...], dict[str, Number] | None] = {}
         self._floats = {symbol.name: float(value) for symbol, value in self._own.items()}
         # A kink may lie at the end of the range where it has a value, which decides whether it is open.
         self._in_kinks = bool(system.model.kinks) and not programs.start.is_rational
@@ -125,7 +116,8 @@ class QuickStart:
         dependents = self._dependents_of(tuple(parameters))
         if dependents is None:
             return None
-        pairs |= dependents.pairs(parameters)
+        for name, number in dependents.items():
+            pairs[name] = number.pair([parameters[own] for own in number.names])
         values = list(self._values)
         for name, pair in pairs.items():
             if not math.isfinite(pair[0]):
@@ -139,16 +131,17 @@ class QuickStart:
             return None
         return tuple(values)
 
-    def _dependents_of(self, names: tuple[str, ...]) -> DependentParameters | None:
+    def _dependents_of(self, names: tuple[str, ...]) -> dict[str, Number] | None:
         """What follows some parameters; None where that is not all that they change."""
         if names not in self._dependents:
-            from henon_ref.simulation.dependent_parameters import DependentParameters
+            from henon_ref.simulation.dependent_parameters import Number, following
 
             try:
-                found: DependentParameters | None = DependentParameters.of(self._system, frozenset(names))
+                expressions = following(self._system, frozenset(names))
+                found: dict[str, Number] | None = {name: Number(own) for name, own in expressions.items()}
             except ModelError:
                 found = None
-            if found is not None and not self._system.exponent_parameters.isdisjoint((*names, *found.names)):
+            if found is not None and not self._system.exponent_parameters.isdisjoint((*names, *found)):
                 found = None
             self._dependents[names] = found
         return self._dependents[names]
@@ -171,7 +164,7 @@ class QuickStart:
 
     def _made(self, values: Values, changes: Changes) -> ModeConstants | None:
         """Constants at some values; None where some of them are not finite."""
-        programs = self._integrator.programs
+        programs = self.integrator.programs
         made = ModeConstants(programs, values, lambda: self._exact(changes))
         return made if made.is_finite else None
 
@@ -180,7 +173,6 @@ class QuickStart:
         given = dict(changes)
         known = {symbol.name: value for symbol, value in self._own.items()}
         known |= {name: exact_expression(value) for name, value in given.items()}
-        dependents = self._dependents_of(tuple(given))
-        if dependents is not None:
-            known |= dependents.exact(given)
-        return [known[symbol.name] for symbol in self._integrator.programs.parameters]
+        dependents = self._dependents_of(tuple(given)) or {}
+        known |= {name: number.exact(given) for name, number in dependents.items()}
+        return [known[symbol.name] for symbol in self.integrator.programs.parameters]

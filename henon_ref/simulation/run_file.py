@@ -7,7 +7,7 @@ import json
 import zipfile
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,28 +29,13 @@ NAMES = {"from_mode": "from", "to_mode": "to"}
 STEP_FIELDS = ("time", "time_low", "unit", "coefficients")
 
 
-class RunRecord(NamedTuple):
-    """What a file holds of a run."""
-
-    system: System
-    """With the parameters of the run."""
-    start: float
-    """Initial time [s]."""
-    initial: Sequence[tuple[float, float]]
-    """Initial values of the states, and what rounding lost of each."""
-    trajectory: Trajectory
-    steps: NDArray[Any] | None
-    """The steps' polynomials, where they are kept."""
+Saved = tuple[System, float, Sequence[tuple[float, float]], Trajectory, NDArray[Any] | None]
+"""A run: its system with its own parameters, initial time [s], initial states with what rounding lost of each, what the
+reference returned, and the steps' polynomials where they are kept."""
 
 
-def write_run(path: Path, run: RunRecord) -> None:
-    """Write a run, in the place of what is there.
-
-    Raises
-    ------
-    ArgumentError
-        Where it cannot be written.
-    """
+def write_run(path: Path, run: Saved) -> None:
+    """Write a run, in the place of what is there; an ArgumentError where it cannot be written."""
     buffer = io.BytesIO()
     np.savez_compressed(buffer, allow_pickle=False, **_arrays(run))  # to memory: to a path it would add an ending
     try:
@@ -59,14 +44,8 @@ def write_run(path: Path, run: RunRecord) -> None:
         raise ArgumentError(f"cannot write {path}: {error.strerror or error}") from None
 
 
-def read_run(path: str | Path) -> RunRecord:
-    """What :func:`write_run` has written.
-
-    Raises
-    ------
-    ArgumentError
-        For a file that cannot be read, or is none of these.
-    """
+def read_run(path: str | Path) -> Saved:
+    """What :func:`write_run` has written; an ArgumentError for a file that cannot be read, or is none of these."""
     try:
         with np.load(path, allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
@@ -82,13 +61,13 @@ def read_run(path: str | Path) -> RunRecord:
         raise ArgumentError(f"{path} is no run that Solution.save has written") from error
 
 
-def _arrays(run: RunRecord) -> dict[str, NDArray[Any]]:
+def _arrays(run: Saved) -> dict[str, NDArray[Any]]:
     """The file's arrays by name."""
-    system, end = run.system, run.trajectory
+    system, start, initial, end, steps = run
     about = {
         "format": FORMAT,
         "system": as_written(system.tree),
-        "start": run.start,
+        "start": start,
         "end": end.end_time,
         "status": end.status,
         "reason": end.reason,
@@ -96,15 +75,13 @@ def _arrays(run: RunRecord) -> dict[str, NDArray[Any]]:
         "max_surface_drift": end.max_surface_drift,
         "undecided_after": [list(entry) for entry in end.undecided_after],
     }
-    changes = end.transitions
-    if not isinstance(changes, TransitionArray):  # there are none
-        changes = TransitionArray(np.zeros((0, TRANSITION_PLACES + len(system.state))), ())
+    changes = cast(TransitionArray, end.transitions)
     records, modes = changes.records, np.array(list(changes.modes), dtype=np.int8)
     found: dict[str, NDArray[Any]] = {
         "about": np.array(json.dumps(about, ensure_ascii=False, indent=1)),
         "states": np.array(system.state, dtype=str),
         "signs": np.array(system.model.sign_names, dtype=str),
-        "initial": np.array(run.initial, dtype=np.float64).T,
+        "initial": np.array(initial, dtype=np.float64).T,
         "end_state": np.array(end.end_state, dtype=np.float64),
         "end_mode": np.array(end.end_mode, dtype=np.int8),
         "modes": modes.reshape(len(modes), len(system.model.sign_names)),
@@ -113,12 +90,12 @@ def _arrays(run: RunRecord) -> dict[str, NDArray[Any]]:
         words = WORDS.get(field)
         values = np.array(words)[records[field]] if words else records[field]
         found[f"transition_{NAMES.get(field, field)}"] = np.ascontiguousarray(values)
-    if run.steps is not None:
-        found |= {f"step_{field}": np.ascontiguousarray(run.steps[field]) for field in STEP_FIELDS}
+    if steps is not None:
+        found |= {f"step_{field}": np.ascontiguousarray(steps[field]) for field in STEP_FIELDS}
     return found
 
 
-def _run(about: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> RunRecord:
+def _run(about: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Saved:
     """The run in the file's arrays."""
     tree = tree_of(about["system"], "'system'")
     assert isinstance(tree, MappingNode)
@@ -145,7 +122,7 @@ def _run(about: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> RunRecord:
         for field, values in fields.items():
             steps[field] = values
     initial = [(high, low) for high, low in arrays["initial"].T.tolist()]
-    return RunRecord(System.from_tree(tree), about["start"], initial, trajectory, steps)
+    return System.from_tree(tree), about["start"], initial, trajectory, steps
 
 
 def _transitions(arrays: dict[str, NDArray[Any]]) -> TransitionArray:

@@ -12,6 +12,7 @@ from henon_ref.casefile.bodies import STATE_NAMES
 from henon_ref.casefile.source import Source
 from henon_ref.casefile.tree import MappingNode, Node, Place
 from henon_ref.errors import ArgumentError
+from henon_ref.simulation.calls import check_words, explained_methods
 from henon_ref.simulation.system import System
 from henon_ref.simulation.written import mapping, sequence, tree_of, written_name
 from henon_ref.text import listed
@@ -38,6 +39,7 @@ class SceneBody:
     its motion is given."""
 
 
+@explained_methods
 class Scene:
     """Bodies on a line or an axis, and what connects them; :meth:`system` writes out their equations of motion.
 
@@ -211,9 +213,13 @@ class Scene:
         ArgumentError
             For an invalid scene, or one that has more bodies than a picture shows.
         """
+        from matplotlib.patches import Patch
+
         from henon_ref.figures import style
         from henon_ref.figures.scene import schematic
+        from henon_ref.simulation.plot import keywords_of
 
+        check_words("Scene.plot", patch, ("ax",), keywords_of(Patch))
         scene = self._drawable()
         with style.report_style():
             ax = self._axes(scene) if ax is None else ax

@@ -7,22 +7,20 @@ it may be simulated from several threads at once.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Never
+from typing import Any
 
 from henon_ref.integrator.run import Run
 from henon_ref.integrator.start import MOST_STEPS
-from henon_ref.simulation.arguments import refuse
+from henon_ref.simulation.calls import explained
 from henon_ref.simulation.dense_output import STEPS
-from henon_ref.simulation.launch import launch
+from henon_ref.simulation.launch import Launch, Outcome, launch
 from henon_ref.simulation.solution import Solution
 from henon_ref.simulation.system import System
 
-if TYPE_CHECKING:
-    from henon_ref.simulation.stream import TransitionStream
 
-
+@explained
 def simulate(
     system: System,
     initial: Mapping[Any, Any] | Sequence[Any] | None = None,
@@ -30,13 +28,11 @@ def simulate(
     until: Any = None,
     start: Any = None,
     rtol: float = 1e-10,
-    atol: float | None = None,
     parameters: Mapping[Any, Any] | None = None,
     mode: Mapping[Any, int] | None = None,
     dense_output: bool = True,
     stop: Mapping[Any, str] | None = None,
     max_steps: int = MOST_STEPS,
-    **others: Never,
 ) -> Solution:
     """Simulate one run of a piecewise-smooth system, every transition located.
 
@@ -52,8 +48,6 @@ def simulate(
         Initial time [s]; 0 (or that of the case) if left out.
     rtol : float
         Tolerance, from 1e-16 to below 1: a tenth of it is the local error of a step relative to each state's size.
-    atol : float, optional
-        Not used: units of a model do not matter.
     parameters : mapping, optional
         Values in place of the system's; parameters that are expressions in them follow.
     mode : mapping, optional
@@ -84,15 +78,14 @@ def simulate(
     >>> run.transitions[["time_s", "kind", "x"]].values.tolist()
     [[2.0, 'stick', 1.0]]
     """
-    if others:
-        refuse("simulate", others)
-    made = launch(system, initial, until, start, rtol, atol, parameters, mode, stop, max_steps)
+    made = launch(system, initial, until, start, rtol, parameters, mode, stop, max_steps)
     run = Run(made.integrator, made.start, dense=STEPS if dense_output else 0)
     trajectory = made.ended(run.to_horizon())
     begin, _ = made.start.time
     return Solution(made.base, made.parameters, begin, made.start.x, trajectory, run.steps if dense_output else None)
 
 
+@explained
 def stream(
     system: System,
     initial: Mapping[Any, Any] | Sequence[Any] | None = None,
@@ -100,19 +93,17 @@ def stream(
     until: Any = None,
     start: Any = None,
     rtol: float = 1e-10,
-    atol: float | None = None,
     parameters: Mapping[Any, Any] | None = None,
     mode: Mapping[Any, int] | None = None,
     dense_output: bool = False,
     stop: Mapping[Any, str] | None = None,
     max_steps: int = MOST_STEPS,
-    **others: Never,
 ) -> TransitionStream:
     """The transitions of a run as they come; nothing is kept, so that memory does not grow with the horizon.
 
     Parameters
     ----------
-    system, initial, until, start, rtol, atol, parameters, mode, stop, max_steps
+    system, initial, until, start, rtol, parameters, mode, stop, max_steps
         As in :func:`simulate`.
     dense_output : bool
         Not used: there is none.
@@ -134,11 +125,35 @@ def stream(
     >>> [round(row.time_s, 9) for row in stream(oscillator, {"x": 1, "v": 0}, until=5)]
     [1.570796327, 4.71238898]
     """
-    from henon_ref.simulation.stream import TransitionStream
+    return TransitionStream(launch(system, initial, until, start, rtol, parameters, mode, stop, max_steps))
 
-    if others:
-        refuse("stream", others)
-    return TransitionStream(launch(system, initial, until, start, rtol, atol, parameters, mode, stop, max_steps))
+
+class TransitionStream(Iterator[Any]):
+    """An iterator over the transitions of one run, which goes on as they are asked for and keeps none.
+
+    Attributes
+    ----------
+    outcome : Outcome or None
+        How the run ended, once it is through.
+    """
+
+    def __init__(self, made: Launch) -> None:
+        self.outcome: Outcome | None = None
+        self._rows = self._made(made)
+
+    def _made(self, made: Launch) -> Iterator[Any]:
+        from henon_ref.modes.kinks import HiddenKinks
+        from henon_ref.simulation.tables import rows_of
+
+        model = made.base.model
+        run, rows, kinks = Run(made.integrator, made.start), rows_of(model), HiddenKinks(model)
+        for block in run.stream():
+            yield from rows(block.visible(kinks) if model.kinks else block)
+        assert run.ended is not None
+        self.outcome = Outcome(made.base, made.parameters, made.ended(run.ended)._replace(transitions=()))
+
+    def __next__(self) -> Any:
+        return next(self._rows)
 
 
 def load_run(path: str | Path) -> Solution:
@@ -151,5 +166,5 @@ def load_run(path: str | Path) -> Solution:
     """
     from henon_ref.simulation.run_file import read_run
 
-    run = read_run(path)
-    return Solution(run.system, None, run.start, run.initial, run.trajectory, run.steps)
+    system, start, initial, trajectory, steps = read_run(path)
+    return Solution(system, None, start, initial, trajectory, steps)

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from henon_ref.errors import ArgumentError
-from henon_ref.integrator.records import RESET, transition_dtype
+from henon_ref.integrator.records import RESET, TRANSITION_PLACES
 from henon_ref.integrator.transition_array import TransitionArray
 from henon_ref.modes.mode import Mode
 from henon_ref.simulation.dense_output import DenseOutput, checked_times
-from henon_ref.simulation.outcome import Outcome
+from henon_ref.simulation.launch import Outcome
 from henon_ref.simulation.system import System
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed
@@ -52,7 +52,7 @@ class Solution(Outcome):
     start_time : float
         Initial time [s].
     system, trajectory, status, success, message, counts, undecided_after, final_mode
-        As in :class:`henon_ref.simulation.outcome.Outcome`.
+        As in :class:`henon_ref.simulation.launch.Outcome`.
     """
 
     def __init__(
@@ -101,9 +101,14 @@ class Solution(Outcome):
     @property
     def _changes(self) -> NDArray[Any]:
         """Records of the transitions."""
-        changes = self.trajectory.transitions
-        empty = np.zeros(0, dtype=transition_dtype(len(self._pairs)))
-        return changes.records if isinstance(changes, TransitionArray) else empty
+        return self._transitions.records
+
+    @cached_property
+    def _transitions(self) -> TransitionArray:
+        found = self.trajectory.transitions
+        if isinstance(found, TransitionArray):
+            return found
+        return TransitionArray(np.zeros((0, TRANSITION_PLACES + len(self._pairs))), ())  # there are none
 
     def _modes(self, times: NDArray[np.float64]) -> list[Mode]:
         """The mode at each time, after the transitions there."""
@@ -111,8 +116,8 @@ class Solution(Outcome):
 
     def _modes_after(self, counts: NDArray[np.intp]) -> list[Mode]:
         """The modes after so many transitions each."""
-        changes = self.trajectory.transitions
-        if not isinstance(changes, TransitionArray):
+        changes = self._transitions
+        if not len(changes):
             return [self.trajectory.end_mode] * counts.size
         rows = np.concatenate([changes.records["from_mode"][:1], changes.records["to_mode"]])
         return [changes.modes[row] for row in rows[counts].tolist()]
@@ -139,7 +144,7 @@ class Solution(Outcome):
         """A row a transition: ``time_s, kind, surface, from_mode, to_mode``, then the states by name."""
         from henon_ref.simulation.tables import transition_table
 
-        return transition_table(self._base.model, self.trajectory.transitions)
+        return transition_table(self._base.model, self._transitions)
 
     @cached_property
     def sticks(self) -> pd.DataFrame:
@@ -224,9 +229,10 @@ class Solution(Outcome):
         ``step_time``, ``step_time_low``, ``step_unit``, ``step_coefficients``
             With dense output a row a step: x_i(time + tau unit) = sum over k of coefficients[i, k] tau^k.
         """
-        from henon_ref.simulation.run_file import RunRecord, write_run
+        from henon_ref.simulation.run_file import write_run
 
-        write_run(Path(path), RunRecord(self.system, self.start_time, self._pairs, self.trajectory, self._steps))
+        trajectory = self.trajectory._replace(transitions=self._transitions)
+        write_run(Path(path), (self.system, self.start_time, self._pairs, trajectory, self._steps))
 
     def plot(
         self,
@@ -303,26 +309,14 @@ class Solution(Outcome):
         return self.motion(PLOTTED, self.t)
 
     def motion(self, count: int, more: ArrayLike = ()) -> Motion:
-        """States and modes to be drawn: at a number of times, at each transition, and just before each jump.
-
-        Raises
-        ------
-        ArgumentError
-            Without dense output.
-        """
+        """States and modes to be drawn: at a number of times, at each transition, and just before each jump."""
         changes = self._changes["time"]
         jumps = np.nextafter(changes[self._changes["kind"] == RESET], -np.inf)
         grid = np.linspace(self.start_time, self.trajectory.end_time, count)
         return self.motion_at(np.unique(np.concatenate([grid, changes, jumps, more])))
 
     def motion_at(self, times: ArrayLike) -> Motion:
-        """States and modes to be drawn at some times.
-
-        Raises
-        ------
-        ArgumentError
-            Without dense output, and for times outside the run.
-        """
+        """States and modes to be drawn at some times."""
         if self.sol is None:
             raise ArgumentError(f"a motion {_NO_DENSE}")
         from henon_ref.figures.motion import Motion

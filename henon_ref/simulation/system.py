@@ -19,6 +19,7 @@ from henon_ref.casefile.work import Work
 from henon_ref.errors import ArgumentError, ExpressionError, HenonRefError
 from henon_ref.modes.preparation import parameters_in_exponents, with_rational_exponents
 from henon_ref.precision import one_at_a_time
+from henon_ref.simulation.calls import explained
 from henon_ref.simulation.written import (
     Number,
     OwnStart,
@@ -99,6 +100,7 @@ class System:
     System(x, v; s: v - vb; F = 1, d = 3, vb = 1/2)
     """
 
+    @explained
     def __init__(
         self,
         state: Sequence[str | sp.Symbol],
@@ -154,11 +156,6 @@ class System:
         """The system of a case file's tree: its keys ``system`` or ``scene``, ``sliding`` and ``resets``.
 
         ``declared`` says what the nodes of each line are, for messages; those of line 0 are nothing in particular.
-
-        Raises
-        ------
-        HenonRefError
-            For a tree that holds none.
         """
         self = cls.__new__(cls)
         self._read(tree, declared)
@@ -234,9 +231,8 @@ class System:
         known = list(self._names.values)
         for name in given.entries:
             if name not in known:
-                raise ArgumentError(
-                    f"'{name[:60]}' is no parameter{did_you_mean(name, known)}; parameters: {listed(known)}"
-                )
+                what = f"'{name[:60]}' is no parameter{did_you_mean(name, known)}"
+                raise ArgumentError(f"{what}; parameters: {listed(known)}")
         key = "system" if "system" in self.tree.entries else "scene"
         other = System.__new__(System)
         other._read(merged(self.tree, mapping({key: mapping({"parameters": given})})))

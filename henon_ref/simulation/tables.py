@@ -25,11 +25,8 @@ _named_tuple: Any = namedtuple
 """Whose fields no type checker can know."""
 
 
-def columns_of(system: FilippovSystem, transitions: Sequence[Transition]) -> dict[str, NDArray[Any]]:
+def columns_of(system: FilippovSystem, transitions: TransitionArray) -> dict[str, NDArray[Any]]:
     """By name, the columns of a table of transitions: COLUMNS, then the states."""
-    if not isinstance(transitions, TransitionArray):  # there are none
-        words = dict.fromkeys(COLUMNS, np.zeros(0, dtype=object))
-        return {**words, "time_s": np.zeros(0), **dict.fromkeys(system.state_names, np.zeros(0))}
     records = transitions.records
     rows, places = np.unique([records["from_mode"], records["to_mode"]], return_inverse=True)
     texts = np.array([mode_text(transitions.modes[row], system.sign_names) for row in rows.tolist()], dtype=object)
@@ -44,20 +41,20 @@ def columns_of(system: FilippovSystem, transitions: Sequence[Transition]) -> dic
     }
 
 
-def rows_of(system: FilippovSystem) -> Callable[[Sequence[Transition]], Iterator[Any]]:
+def rows_of(system: FilippovSystem) -> Callable[[TransitionArray], Iterator[Any]]:
     """What makes rows of transitions: named tuples of COLUMNS and the states.
 
     Every name that a state may have is fit for a field: a letter first, no word of Python, none of the columns.
     """
     make = _named_tuple("TransitionRow", (*COLUMNS, *system.state_names))._make
 
-    def rows(transitions: Sequence[Transition]) -> Iterator[Any]:
+    def rows(transitions: TransitionArray) -> Iterator[Any]:
         return map(make, zip(*(c.tolist() for c in columns_of(system, transitions).values()), strict=True))
 
     return rows
 
 
-def transition_table(system: FilippovSystem, transitions: Sequence[Transition]) -> pd.DataFrame:
+def transition_table(system: FilippovSystem, transitions: TransitionArray) -> pd.DataFrame:
     """A row a transition: COLUMNS, then the states by name."""
     import pandas as pd
 

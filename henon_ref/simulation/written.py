@@ -53,19 +53,7 @@ class OwnStart(NamedTuple):
 
 
 def written_name(value: object, what: str) -> str:
-    """The name of a state, a parameter or a surface.
-
-    Parameters
-    ----------
-    value : str or Symbol
-    what : str
-        What it is a name of, for the message.
-
-    Raises
-    ------
-    ArgumentError
-        For what is neither.
-    """
+    """The name of a state, a parameter or a surface, from text or a symbol; ``what`` it is goes into the message."""
     if isinstance(value, str):
         return str(value)
     if isinstance(value, sp.Symbol):
@@ -76,18 +64,8 @@ def written_name(value: object, what: str) -> str:
 def written(value: object, what: str) -> str:
     """A number or an expression as the text that a case file would have.
 
-    A float is the decimal number that it is printed as: 0.1 is 1/10, as in a case file.
-
-    Parameters
-    ----------
-    value : int, float, Fraction, Decimal, str or Expr
-    what : str
-        What it is, for the message.
-
-    Raises
-    ------
-    ArgumentError
-        For what is not finite, too long, or none of these.
+    It is an int, float, Fraction, Decimal, text or SymPy; a float is the decimal number that it is printed as: 0.1 is
+    1/10, as in a case file. An ArgumentError for what is not finite, too long, or none of these.
     """
     if isinstance(value, str):
         return str(value)
@@ -111,11 +89,7 @@ def written(value: object, what: str) -> str:
 def as_given(value: object, what: str) -> Written:
     """A number or an expression as it is read: SymPy as it is, anything else as text (see :func:`written`).
 
-    Raises
-    ------
-    ArgumentError
-        Also for SymPy that has more operations (written out, as often as they stand there), or longer numbers, than a
-        text may have.
+    SymPy may have no more operations (written out, as often as they stand there), nor longer numbers, than a text.
     """
     if not isinstance(value, sp.Expr):
         return written(value, what)
@@ -127,22 +101,10 @@ def as_given(value: object, what: str) -> Written:
 
 
 def tree_of(value: object, what: str, depth: int = 0, place: Place = NOWHERE) -> Node:
-    """A value as the node of a case file's tree: mapping, list, or scalar.
+    """A value as the node of a case file's tree, with all its nodes at a place.
 
-    Parameters
-    ----------
-    value : mapping, list, tuple, array, matrix, None, or what :func:`written` takes
-    what : str
-        What it is, for the message.
-    depth : int
-        How many lists and mappings it stands in.
-    place : Place
-        Of all its nodes.
-
-    Raises
-    ------
-    ArgumentError
-        For what cannot stand in a case file.
+    It is a mapping, list, tuple, array, matrix, None, or what :func:`written` takes, within ``depth`` lists and
+    mappings. An ArgumentError for what cannot stand in a case file.
     """
     if isinstance(value, np.ndarray | sp.MatrixBase):
         value = value.tolist() if isinstance(value, np.ndarray) else list(value)

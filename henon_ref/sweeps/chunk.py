@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import pickle
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
-from functools import cached_property, lru_cache
+from dataclasses import dataclass
+from functools import lru_cache
 from itertools import product
 from time import thread_time
 from typing import Any
@@ -14,92 +15,26 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.casefile.expressions import parse_expression
 from henon_ref.errors import HenonRefError
-from henon_ref.integrator.constant_program import constant_program
 from henon_ref.integrator.integrator import Integrator
-from henon_ref.integrator.pairs import decimal_pairs
-from henon_ref.integrator.points import Keep
+from henon_ref.integrator.pairs import decimal_pairs, pair_of
+from henon_ref.integrator.points import ExactPoint, PointRuns
 from henon_ref.integrator.prepared_run import local_error
-from henon_ref.modes.bounds import double_double
-from henon_ref.simulation.dependent_parameters import following, pairs_at, without_others
-from henon_ref.simulation.launch import integrator_of
-from henon_ref.simulation.system import System
-from henon_ref.simulation.written import as_given
-from henon_ref.sweeps.kernel import Ended, joined, refused_runs, run_points, together
-from henon_ref.sweeps.observations import Observation
-from henon_ref.sweeps.refusals import NO_KINKS, refusals
-from henon_ref.sweeps.runs import Columns, Runs, Section, Settings, Vector, with_sections
+from henon_ref.kernel.shared import kernel
+from henon_ref.modes.problem import Problem
+from henon_ref.modes.system import FilippovSystem
+from henon_ref.simulation.arguments import problem_of
+from henon_ref.simulation.quick_start import CLEARLY
+from henon_ref.sweeps.table_files import Columns, Vector
+from henon_ref.sweeps.work import NO_KINKS, Runs, Work
+from henon_ref.taylor.tape import TIME
 
-
-class PointNumbers:
-    """The numbers of points: what is written of them is read once, and evaluated wherever parameters are swept.
-
-    Parameters
-    ----------
-    system : System
-    swept : frozenset of str
-        Parameters whose values the points have.
-    numbers : mapping
-        Further numbers by name; one that is text follows swept parameters.
-    """
-
-    def __init__(self, system: System, swept: frozenset[str], numbers: Mapping[str, object]) -> None:
-        exact = {symbol.name: value for symbol, value in system.model.parameters.items()}
-        names = {name: sp.Symbol(name, real=True) for name in system.parameters}
-        read = following(system, swept)
-        self.moved = swept | read.keys()
-        """Parameters that differ from point to point."""
-        own = without_others(read, swept, exact)
-        known = {names[name]: value for name, value in {**exact, **own}.items() if name not in swept}
-        self._parameters = {name: _Number(own.get(name, exact[name])) for name in exact if name not in swept}
-        self._numbers = {
-            name: _Number(parse_expression(as_given(value, "a number"), names).xreplace(known))
-            for name, value in numbers.items()
-        }
-
-    def parameters(self, swept: Mapping[str, Vector], count: int) -> dict[str, Vector]:
-        """Every parameter -> its values as pairs of doubles (:mod:`henon_ref.integrator.pairs`), shape (count, 2).
-
-        Parameters
-        ----------
-        swept : mapping
-            Parameter -> values, shape (count,).
-        count : int
-        """
-        found = {name: number.pairs(swept, count) for name, number in self._parameters.items()}
-        return found | {name: decimal_pairs(values) for name, values in swept.items()}
-
-    def number(self, name: str, swept: Mapping[str, Vector], count: int) -> Vector:
-        """Another number likewise, shape (count, 2)."""
-        return self._numbers[name].pairs(swept, count)
-
-
-class _Number:
-    """An expression in swept parameters, at the decimal numbers that these are printed as, to the last bit."""
-
-    def __init__(self, expression: sp.Expr) -> None:
-        symbols = sorted(expression.free_symbols, key=lambda s: s.name)
-        self._names = [symbol.name for symbol in symbols]
-        self._constant = np.zeros(2) if symbols else np.array(double_double(expression))
-        self._program = constant_program(tuple(symbols), (expression,)) if symbols else None
-
-    def pairs(self, swept: Mapping[str, Vector], count: int) -> Vector:
-        if self._program is None:
-            return np.broadcast_to(self._constant, (count, 2))
-        points, places = np.unique(np.column_stack([swept[n] for n in self._names]), axis=0, return_inverse=True)
-        pairs = [pairs_at(self._program, point) for point in points.tolist()]
-        return np.array(pairs).reshape(-1, 2)[places.ravel()]
-
-
+OK = "the run reached its horizon"
 POINTS = "points"
 """The table with a row a point."""
-START, UNTIL = "initial time", "horizon"
-"""What these two numbers go by beside states, whose names have no blank."""
-KEPT_SYSTEMS = 64
-"""Systems of one sweep that are kept: another one for each set of exponents."""
-KEPT_SWEEPS = 8
-"""Sweeps of which a worker keeps what it has read."""
+KEPT_SWEEPS, KEPT_EXPRESSIONS = 8, 256
+"""Sweeps of which a worker keeps what it has read, and expressions that are kept as functions."""
+Places = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -114,60 +49,6 @@ class Tables:
     """What is said of each point that has no run."""
 
 
-@dataclass(frozen=True)
-class Work:
-    """What every task of a sweep needs to know."""
-
-    settings: Settings
-    observations: tuple[Observation, ...]
-    names: tuple[str, ...]
-    """Of the points' values."""
-    chain: int
-
-    @cached_property
-    def numbers(self) -> PointNumbers:
-        """What gives the points' numbers: initial values by their states, then ``start`` and ``until``."""
-        settings = self.settings
-        swept = frozenset(self.names) - frozenset(settings.system.state)
-        return PointNumbers(settings.system, swept, {**settings.initial, START: settings.start, UNTIL: settings.until})
-
-    @cached_property
-    def keep(self) -> Keep:
-        """Transitions that some observation is computed from."""
-        return together([o.kept(self.settings.system) for o in self.observations])
-
-    @cached_property
-    def prepared(self) -> Callable[..., tuple[Integrator, dict[sp.Expr, Section]]]:
-        """See :meth:`_prepared`; what it returns is kept."""
-        return lru_cache(maxsize=KEPT_SYSTEMS)(self._prepared)
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {field.name: getattr(self, field.name) for field in fields(self)}
-
-    def pickled(self) -> bytes:
-        """As bytes; functions of one's own go along by value, wherever they are defined."""
-        import cloudpickle
-
-        return bytes(cloudpickle.dumps(self))
-
-    def _prepared(
-        self, *exponents: tuple[str, float], open_kinks: frozenset[int] = NO_KINKS
-    ) -> tuple[Integrator, dict[sp.Expr, Section]]:
-        """The compiled system, sections included, and where each section stands.
-
-        Parameters
-        ----------
-        *exponents : tuple of str and float
-            Parameters that stand in exponents, and their values: with others it is another system.
-        open_kinks : frozenset of int
-            See :class:`henon_ref.modes.system.FilippovSystem`.
-        """
-        system = self.settings.system
-        wanted = [e for o in self.observations for e in o.sections(system)]
-        whole, sections = with_sections(system.with_parameters(dict(exponents)) if exponents else system, wanted)
-        return integrator_of(whole, local_error(self.settings.rtol), open_kinks), sections
-
-
 @lru_cache(maxsize=KEPT_SWEEPS)
 def _unpickled(work: bytes) -> Work:
     made: Work = pickle.loads(work)
@@ -175,44 +56,43 @@ def _unpickled(work: bytes) -> Work:
 
 
 def execute(work: bytes, first: int, values: Vector, size: int) -> tuple[list[Tables], float]:
-    """Do some chunks that follow each other, their points in one go: their tables, and how long it took [s].
+    """Do some chunks that follow each other; what is observed of each, and the processor time that it took [s].
 
     Parameters
     ----------
     work : bytes
-        :meth:`Work.pickled`.
+        A pickled :class:`Work`, the same for all chunks of a sweep.
     first : int
-        Number of their first point in the sweep.
+        Number of the first point.
     values : ndarray, shape (K, k)
-        Their points.
+        The points' values.
     size : int
-        Points a chunk; the last one may have fewer.
-
-    Returns
-    -------
-    list of Tables
-    float
-        Processor time [s].
+        Points of a chunk; the last one may have fewer.
     """
-    began, made = thread_time(), _unpickled(work)
-    columns = {name: np.ascontiguousarray(values[:, i]) for i, name in enumerate(made.names)}
-    runs = run_chunk(made, columns, len(values), first)
-    points: Columns = {"status": runs.status}
-    ragged: dict[str, Columns] = {}
-    for observation in made.observations:
-        points |= observation.columns(runs)
-        for name, table in observation.tables(runs).items():
-            ragged[name] = {**table, "point": table["point"] + first}
+    began = thread_time()
+    runs = run_chunk(_unpickled(work), values, first)
+    found = observed(runs)
     refused = {k: f"{runs.told(k)}: {runs.message[k]}" for k in np.flatnonzero(runs.refused).tolist()}
-    found = [
+    chunks = [
         Tables(
-            {name: column[k : k + size] for name, column in points.items()},
-            {name: _rows(table, first + k, first + k + size) for name, table in ragged.items()},
+            {name: column[k : k + size] for name, column in found.points.items()},
+            {name: _rows(table, first + k, first + k + size) for name, table in found.ragged.items()},
             tuple(words for point, words in refused.items() if k <= point < k + size),
         )
         for k in range(0, len(values), size)
     ]
-    return found, thread_time() - began
+    return chunks, thread_time() - began
+
+
+def observed(runs: Runs) -> Tables:
+    """What a sweep's observations make of some runs."""
+    points: Columns = {"status": runs.status}
+    ragged: dict[str, Columns] = {}
+    for observation in runs.work.observations:
+        points |= observation.columns(runs)
+        for name, table in observation.tables(runs).items():
+            ragged[name] = {**table, "point": table["point"] + runs.first}
+    return Tables(points, ragged)
 
 
 def _rows(table: Columns, first: int, end: int) -> Columns:
@@ -221,85 +101,174 @@ def _rows(table: Columns, first: int, end: int) -> Columns:
     return {name: column[rows] for name, column in table.items()}
 
 
-def run_chunk(work: Work, columns: Mapping[str, Vector], count: int, first: int = 0) -> Runs:
+def run_chunk(work: Work, values: Vector, first: int = 0) -> Runs:
     """Run a chunk's points; those of a chain one after another, all chains at once.
 
     A point at which there is no problem to solve (a parameter that is not finite, a horizon before the start) is a run
     that ends ``failed`` where it starts.
     """
-    settings = work.settings
-    names = settings.system.state
-    swept = {name: values for name, values in columns.items() if name not in names}
-    numbers = work.numbers
-    parameters = numbers.parameters(swept, count)
-    initial = np.stack(
-        [decimal_pairs(columns[n]) if n in columns else numbers.number(n, swept, count) for n in names], axis=1
-    )
-    start, until = (numbers.number(name, swept, count) for name in (START, UNTIL))
-    highs = {name: pairs[:, 0] for name, pairs in parameters.items()}
-    wrong, open_kinks = refusals(
-        settings, columns, highs, initial[:, :, 0], np.column_stack([start[:, 0], until[:, 0]])
-    )
-    parts: list[tuple[Any, Ended]] = []
+    runs = Runs(work, values, first)
+    wrong, open_kinks = refusals(runs)
+    runs.message[:] = wrong
     for step in range(work.chain):
-        own = np.arange(step, count, work.chain)
+        own = np.arange(step, len(runs), work.chain)
         if step:
-            _, ended = parts[-1]
-            carried = ended.status == "ok"
-            initial[own[carried]] = decimal_pairs(ended.end_state[carried])
-        at_step = {name: v[own] for name, v in parameters.items()}
-        times = np.stack([start[own], until[own]], axis=1)
-        parts.append((own, _run_step(work, at_step, initial[own], times, wrong[own], open_kinks[own])))
-    return Runs(
-        settings=settings,
-        sections=work.prepared()[1],
-        values=columns,
-        parameters=highs,
-        start=start[:, 0],
-        start_state=initial[:, :, 0],
-        first=first,
-        **vars(joined(parts)),
-    )
+            carried = own[runs.status[own - 1] == "ok"]
+            runs.initial[carried] = decimal_pairs(runs.end_state[carried - 1])
+            runs.end_state[carried] = runs.initial[carried, :, 0]
+        _run_step(runs, own[wrong[own] == None], open_kinks)  # noqa: E711 - entry by entry
+    return runs
 
 
-def _run_step(
-    work: Work,
-    parameters: Mapping[str, Vector],
-    initial: Vector,
-    times: Vector,
-    wrong: NDArray[Any],
-    open_kinks: NDArray[Any],
-) -> Ended:
+def refusals(runs: Runs) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Why each of K points has no run, as text (None where it has one), and its open kinks.
+
+    What doubles do not clearly allow is read exactly, as :func:`henon_ref.simulate` reads it.
+
+    Returns
+    -------
+    reasons : ndarray of str or None, shape (K,)
+    open_kinks : ndarray of frozenset, shape (K,)
+        See :class:`henon_ref.modes.system.FilippovSystem`.
+    """
+    system, count = runs.system, len(runs)
+    start, until = runs.times[:, :, 0].T
+    point = {name: pairs[:, 0] for name, pairs in runs.numbers.items()}
+    point |= dict(zip(system.state, runs.initial[:, :, 0].T, strict=True))
+    with np.errstate(all="ignore"):
+        clear = np.isfinite(start) & np.isfinite(until) & (until > start)
+        for values in point.values():
+            clear &= np.isfinite(values)
+        for condition in system.conditions:
+            clear &= _values(condition, point, count) > CLEARLY
+        clear &= ~_may_have_open_kinks(system.model, {**point, TIME.name: start}, count)
+    reasons, open_kinks = np.full(count, None, dtype=object), np.full(count, NO_KINKS, dtype=object)
+    for k in np.flatnonzero(~clear).tolist():
+        try:
+            own = {name: float(column[k]) for name, column in runs.values.items()}
+            open_kinks[k] = problem_at(runs.work, own).system.open_kinks
+            reasons[k] = _unclear(point, start, until, k)
+        except HenonRefError as error:
+            reasons[k] = str(error)
+    return reasons, open_kinks
+
+
+def problem_at(work: Work, values: Mapping[str, float]) -> Problem:
+    """The initial-value problem at a point; where there is none, a HenonRefError in the words of a run from Python."""
+    states = {name: value for name, value in values.items() if name in work.system.state}
+    swept = {name: value for name, value in values.items() if name not in states}
+    start = {**work.initial, **states}
+    return problem_of(work.system, start, until=work.until, start=work.start, parameters=swept, mode=work.mode)[1]
+
+
+def _may_have_open_kinks(model: FilippovSystem, point: Mapping[str, Vector], count: int) -> NDArray[np.bool_]:
+    """Whether a kink, or a root or logarithm in it, has no value at a start, or lies where that begins."""
+    found = np.zeros(count, dtype=np.bool_)
+    for surface in model.surfaces if model.kinks else ():
+        found |= ~np.isfinite(_values(surface, point, count))
+    for i in model.kinks:
+        for power in model.surfaces[i].atoms(sp.Pow):
+            if not power.exp.is_Integer:  # the end of the range where it has a value
+                found |= _values(power.base, point, count) == 0.0
+    return found
+
+
+def _values(expression: sp.Expr, point: Mapping[str, Vector], count: int) -> Vector:
+    """An expression at many points: NaN where it has no value."""
+    names, function = _function(expression)
+    return np.broadcast_to(np.asarray(function(*(point[name] for name in names)), dtype=np.float64), count)
+
+
+@lru_cache(maxsize=KEPT_EXPRESSIONS)
+def _function(expression: sp.Expr) -> tuple[list[str], Callable[..., Any]]:
+    """An expression as a function of arrays, and the names that it takes."""
+    symbols = sorted(expression.free_symbols, key=lambda s: s.name)
+    return [s.name for s in symbols], sp.lambdify(symbols, expression, "numpy")
+
+
+def _unclear(point: Mapping[str, Vector], start: Vector, until: Vector, k: int) -> str | None:
+    """What doubles cannot hold of an exact problem; None where they hold it."""
+    for name, values in point.items():
+        if not np.isfinite(values[k]):
+            return f"'{name}' is {values[k]} in double precision; a number must be finite"
+    if not until[k] > start[k]:
+        return f"the horizon {until[k]:.17g} is not later than the start {start[k]:.17g} in double precision"
+    return None
+
+
+def _run_step(runs: Runs, own: Places, open_kinks: NDArray[Any]) -> None:
     """Runs that do not wait for each other; one compiled system for each set of exponents, and of open kinks."""
-    settings = work.settings
-    names = sorted(settings.system.exponent_parameters & work.numbers.moved)
-    refused = wrong != None  # noqa: E711 - entry by entry
-    parts = [(np.flatnonzero(refused), refused_runs(wrong[refused], initial[refused], times[refused]))]
-
-    def run(integrator: Integrator, own: NDArray[np.int64]) -> None:
-        at_own = {name: v[own] for name, v in parameters.items()}
+    work = runs.work
+    exponents = [runs.numbers[name][own, 0] for name in work.moving_exponents]
+    different, which = np.unique(np.column_stack(exponents or [np.zeros(len(own))]), axis=0, return_inverse=True)
+    for k, kinks in product(range(len(different)), set(open_kinks[own].tolist())):
+        some = own[(which.ravel() == k) & (open_kinks[own] == kinks)]
         try:
-            parts.append((own, run_points(integrator, settings, at_own, initial[own], times[own], work.keep)))
+            integrator = work.integrator(*(different[k].tolist() if exponents else ()), open_kinks=kinks)
         except HenonRefError as error:
-            if len(own) == 1:
-                parts.append((own, refused_runs([str(error)], initial[own], times[own])))
-            else:  # one of them is in the way of all
-                for one in own:
-                    run(integrator, np.array([one]))
-
-    there = np.flatnonzero(~refused)
-    values, which = np.unique(
-        np.column_stack([parameters[name][there, 0] for name in names] or [np.zeros(len(there))]),
-        axis=0,
-        return_inverse=True,
-    )
-    for k, kinks in product(range(len(values)), set(open_kinks[there].tolist())):
-        own = there[(which.ravel() == k) & (open_kinks[there] == kinks)]
-        exponents = values[k].tolist()
-        try:
-            integrator, _ = work.prepared(*zip(names, exponents, strict=False), open_kinks=kinks)
-        except HenonRefError as error:
-            parts.append((own, refused_runs([str(error)] * len(own), initial[own], times[own])))
+            runs.message[some] = str(error)
         else:
-            run(integrator, own)
-    return joined(parts)
+            _run_together(runs, integrator, some)
+
+
+def _run_together(runs: Runs, integrator: Integrator, own: Places) -> None:
+    """Runs in one compiled call; where that cannot be, each by itself, since one of them is in the way of all."""
+    try:
+        _run(runs, integrator, own)
+    except HenonRefError as error:
+        if len(own) == 1:
+            runs.message[own] = str(error)
+        for one in own if len(own) > 1 else ():
+            _run_together(runs, integrator, np.array([one]))
+
+
+def _run(runs: Runs, integrator: Integrator, own: Places) -> None:
+    work = runs.work
+    values = np.empty((len(own), len(integrator.parameters), 2))
+    for k, symbol in enumerate(integrator.parameters):
+        values[:, k] = runs.numbers[symbol.name][own]
+    initial, times = runs.initial[own], runs.times[own]
+    signs = work.system.model.sign_names
+    made = PointRuns(
+        integrator,
+        values,
+        initial,
+        start=times[:, 0],
+        until=times[:, 1],
+        tolerance=local_error(work.rtol),
+        keep=work.keep,
+        most_steps=work.max_steps,
+        mode={signs.index(sign): side for sign, side in (work.mode or {}).items()},
+        exact=_exact_points(work, values, initial, times),
+    )
+    kept = [block for block in made if len(block)] if len(own) else []
+    runs.status[own], runs.message[own], runs.refused[own] = "ok", OK, False
+    mode = made.ends["mode"].astype(np.int64)
+    for point in np.flatnonzero(made.ends["code"] == kernel.BUDGET_SPENT).tolist():
+        runs.status[own[point]], runs.message[own[point]] = made.status(point)
+    for point, end in made.others.items():
+        runs.status[own[point]], runs.message[own[point]] = end.status, end.reason or OK
+        if made.start(point).refused is not None:  # there is no mode to begin with
+            mode[point] = -1
+    rows = runs.rows_of_modes(made.modes)
+    runs.end_time[own], runs.end_state[own], runs.end_mode[own] = made.ends["time"], made.states, rows[mode]
+    runs.counts[own] = np.column_stack([made.ends[name] for name in ("steps", "expansions", "guard_evaluations")])
+    for block in kept:
+        runs.keep(block, own, rows)
+
+
+def _exact_points(work: Work, values: Vector, initial: Vector, times: Vector) -> Callable[[int], ExactPoint]:
+    """What gives the exact numbers of a point that are pairs here: what :func:`simulate` takes in their place."""
+    known = work.exact_parameters
+
+    def number(pair: list[float]) -> Any:
+        high, low = pair
+        if pair_of(high) == (high, low) or not math.isfinite(high):
+            return high
+        return known.get((high, low), sp.Rational(high) + sp.Rational(low))
+
+    def point(k: int) -> ExactPoint:
+        state, parameters = ([number(pair) for pair in pairs[k].tolist()] for pairs in (initial, values))
+        return ExactPoint(tuple(parameters), state, *(number(pair) for pair in times[k].tolist()))
+
+    return point

@@ -20,25 +20,28 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 import sympy as sp
 
-from henon_ref.errors import ArgumentError, HenonRefError
+from henon_ref.errors import HenonRefError
 from henon_ref.simulation.dense_output import DenseOutput
 from henon_ref.simulation.simulate import simulate
 from henon_ref.simulation.system import System
-from henon_ref.sweeps.observations import Observation, rank_in_run
-from henon_ref.sweeps.runs import Columns, Runs, Vector
+from henon_ref.sweeps.observations import moving_expression, rank_in_run
+from henon_ref.sweeps.table_files import Columns, Vector
+from henon_ref.sweeps.work import Observation, Runs
 from henon_ref.taylor.rules import FUNCTIONS
 from henon_ref.taylor.series import Ring, along
-from henon_ref.taylor.tape import TIME, build_tape
+from henon_ref.taylor.tape import build_tape
 
 ROUNDING = 2.0**-49
 """What values, and bounds, are off by, beside the largest number on the way to them."""
 KEPT = 64
-"""Expressions that are kept once they are read, and as tapes: chunks of a sweep ask for them again."""
+"""Expressions that are kept as tapes."""
 MOST_HALVINGS = 50
 NEWTON = 8
 """Steps of Newton's method, from the middle of a piece."""
 MOST_PIECES = 4096
 """Pieces of one run that are halved at a time; there are more only where an expression is rounding alone."""
+MOST_NUMBERS = 1 << 22
+"""Coefficients of steps that are in memory at one time, but for those of one run."""
 _NAMES = {"asin": "arcsin", "acos": "arccos", "atan": "arctan"}
 NUMPY = Ring({name: getattr(np, _NAMES.get(name, name)) for name in (*FUNCTIONS, "sqrt")}, np.power)
 """Arrays of doubles."""
@@ -142,12 +145,6 @@ class AlongSteps:
             x = x * at + pieces.states[:, k]
         there = Pieces(pieces.run, pieces.begin + at * pieces.length, pieces.length, x[:, None])
         return self.series(there, numbers, 0)[0][0]
-
-
-@lru_cache(maxsize=KEPT)
-def along_steps(states: tuple[sp.Symbol, ...], expression: sp.Expr) -> AlongSteps:
-    """The same for the same expression: chunks of a sweep ask for it again."""
-    return AlongSteps(states, expression)
 
 
 class _Bounds(NamedTuple):
@@ -257,13 +254,10 @@ def _bounds(of: AlongSteps, pieces: Pieces, numbers: Sequence[Vector]) -> _Bound
     return _Bounds(coefficients, error, size)
 
 
-MOST_NUMBERS = 1 << 22
-"""Coefficients of steps that are in memory at one time, but for those of one run."""
-
-
 @lru_cache(maxsize=KEPT)
-def _read(system: System, text: str) -> sp.Expr:
-    return system.expression(text, f"the expression {text[:60]!r}")
+def along_steps(system: System, text: str) -> AlongSteps:
+    """An expression that is text; chunks of a sweep ask for it again."""
+    return AlongSteps(system.model.states, moving_expression(system, text, "expression"))
 
 
 @dataclass(frozen=True)
@@ -278,18 +272,12 @@ class Extremes(Observation):
     name: str | None = None
     kind: ClassVar[str] = "extremes"
 
-    def names(self, system: System) -> tuple[list[str], dict[str, list[str]]]:
-        return [f"min_{self.name or self.of}", f"max_{self.name or self.of}"], {}
-
     def check(self, system: System) -> None:
-        if not self._expression(system).free_symbols & {TIME, *system.model.states}:
-            raise ArgumentError(f"the extremes of {self.of[:60]!r}: it never changes, it holds no state and no t")
-
-    def _expression(self, system: System) -> sp.Expr:
-        return _read(system, self.of)
+        along_steps(system, self.of)
 
     def columns(self, runs: Runs) -> Columns:
-        steps = along_steps(runs.system.model.states, self._expression(runs.system))
+        steps = along_steps(runs.system, self.of)
+        parameters = {name: pairs[:, 0] for name, pairs in runs.numbers.items()}
         after = -np.inf if self.after is None else self.after
         least, largest = np.full(len(runs), np.nan), np.full(len(runs), np.nan)
         parts: list[Pieces] = []
@@ -298,11 +286,10 @@ class Extremes(Observation):
             if parts:
                 pieces = joined_pieces(parts, after)
                 own = np.unique(pieces.run)
-                found = steps.extremes(pieces, runs.parameters, len(runs))
+                found = steps.extremes(pieces, parameters, len(runs))
                 least[own], largest[own] = found[0][own], found[1][own]
                 parts.clear()
 
-        kept = 0
         for k, point in enumerate(runs.arguments()):
             try:
                 solution = simulate(runs.system, **point).sol
@@ -310,10 +297,8 @@ class Extremes(Observation):
                 continue
             assert solution is not None
             parts.append(pieces_of(k, solution, after))
-            kept += parts[-1].states.size
-            if kept > MOST_NUMBERS:
+            if sum(part.states.size for part in parts) > MOST_NUMBERS:
                 search()
-                kept = 0
         search()
         name = self.name or self.of
         return {f"min_{name}": least, f"max_{name}": largest}

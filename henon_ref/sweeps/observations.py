@@ -11,55 +11,15 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.errors import ArgumentError
-from henon_ref.integrator.points import NOTHING, Keep
+from henon_ref.integrator.points import Keep
 from henon_ref.simulation.system import System
-from henon_ref.sweeps.runs import Columns, Runs
+from henon_ref.sweeps.table_files import Columns
+from henon_ref.sweeps.work import Observation, Runs
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed
 
 DIRECTIONS = {"rising": 1, "falling": -1, "both": 0}
 """Direction in which a surface is reached -> sign of the side that is come to; 0: any."""
-
-
-@dataclass(frozen=True)
-class Observation:
-    """Base class: what every observation is asked.
-
-    An observation adds columns to the table of points, or is a table of its own, which belongs to points by its column
-    ``point``.
-    """
-
-    kind: ClassVar[str]
-    """Its name in a sweep file."""
-
-    def check(self, system: System) -> None:
-        """Check that it can be made of a system, before anything runs.
-
-        Raises
-        ------
-        ArgumentError
-            For what it cannot mean.
-        """
-
-    def sections(self, system: System) -> Sequence[sp.Expr]:
-        """Expressions whose zeros have to be located."""
-        return ()
-
-    def names(self, system: System) -> tuple[list[str], dict[str, list[str]]]:
-        """Names of its columns in the table of points, and of its tables, each with its columns."""
-        return [], {}
-
-    def kept(self, system: System) -> Keep:
-        """Transitions that it is computed from, of whatever surface."""
-        return NOTHING
-
-    def columns(self, runs: Runs) -> Columns:
-        """Columns of the table of points, an entry a run; NaN (of text: None) where there is nothing to tell."""
-        return {}
-
-    def tables(self, runs: Runs) -> dict[str, Columns]:
-        """Tables of its own, by name; their column ``point`` is the number of a run within the chunk."""
-        return {}
 
 
 @dataclass(frozen=True)
@@ -75,11 +35,7 @@ class Sticks(Observation):
         if self.surface is not None:
             _surface(system, self.surface)
 
-    def names(self, system: System) -> tuple[list[str], dict[str, list[str]]]:
-        each = {"sticks": ["point", "start_s", "duration_s", "surface"]} if self.each else {}
-        return ["stick_count", "last_stick_duration"], each
-
-    def kept(self, system: System) -> Keep:
+    def kept(self) -> Keep:
         return Keep(after=self.after, open_sticks=True)
 
     def columns(self, runs: Runs) -> Columns:
@@ -118,7 +74,7 @@ class Sticks(Observation):
         leaves = runs.entries[runs.records["to_mode"][at], surface] != 0
         first = np.append(True, runs.run[at[1:]] != runs.run[at[:-1]]) if at.size else np.zeros(0, dtype=bool)
         entered = np.roll(at, 1)  # what changed before: it began the stick, if it is of the same run
-        begin = np.where(first, runs.start[runs.run[at]], runs.records["time"][entered])
+        begin = np.where(first, runs.times[runs.run[at], 0, 0], runs.records["time"][entered])
         low = np.where(first, 0.0, runs.records["time_low"][entered])
         kept = leaves & (runs.records["time"][at] >= self.after)
         return at[kept], begin[kept], low[kept]
@@ -130,9 +86,6 @@ class FinalState(Observation):
 
     kind: ClassVar[str] = "final_state"
 
-    def names(self, system: System) -> tuple[list[str], dict[str, list[str]]]:
-        return [*(f"final_{name}" for name in system.state), "final_mode"], {}
-
     def columns(self, runs: Runs) -> Columns:
         states = {f"final_{name}": runs.end_state[:, i].copy() for i, name in enumerate(runs.system.state)}
         return {**states, "final_mode": runs.mode_names(runs.end_mode)}
@@ -143,9 +96,6 @@ class Ending(Observation):
     """See :func:`henon_ref.sweeps.observe.status`."""
 
     kind: ClassVar[str] = "status"
-
-    def names(self, system: System) -> tuple[list[str], dict[str, list[str]]]:
-        return ["end_time", "message", "steps", "rhs_evaluations", "event_evaluations"], {}
 
     def columns(self, runs: Runs) -> Columns:
         steps, expansions, evaluations = runs.counts.T
@@ -159,35 +109,32 @@ class Ending(Observation):
 
 
 @dataclass(frozen=True)
-class SectionPoints(Observation):
-    """See :func:`henon_ref.sweeps.observe.section`."""
+class _AtSection(Observation):
+    """What is computed from the points of a section."""
 
     of: str
     after: float = 0.0
     direction: str = "both"
-    most: int | None = None
-    name: str = "section"
-    kind: ClassVar[str] = "section"
-
-    def names(self, system: System) -> tuple[list[str], dict[str, list[str]]]:
-        return [], {self.name: ["point", "time_s", *system.state]}
 
     def check(self, system: System) -> None:
         self.expression(system)
 
     def expression(self, system: System) -> sp.Expr:
         """The surface of that name, or the expression."""
-        return section_expression(system, self.of)
+        model = system.model
+        if self.of in model.sign_names:
+            return model.surfaces[model.sign_names.index(self.of)]
+        return moving_expression(system, self.of, "section")
 
     def sections(self, system: System) -> Sequence[sp.Expr]:
         return (self.expression(system),)
 
-    def kept(self, system: System) -> Keep:
+    def kept(self) -> Keep:
         return Keep(after=self.after)
 
     def places(self, runs: Runs) -> NDArray[np.int64]:
         """Places of the transitions that are section points."""
-        section = runs.sections[self.expression(runs.system)]
+        section = runs.work.sections[self.expression(runs.system)]
         at, before, after = runs.changes(section.surface)
         came = -section.orientation * before  # the side that lies ahead
         wanted = DIRECTIONS[self.direction]
@@ -195,40 +142,38 @@ class SectionPoints(Observation):
         at = at[reached & (runs.records["time"][at] >= self.after)]
         if self.of in runs.system.model.sign_names:  # by its name a kink is none where another branch hides it
             at = at[runs.visible[at]]
-        return at if self.most is None else at[rank_in_run(runs.run[at]) < self.most]
-
-    def tables(self, runs: Runs) -> dict[str, Columns]:
-        return {self.name: runs.rows(self.places(runs))}
+        return at
 
 
 @dataclass(frozen=True)
-class Period(Observation):
+class SectionPoints(_AtSection):
+    """See :func:`henon_ref.sweeps.observe.section`."""
+
+    most: int | None = None
+    name: str = "section"
+    kind: ClassVar[str] = "section"
+
+    def check(self, system: System) -> None:
+        super().check(system)
+        if "point" in system.state:
+            raise ArgumentError("two results have the column 'point'; call the state otherwise")
+
+    def tables(self, runs: Runs) -> dict[str, Columns]:
+        at = self.places(runs)
+        return {self.name: runs.rows(at if self.most is None else at[rank_in_run(runs.run[at]) < self.most])}
+
+
+@dataclass(frozen=True)
+class Period(_AtSection):
     """See :func:`henon_ref.sweeps.observe.period`."""
 
-    of: str
-    after: float = 0.0
     direction: str = "rising"
     tolerance: float = 1e-6
     most: int = 16
     kind: ClassVar[str] = "period"
 
-    def names(self, system: System) -> tuple[list[str], dict[str, list[str]]]:
-        return ["period", "period_returns"], {}
-
-    def _section(self) -> SectionPoints:
-        return SectionPoints(self.of, self.after, self.direction)
-
-    def check(self, system: System) -> None:
-        self._section().check(system)
-
-    def sections(self, system: System) -> Sequence[sp.Expr]:
-        return self._section().sections(system)
-
-    def kept(self, system: System) -> Keep:
-        return self._section().kept(system)
-
     def columns(self, runs: Runs) -> Columns:
-        at = self._section().places(runs)
+        at = self.places(runs)
         returns, seconds = np.full(len(runs), np.nan), np.full(len(runs), np.nan)
         # The last points of each run, the last one first: what a run does not have is NaN, which nothing is close to.
         back = rank_in_run(runs.run[at][::-1])[::-1]
@@ -246,20 +191,11 @@ class Period(Observation):
         return {"period": seconds, "period_returns": returns}
 
 
-def section_expression(system: System, of: str) -> sp.Expr:
-    """The expression of a section: a surface by its name, or text.
-
-    Raises
-    ------
-    ArgumentError
-        For one that holds neither a state nor time, and names that are not the system's.
-    """
-    model = system.model
-    if of in model.sign_names:
-        return model.surfaces[model.sign_names.index(of)]
-    expression = system.expression(of, f"the section {of[:60]!r}")
-    if not expression.free_symbols & {TIME, *model.states}:
-        raise ArgumentError(f"the section {of[:60]!r} never changes: it holds no state and no t")
+def moving_expression(system: System, text: str, what: str) -> sp.Expr:
+    """An expression that changes in a run; an ArgumentError for one that holds neither a state nor time."""
+    expression = system.expression(text, f"the {what} {text[:60]!r}")
+    if not expression.free_symbols & {TIME, *system.model.states}:
+        raise ArgumentError(f"the {what} {text[:60]!r} never changes: it holds no state and no t")
     return expression
 
 

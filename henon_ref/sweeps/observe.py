@@ -11,6 +11,8 @@ from collections.abc import Callable
 from typing import Any
 
 from henon_ref.errors import ArgumentError
+from henon_ref.simulation.arguments import whole_number
+from henon_ref.simulation.calls import explained
 from henon_ref.simulation.solution import Solution
 from henon_ref.sweeps.extremes import Extremes
 from henon_ref.sweeps.observations import (
@@ -31,6 +33,7 @@ MOST_RETURNS = 10_000
 """Returns to a section that a period may have."""
 
 
+@explained
 def sticks(after: float = 0, surface: str | None = None, each: bool = False) -> Observation:
     """Whole sticks that do not end before a time, as ``measure: {after: T}`` of a case file counts them.
 
@@ -48,11 +51,13 @@ def sticks(after: float = 0, surface: str | None = None, each: bool = False) -> 
     return Sticks(_number(after, "after"), None if surface is None else _text(surface, "surface"), _flag(each, "each"))
 
 
+@explained
 def final_state() -> Observation:
     """Where each run ended: columns ``final_x`` for each state ``x``, and ``final_mode`` as text (``s1=-1 s2=0``)."""
     return FinalState()
 
 
+@explained
 def status() -> Observation:
     """How each run ended: columns ``end_time`` [s], ``message``, and the numbers of steps and evaluations.
 
@@ -61,6 +66,7 @@ def status() -> Observation:
     return Ending()
 
 
+@explained
 def section(
     of: str, after: float = 0, direction: str = "both", most: int | None = None, name: str = "section"
 ) -> Observation:
@@ -81,11 +87,11 @@ def section(
     name : str
         The table's.
     """
-    if most is not None and (isinstance(most, bool) or not isinstance(most, int) or most < 1):
-        raise ArgumentError(f"most is {str(most)[:60]}; wanted a whole number from 1 on, or None")
-    return SectionPoints(_text(of, "of"), _number(after, "after"), _direction(direction), most, _name(name))
+    points = None if most is None else whole_number(most, "most")
+    return SectionPoints(_text(of, "of"), _number(after, "after"), _direction(direction), points, _name(name))
 
 
+@explained
 def period(
     of: str, after: float = 0, direction: str = "rising", tolerance: float = 1e-6, most: int = 16
 ) -> Observation:
@@ -104,11 +110,11 @@ def period(
     """
     if not 0 < _number(tolerance, "tolerance") < 1:
         raise ArgumentError(f"tolerance is {tolerance}; wanted a number between 0 and 1")
-    if isinstance(most, bool) or not isinstance(most, int) or not 1 <= most <= MOST_RETURNS:
-        raise ArgumentError(f"most is {str(most)[:60]}; wanted a whole number from 1 to {MOST_RETURNS}")
-    return Period(_text(of, "of"), _number(after, "after"), _direction(direction), float(tolerance), most)
+    returns = whole_number(most, "most", most=MOST_RETURNS)
+    return Period(_text(of, "of"), _number(after, "after"), _direction(direction), float(tolerance), returns)
 
 
+@explained
 def extremes(of: str, after: float | None = None, name: str | None = None) -> Observation:
     """The least and the largest value of an expression: columns ``min_NAME`` and ``max_NAME``.
 
@@ -125,6 +131,7 @@ def extremes(of: str, after: float | None = None, name: str | None = None) -> Ob
     return Extremes(_text(of, "of"), since, None if name is None else _name(name))
 
 
+@explained
 def lyapunov(span: float, discard: float = 0) -> Observation:
     """The largest Lyapunov exponent [1/s]: column ``lyapunov`` (see :func:`henon_ref.lyapunov_exponents`).
 
@@ -142,6 +149,7 @@ def lyapunov(span: float, discard: float = 0) -> Observation:
     return Lyapunov(float(span), float(discard))
 
 
+@explained
 def function(of: Callable[[Solution], Any], name: str = VALUE, dense_output: bool = False) -> Observation:
     """A function on each run (a Solution), which the worker calls.
 

@@ -13,21 +13,20 @@ from typing import Any
 
 import numpy as np
 
-from henon_ref.errors import ArgumentError
+from henon_ref.errors import ArgumentError, HenonRefError
 from henon_ref.integrator.start import MOST_STEPS, NO_LIMIT
 from henon_ref.simulation.arguments import problem_of, start_of, tolerance_of, whole_number
 from henon_ref.simulation.system import System
-from henon_ref.sweeps.chunk import POINTS, Work
-from henon_ref.sweeps.observations import Observation
+from henon_ref.sweeps.chunk import POINTS, problem_at
 from henon_ref.sweeps.points import OWN_COLUMNS, Points, check_names, points_of
-from henon_ref.sweeps.refusals import exact_refusal, point_problem
 from henon_ref.sweeps.run_by_run import with_columns
-from henon_ref.sweeps.runs import Columns, Settings
+from henon_ref.sweeps.table_files import Columns
+from henon_ref.sweeps.work import Observation, Runs, Work
 from henon_ref.workers.executors import Task
 
-MOST_CHUNK, CHUNKS = 2000, 64
-"""Where no size is given: points of a chunk at most, and chunks that a sweep is cut into if it has as many points.
-(Neither depends on the number of workers, so that the files do not.)"""
+FEWEST, MOST_CHUNK, CHUNKS = 16, 2000, 64
+"""Where no size is given: least and most points of a chunk, and chunks that a sweep is cut into between these bounds.
+(They do not depend on the number of workers, so that the files do not.)"""
 MOST_CHUNKS = 1_000_000
 """Chunks that a sweep may have: their files stand in one folder, in the order of their names."""
 FIGURES = "figures"
@@ -45,6 +44,8 @@ class Plan:
     points: Points
     chunk: int
     """Points a chunk; a multiple of a chain."""
+    tables: dict[str, tuple[str, ...]]
+    """Name of each table -> its columns; the table of points first."""
 
     @cached_property
     def chunks(self) -> tuple[range, ...]:
@@ -52,19 +53,10 @@ class Plan:
         count = len(self.points)
         return tuple(range(k, min(k + self.chunk, count)) for k in range(0, count, self.chunk))
 
-    def tasks(self, but: set[int]) -> list[int]:
-        """Numbers of the chunks that are still to be done."""
-        return [number for number in range(len(self.chunks)) if number not in but]
-
     def task(self, numbers: Sequence[int], pickled: bytes) -> Task:
         """What a worker is given for some chunks that follow each other."""
         start, stop = self.chunks[numbers[0]].start, self.chunks[numbers[-1]].stop
         return Task(numbers[0], (pickled, start, self.points.values[start:stop], self.chunk))
-
-    @cached_property
-    def tables(self) -> dict[str, tuple[str, ...]]:
-        """Name of each table -> its columns; the table of points first."""
-        return _tables(self.work, self.points)
 
     def own_columns(self, number: int) -> Columns:
         """The columns that a chunk has from its points: their numbers, values and labels."""
@@ -75,15 +67,15 @@ class Plan:
     @cached_property
     def content(self) -> str:
         """SHA-256 of everything that decides the results and their files, in hexadecimal."""
-        settings = self.work.settings
+        work, system = self.work, self.work.system
         told = {
-            "system": repr(settings.system.content),
-            "initial": [str(settings.system.number(settings.initial[name])) for name in settings.system.state],
-            "time": [str(settings.system.number(value)) for value in (settings.start, settings.until)],
-            "rtol": settings.rtol,
-            "mode": repr(settings.mode),
-            "max_steps": settings.max_steps,
-            "observations": [_named(o) for o in self.work.observations],
+            "system": repr(system.content),
+            "initial": [str(system.number(work.initial[name])) for name in system.state],
+            "time": [str(system.number(value)) for value in (work.start, work.until)],
+            "rtol": work.rtol,
+            "mode": repr(work.mode),
+            "max_steps": work.max_steps,
+            "observations": [_named(o) for o in work.observations],
             "names": self.points.names,
             "chain": self.points.chain,
             "labels": {name: _digest("\0".join(column).encode()) for name, column in self.points.labels.items()},
@@ -106,48 +98,36 @@ def planned(
     mode: Mapping[str, int] | None = None,
     max_steps: int = MOST_STEPS,
 ) -> Plan:
-    """Check the arguments of a sweep (see :func:`henon_ref.sweeps.sweep.sweep`).
-
-    Raises
-    ------
-    HenonRefError
-        For invalid arguments.
-    """
+    """Check the arguments of a sweep (see :func:`henon_ref.sweeps.sweep.sweep`); a HenonRefError for invalid ones."""
     tolerance = tolerance_of(rtol)
     points = points_of(grid)
     if not isinstance(system, System):
         raise ArgumentError(f"system is {str(system)[:60]!r}; wanted a System")
-    check_names(points, list(system.parameters), system.state)
+    check_names(points.names, system)
     given, until, start, mode = start_of(system, initial, until, start, mode)
     if not isinstance(given, Mapping) or (mode is not None and not isinstance(mode, Mapping)):
         problem_of(system, given, until=until, start=start, mode=mode)  # which says what is wrong with it
     named = {str(name): value for name, value in given.items()}
     most = min(whole_number(max_steps, "max_steps"), NO_LIMIT)
-    settings = Settings(system, named, start, until, tolerance, dict(mode) if mode else None, most)
-    work = Work(settings, _checked(observe, system, _horizon(settings, points)), points.names, points.chain)
+    work = Work(
+        system, named, start, until, tolerance, dict(mode) if mode else None, most, (), points.names, points.chain
+    )
+    work = replace(work, observations=_checked(observe, system, _horizon(work, points)))
     size = _chunk_size(chunk, points)
-    _tables(work, points)
+    _tables(work, points)  # checks all names before functions of one's own are called
     work = replace(work, observations=with_columns(work, points))
-    _tables(work, points)
-    return Plan(work, points, size)
+    return Plan(work, points, size, _tables(work, points))
 
 
-def _horizon(settings: Settings, points: Points) -> float:
-    """The horizon of the system's own values; where these make no problem, of the first point that makes one.
-
-    Raises
-    ------
-    ArgumentError
-        For what is wrong with the system's own values, where none of the first points makes one, either.
-    """
-    try:
-        return float(point_problem(settings, {}).until)
-    except ArgumentError:
-        for row in points.values[:TRIED].tolist():
-            values = dict(zip(points.names, row, strict=True))
-            if exact_refusal(settings, values) is None:
-                return float(point_problem(settings, values).until)
-        raise
+def _horizon(work: Work, points: Points) -> float:
+    """The horizon of the system's own values; where these make no problem, of the first point that makes one."""
+    refused: list[HenonRefError] = []
+    for values in ({}, *(dict(zip(points.names, row, strict=True)) for row in points.values[:TRIED].tolist())):
+        try:
+            return float(problem_at(work, values).until)
+        except HenonRefError as error:
+            refused.append(error)
+    raise refused[0]
 
 
 def _checked(observe: Sequence[Observation], system: System, until: float) -> tuple[Observation, ...]:
@@ -166,26 +146,15 @@ def _checked(observe: Sequence[Observation], system: System, until: float) -> tu
 
 
 def _tables(work: Work, points: Points) -> dict[str, tuple[str, ...]]:
-    """Name of each table -> its columns, the table of points first.
-
-    Raises
-    ------
-    ArgumentError
-        Where two tables, or two columns of one, have the same name.
-    """
-    columns, names = [*points.names, *points.labels, "status"], [POINTS]
-    tables: dict[str, list[str]] = {POINTS: columns}
+    """Name of each table -> its columns, the table of points first, of which no two have the same name."""
+    runs, own = Runs(work, points.values[:0]), [*points.names, *points.labels, "status"]
+    columns, ragged = ["point", *own], list[tuple[str, Columns]]()
     for observation in work.observations:
-        own, ragged = observation.names(work.settings.system)
-        columns += own
-        names += ragged
-        tables |= ragged
-    _check_once("table", [*names, FIGURES])
-    _check_once("column", [*columns, *(name for name in OWN_COLUMNS if name not in (*points.labels, "status"))])
-    for table in tables.values():
-        _check_once("column", table)
-    columns.insert(0, "point")
-    return {name: tuple(own) for name, own in tables.items()}
+        columns += observation.columns(runs)
+        ragged += observation.tables(runs).items()
+    _check_once("table", [POINTS, FIGURES, *(name for name, _ in ragged)])
+    _check_once("column", [*columns, *(name for name in OWN_COLUMNS if name not in ("point", *own))])
+    return {POINTS: tuple(columns), **{name: tuple(table) for name, table in ragged}}
 
 
 def _check_once(what: str, names: Sequence[str]) -> None:
@@ -197,7 +166,8 @@ def _check_once(what: str, names: Sequence[str]) -> None:
 
 
 def _chunk_size(chunk: int | None, points: Points) -> int:
-    wanted = min(MOST_CHUNK, -(-len(points) // CHUNKS)) if chunk is None else whole_number(chunk, "chunk")
+    default = min(max(-(-len(points) // CHUNKS), FEWEST), MOST_CHUNK)
+    wanted = default if chunk is None else whole_number(chunk, "chunk")
     least = -(-len(points) // MOST_CHUNKS)
     if wanted < least:
         if chunk is not None:

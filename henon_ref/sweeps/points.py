@@ -1,9 +1,10 @@
-"""The points of a sweep: values of parameters and initial values, a row a run."""
+"""The points of a sweep, ``henon_ref.points``: values of parameters and initial values, a row a run."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from math import prod
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,11 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.errors import ArgumentError
-from henon_ref.sweeps.point_files import Vector, check_size, read_table, written_table
+from henon_ref.simulation.arguments import whole_number
+from henon_ref.simulation.system import System
+from henon_ref.sweeps.table_files import MOST_NUMBERS, Vector, check_size, read_table
 from henon_ref.text import did_you_mean, listed
 
 if TYPE_CHECKING:
     import pandas as pd
+
+__all__ = ["Points", "continuation", "grid", "random", "table"]
 
 LONGEST_AXES = 5_000
 """Values of all axes of a grid that a sweep file lists."""
@@ -23,30 +28,27 @@ DIRECTION = "direction"
 """Column of a continuation: ``up`` or ``down``."""
 OWN_COLUMNS = ("point", "status", DIRECTION)
 """Columns of a sweep's table that no parameter, state or observation may be called after."""
+METHODS = ("independent", "sobol")
+DISTRIBUTIONS = {"uniform": "its least and largest value", "normal": "its mean and standard deviation"}
+"""Distribution -> what its two numbers are."""
 
 
 @dataclass(frozen=True)
 class Points:
     """Values of parameters and states, a row a run.
 
-    Parameters
-    ----------
-    names : tuple of str
-        Parameters and states, each once.
-    values : ndarray, shape (N, k)
-    chain : int
-        Points in a row that make a chain, of which each starts where the one before it ended; 1: none does.
-    labels : mapping
-        Further columns of text, each of N entries.
-    written : mapping
-        The same in the words of a sweep file's ``points``.
+    ``values`` has shape (N, names).
     """
 
     names: tuple[str, ...]
+    """Parameters and states, each once."""
     values: Vector
     chain: int = 1
+    """Points in a row that make a chain, of which each starts where the one before it ended; 1: none does."""
     labels: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    """Further columns of text, each of N entries."""
     written: Mapping[str, Any] = field(default_factory=dict)
+    """The same in the words of a sweep file's ``points``; if left out they are a table beside it."""
 
     def __len__(self) -> int:
         return len(self.values)
@@ -77,13 +79,9 @@ def grid(axes: Mapping[str, Any]) -> Points:
     [[1.0, 0.0], [1.0, 0.5], [1.0, 1.0], [2.0, 0.0], [2.0, 0.5], [2.0, 1.0]]
     """
     values = _axes(axes, "grid")
-    sizes = [len(v) for v in values.values()]
-    total = _product(sizes)
-    made, inner = np.empty((total, len(sizes))), total
-    for k, (axis, size) in enumerate(zip(values.values(), sizes, strict=True)):
-        inner //= size
-        made.reshape(-1, size, inner, len(sizes))[..., k] = axis[:, None]
-    return Points(tuple(values), made, written=_written_grid(axes, values, made))
+    written = _written(axes, values)
+    listed_values = sum(len(own) for own in written.values() if isinstance(own, list))
+    return Points(tuple(values), _combined(values), written={"grid": written} if listed_values <= LONGEST_AXES else {})
 
 
 def table(source: pd.DataFrame | Mapping[str, Any] | str | Path) -> Points:
@@ -102,11 +100,12 @@ def table(source: pd.DataFrame | Mapping[str, Any] | str | Path) -> Points:
     if isinstance(source, str | Path):
         source = read_table(Path(source))
     columns = {name: numbers(source[key], f"column '{name}'") for name, key in _named(source, "a table").items()}
-    if not columns or len({len(c) for c in columns.values()}) != 1 or not len(next(iter(columns.values()))):
+    lengths = {len(column) for column in columns.values()}
+    if len(lengths) != 1 or 0 in lengths:
         raise ArgumentError("a table of points needs columns of one length, with a row at least")
-    check_size(len(next(iter(columns.values()))), len(columns), "a table of points")
+    check_size(max(lengths), len(columns), "a table of points")
     values = np.column_stack(list(columns.values()))
-    return Points(tuple(columns), values, written=written_table(values))
+    return Points(tuple(columns), values)
 
 
 def continuation(
@@ -144,27 +143,62 @@ def continuation(
         raise ArgumentError(f"directions are {listed(list(map(str, directions)))}; wanted 'up', 'down', or both")
     ((name, values),) = line.items()
     path = np.concatenate([values if d == "up" else values[::-1] for d in directions])
-    others = grid(axes) if axes else Points((), np.empty((1, 0)))
-    if name in others.names:
+    across = _axes(axes, "grid") if axes else {}
+    if name in across:
         raise ArgumentError(f"'{name}' stands in 'along' and in the grid")
-    check_size(len(path) * len(others), len(others.names) + 1, "a continuation")
-    made = np.column_stack([np.repeat(others.values, len(path), axis=0), np.tile(path, len(others))])
-    label = np.array([d for d in directions for _ in values], dtype=object)
-    written = {"along": {name: _written_axis(next(iter(along.values())), values)}, "directions": list(directions)}
+    chains = prod(map(len, across.values()))
+    check_size(len(path) * chains, len(across) + 1, "a continuation")
+    made = np.column_stack([np.repeat(_combined(across), len(path), axis=0), np.tile(path, chains)])
+    labels = {DIRECTION: np.tile(np.array([d for d in directions for _ in values], dtype=object), chains)}
+    written = {"along": _written(along, line), "directions": list(directions)}
     if axes:
-        written["grid"] = others.written.get("grid", {})
-    labels = {DIRECTION: np.tile(label, len(others))}
-    return Points((*others.names, name), made, len(path), labels, {"continuation": written})
+        written["grid"] = _written(axes, across)
+    return Points((*across, name), made, len(path), labels, {"continuation": written})
 
 
-def points_of(given: Any) -> Points:
-    """Points from what the argument ``grid`` of a sweep may be: a mapping, a data frame, a file, or points.
+def random(draws: Mapping[str, Any], *, count: int, seed: int = 0, method: str = "independent") -> Points:
+    """Random values of parameters and states.
+
+    Parameters
+    ----------
+    draws : mapping
+        Parameter or state -> ``{"uniform": [least, largest]}`` or ``{"normal": [mean, standard_deviation]}``.
+    count : int
+        Number of points.
+    seed : int
+        The same seed gives the same points.
+    method : str
+        ``independent`` draws (Monte Carlo), or ``sobol``: a scrambled Sobol sequence, which fills the ranges evenly
+        (:class:`scipy.stats.qmc.Sobol`; its balance is best where ``count`` is a power of 2).
 
     Raises
     ------
     ArgumentError
-        For anything else.
+        For anything that is none of these.
+
+    Examples
+    --------
+    >>> points = random({"F": {"uniform": [1, 2]}, "x": {"normal": [0, 0.1]}}, count=4, seed=1)
+    >>> points.names, points.values.shape, bool((points.values[:, 0] >= 1).all())
+    (('F', 'x'), (4, 2), True)
     """
+    if not isinstance(draws, Mapping) or not draws:
+        raise ArgumentError(f"draws are {str(draws)[:60]}; wanted a mapping such as {{'x': {{'uniform': [0, 1]}}}}")
+    whole_number(count, "count", most=MOST_NUMBERS)
+    whole_number(seed, "seed", least=0, most=2**63)
+    if method not in METHODS:
+        raise ArgumentError(f"method is {str(method)[:60]!r}; wanted {' or '.join(METHODS)}")
+    shapes = {str(name): _distribution(name, given) for name, given in draws.items()}
+    check_size(count, len(shapes), "'random'")
+    unit = _unit_cube(len(shapes), count, seed, method)
+    values = np.column_stack([_placed(name, unit[:, k], *shape) for k, (name, shape) in enumerate(shapes.items())])
+    drawn = {name: {kind: [first, second]} for name, (kind, first, second) in shapes.items()}
+    written = {"random": {"draws": drawn, "count": int(count), "seed": int(seed), "method": method}}
+    return Points(tuple(shapes), values, written=written)
+
+
+def points_of(given: Any) -> Points:
+    """Points from what the argument ``grid`` of a sweep may be: a mapping, a data frame, a file, or points."""
     if isinstance(given, Points):
         _check(given)
         return given
@@ -178,33 +212,21 @@ def points_of(given: Any) -> Points:
     )
 
 
-def check_names(points: Points, parameters: Sequence[str], states: Sequence[str]) -> None:
-    """Check that points are about a system.
-
-    Raises
-    ------
-    ArgumentError
-        For a name that is neither a parameter nor a state, and one that a table of results has for itself.
-    """
-    for name in points.names:
-        known = [*parameters, *states]
+def check_names(names: Sequence[str], system: System) -> None:
+    """Refuse a name that is neither a parameter nor a state, and one that a table of results has for itself."""
+    known = [*system.parameters, *system.state]
+    for name in names:
         if name not in known:
             raise ArgumentError(
                 f"'{name[:60]}' is neither a parameter nor a state{did_you_mean(name, known)}; "
-                f"parameters: {listed(parameters)}; states: {listed(states)}"
+                f"parameters: {listed(system.parameters)}; states: {listed(system.state)}"
             )
         if name in OWN_COLUMNS:
             raise ArgumentError(f"'{name}' is a column of the result; call the parameter or state otherwise")
 
 
 def numbers(given: Any, what: str) -> Vector:
-    """Finite numbers as an array of one dimension.
-
-    Raises
-    ------
-    ArgumentError
-        For what is none.
-    """
+    """Finite numbers as an array of one dimension; an ArgumentError for what is none."""
     if isinstance(given, str | bytes | Mapping):
         raise ArgumentError(f"{what} is {str(given)[:60]!r}; wanted a list or array of numbers")
     try:
@@ -226,7 +248,7 @@ def _axes(axes: Mapping[str, Any], what: str) -> dict[str, Vector]:
     if not isinstance(axes, Mapping) or not axes:
         raise ArgumentError(f"'{what}' is {str(axes)[:60]}; wanted a mapping such as {{'vb': [0.1, 0.2]}}")
     named = _named(axes, f"'{what}'")
-    total = _product([_size(axes[key], f"'{name}' of '{what}'") for name, key in named.items()])
+    total = prod([_size(axes[key], f"'{name}' of '{what}'") for name, key in named.items()])
     check_size(total, len(named), f"'{what}'")
     return {name: _axis(axes[key], f"'{name}' of '{what}'") for name, key in named.items()}
 
@@ -243,63 +265,45 @@ def _named(given: Mapping[Any, Any], what: str) -> dict[str, Any]:
 
 def _size(given: Any, what: str) -> int:
     """How many values an axis has, before any of a range is made."""
-    if isinstance(given, Mapping):
-        return _count(given, what)
-    return len(given) if hasattr(given, "__len__") else 1
+    if not isinstance(given, Mapping):
+        return len(given) if hasattr(given, "__len__") else 1
+    if set(given) != {"from", "to", "count"}:
+        raise ArgumentError(f"{what} has the keys {listed(list(map(str, given)))}; wanted from, to and count")
+    return whole_number(given["count"], f"'count' of {what}")
 
 
 def _axis(given: Any, what: str) -> Vector:
     if isinstance(given, Mapping):
-        given = _range(given, what)
+        first, last = numbers([given["from"], given["to"]], what)
+        given = np.linspace(first, last, _size(given, what))
     values = numbers(given, what)
     if not values.size:
         raise ArgumentError(f"{what} is empty; wanted a number at least")
     return values
 
 
-def _range(given: Mapping[str, Any], what: str) -> Vector:
-    count = _count(given, what)
-    first, last = numbers([given["from"], given["to"]], what)
-    return np.linspace(first, last, count)
+def _combined(axes: Mapping[str, Vector]) -> Vector:
+    """Every combination of the axes' values, a row each; of none one row without values."""
+    made = np.empty((prod(map(len, axes.values())), len(axes)))
+    inner = len(made)
+    for k, axis in enumerate(axes.values()):
+        inner //= len(axis)
+        made.reshape(-1, len(axis), inner, len(axes))[..., k] = axis[:, None]
+    return made
 
 
-def _count(given: Mapping[str, Any], what: str) -> int:
-    if set(given) != {"from", "to", "count"}:
-        raise ArgumentError(f"{what} has the keys {listed(list(map(str, given)))}; wanted from, to and count")
-    count = given["count"]
-    if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1:
-        raise ArgumentError(f"'count' of {what} is {str(count)[:60]}; wanted a whole number from 1 on")
-    return int(count)
-
-
-def _product(sizes: Sequence[int]) -> int:
-    total = 1
-    for size in sizes:
-        total *= size
-    return total
-
-
-def _written_grid(axes: Mapping[Any, Any], values: Mapping[str, Vector], made: Vector) -> dict[str, Any]:
-    given = dict(zip(values, axes.values(), strict=True))
-    if sum(len(v) for name, v in values.items() if not isinstance(given[name], Mapping)) > LONGEST_AXES:
-        return written_table(made)
-    return {"grid": {name: _written_axis(given[name], values[name]) for name in values}}
-
-
-def _written_axis(given: Any, values: Vector) -> Any:
-    if isinstance(given, Mapping):
-        return {**{key: float(given[key]) for key in ("from", "to")}, "count": int(given["count"])}
-    return values.tolist()
+def _written(axes: Mapping[Any, Any], values: Mapping[str, Vector]) -> dict[str, Any]:
+    """Axes in the words of a sweep file."""
+    return {
+        name: {"from": float(given["from"]), "to": float(given["to"]), "count": int(given["count"])}
+        if isinstance(given, Mapping)
+        else own.tolist()
+        for given, (name, own) in zip(axes.values(), values.items(), strict=True)
+    }
 
 
 def _check(points: Points) -> None:
-    """Check points that somebody has put together.
-
-    Raises
-    ------
-    ArgumentError
-        For what does not fit together, and numbers that are not finite.
-    """
+    """Check points that somebody has put together."""
     values, names = points.values, points.names
     if not isinstance(values, np.ndarray) or values.dtype != np.float64 or values.ndim != 2 or not len(values):
         raise ArgumentError("the values of points must be an array of doubles, of shape (points, names)")
@@ -312,3 +316,40 @@ def _check(points: Points) -> None:
     if len(wrong):
         k, i = wrong[0].tolist()
         raise ArgumentError(f"'{names[i]}' is {values[k, i]} at point {k}; a number must be finite")
+
+
+def _distribution(name: Any, given: Any) -> tuple[str, float, float]:
+    if not isinstance(given, Mapping) or len(given) != 1 or next(iter(given)) not in DISTRIBUTIONS:
+        raise ArgumentError(f"the draw of '{name}' is {str(given)[:60]}; wanted one of {listed(list(DISTRIBUTIONS))}")
+    ((kind, pair),) = given.items()
+    values = numbers(pair, f"'{kind}' of '{name}'")
+    if len(values) != 2 or (kind == "uniform" and values[0] > values[1]) or (kind == "normal" and values[1] < 0):
+        raise ArgumentError(f"'{kind}' of '{name}' is {str(pair)[:60]}; wanted {DISTRIBUTIONS[kind]}")
+    return kind, float(values[0]), float(values[1])
+
+
+def _unit_cube(dimensions: int, count: int, seed: int, method: str) -> Vector:
+    """Points of the open unit cube, shape (count, dimensions)."""
+    generator = np.random.Generator(np.random.PCG64(seed))
+    if method == "independent":
+        found = generator.random((count, dimensions))
+    else:
+        from scipy.stats import qmc
+
+        engine = qmc.Sobol(dimensions, scramble=True, rng=generator)
+        found = engine.random_base2(max(count - 1, 0).bit_length())[:count]  # drawn whole: no word of its balance
+    return np.maximum(found, 2.0**-54)
+
+
+def _placed(name: str, unit: Vector, kind: str, first: float, second: float) -> Vector:
+    if kind == "uniform":
+        if not np.isfinite(second - first):  # the range is longer than the largest double
+            return 2 * np.minimum(first / 2 + (second / 2 - first / 2) * unit, second / 2)
+        return np.minimum(first + (second - first) * unit, second)
+    from scipy.special import ndtri
+
+    with np.errstate(over="ignore"):
+        drawn = first + second * np.asarray(ndtri(unit))
+    if not np.isfinite(drawn).all():
+        raise ArgumentError(f"'normal' of '{name}' is [{first}, {second}]; numbers drawn from it are not finite")
+    return drawn

@@ -13,11 +13,10 @@ from henon_ref.analysis.lyapunov import lyapunov_exponents
 from henon_ref.errors import ArgumentError, HenonRefError
 from henon_ref.simulation.simulate import simulate
 from henon_ref.simulation.solution import Solution
-from henon_ref.simulation.system import System
-from henon_ref.sweeps.chunk import Work, run_chunk
-from henon_ref.sweeps.observations import Observation
+from henon_ref.sweeps.chunk import run_chunk
 from henon_ref.sweeps.points import Points
-from henon_ref.sweeps.runs import Columns, Runs
+from henon_ref.sweeps.table_files import Columns
+from henon_ref.sweeps.work import Observation, Runs, Work
 
 VALUE = "value"
 """Column of a function that has no name of its own."""
@@ -33,9 +32,6 @@ class Lyapunov(Observation):
     span: float
     discard: float = 0.0
     kind: ClassVar[str] = "lyapunov"
-
-    def names(self, system: System) -> tuple[list[str], dict[str, list[str]]]:
-        return ["lyapunov"], {}
 
     def columns(self, runs: Runs) -> Columns:
         found = np.full(len(runs), np.nan)
@@ -61,13 +57,9 @@ class Function(Observation):
     """Its columns, of numbers or of text, once its first values have shown them (see :func:`with_columns`)."""
     kind: ClassVar[str] = "function"
 
-    def names(self, system: System) -> tuple[list[str], dict[str, list[str]]]:
-        if self.kinds is not None:
-            return list(self.kinds), {}
-        return [] if self.name == VALUE else [self.name], {}
-
     def columns(self, runs: Runs) -> Columns:
-        kinds = self.kinds or {}
+        named = {} if self.name == VALUE else {self.name: float}
+        kinds: Mapping[str, type] = named if self.kinds is None else self.kinds
         rows = []
         for k, row in enumerate(self.rows(runs)):
             for name, cell in row.items():
@@ -116,35 +108,21 @@ _WORDS: dict[type, str] = {float: "numbers", str: "text"}
 def with_columns(work: Work, points: Points) -> tuple[Observation, ...]:
     """A sweep's observations, with the columns of functions of one's own: those of the values at its first points.
 
-    So that the table is the same however the points are cut into chunks.
-
-    Raises
-    ------
-    ArgumentError
-        For a value that no column can hold. Whatever a function raises is passed on.
+    So that the table is the same however the points are cut into chunks. Whatever a function raises is passed on.
     """
-    own: dict[int, dict[str, Any]] = {k: {} for k, o in enumerate(work.observations) if isinstance(o, Function)}
-    for first in range(0, min(len(points), LOOKED_AT) if own else 0, points.chain):
-        values = points.values[first : first + points.chain]
-        columns = {name: np.ascontiguousarray(values[:, i]) for i, name in enumerate(points.names)}
-        runs = run_chunk(work, columns, len(values), first)
-        for k, kinds in own.items():
-            for row in work.observations[k].rows(runs):  # type: ignore[attr-defined]
-                wanted = kinds or row
-                for name in wanted:
-                    cell = row.get(name)
-                    told = cell is not None and cell == cell
-                    kinds[name] = kinds.get(name) or (type(cell) if told else None)
-        if all(kinds and all(kinds.values()) for kinds in own.values()):
+    return tuple(replace(o, kinds=_kinds(o, work, points)) if isinstance(o, Function) else o for o in work.observations)
+
+
+def _kinds(function: Function, work: Work, points: Points) -> dict[str, type]:
+    kinds: dict[str, Any] = {}
+    for first in range(0, min(len(points), LOOKED_AT), points.chain):
+        for row in function.rows(run_chunk(work, points.values[first : first + points.chain], first)):
+            for name in list(kinds or row):
+                cell = row.get(name)
+                kinds[name] = kinds.get(name) or (None if cell is None or cell != cell else type(cell))
+        if kinds and all(kinds.values()):
             break
-    made = list(work.observations)
-    for k, kinds in own.items():
-        function = made[k]
-        assert isinstance(function, Function)
-        made[k] = replace(
-            function, kinds={name: kind or float for name, kind in (kinds or {function.name: float}).items()}
-        )
-    return tuple(made)
+    return {name: kind or float for name, kind in (kinds or {function.name: None}).items()}
 
 
 def _cell(value: Any) -> Any:

@@ -1,7 +1,8 @@
 """The folder of a sweep: a Parquet file a chunk and table, each there as a whole or not at all.
 
 ``points/000000.parquet`` and so on have a row a point, ``NAME/000000.parquet`` those of a table of its own. A chunk is
-finished once its points' file is there, which is written last. ``sweep.yaml`` and ``manifest.json`` run it again.
+finished once its points' file is there, which is written last. ``sweep.yaml``, which a table of points may stand
+beside, runs it again.
 
 The manifest says by a key of its own that the folder is a sweep's, and which names in it are: nothing else is ever
 removed or replaced, and nothing is written through a link.
@@ -13,24 +14,29 @@ import io
 import json
 import logging
 import os
+import re
+import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from henon_ref.atomic_write import replace_file
+from henon_ref.casefile.tree import as_written
 from henon_ref.errors import CaseError
+from henon_ref.simulation.written import written
 from henon_ref.sweeps.chunk import POINTS, Tables
 from henon_ref.sweeps.plan import Plan
-from henon_ref.sweeps.point_files import check_arrow
-from henon_ref.sweeps.runs import Columns
+from henon_ref.sweeps.table_files import CSV, MOST_WRITTEN, PARQUET, check_arrow, csv_bytes, parquet, read_parquet
+from henon_ref.sweeps.work import Observation
+from henon_ref.workers.machine import commit, library_versions, machine
 
 _LOG = logging.getLogger(__name__)
 
-MANIFEST = "manifest.json"
+MANIFEST, SWEEP_FILE = "manifest.json", "sweep.yaml"
 PAGE = "index.html"
 """The page of a finished sweep."""
 KEY = "henon_ref_sweep"
@@ -54,13 +60,7 @@ class Owned:
 
 
 def owned(folder: Path) -> Owned | None:
-    """What in a folder is a sweep's; None where its manifest does not say so.
-
-    Raises
-    ------
-    OSError
-        Where it cannot be read.
-    """
+    """What in a folder is a sweep's; None where its manifest does not say so."""
     manifest = folder / MANIFEST
     if manifest.is_symlink() or not manifest.is_file():
         return None
@@ -82,35 +82,24 @@ def chunk_files(folder: Path, table: str) -> list[Path]:
 
 
 class SweepFolder:
-    """Where a sweep's results go.
-
-    Parameters
-    ----------
-    path : Path
-    plan : Plan
-
-    Raises
-    ------
-    UnavailableError
-        Where pyarrow is not installed.
-    """
+    """Where the results of a plan go."""
 
     def __init__(self, path: Path, plan: Plan) -> None:
         check_arrow("a sweep with a folder")
         self.path, self.plan = path, plan
 
     def begin(
-        self, files: Mapping[str, bytes], manifest: Mapping[str, Any], *, resume: bool, further: Sequence[str] = (PAGE,)
-    ) -> None:
+        self, *, resume: bool, name: str = "sweep", title: str = "A sweep from Python", source: str | None = None,
+        further: Sequence[str] = (PAGE,),
+    ) -> None:  # fmt: skip
         """Make the folder, and write down what is in it.
 
         Parameters
         ----------
-        files : mapping
-            Name -> content of files that stand beside the manifest.
-        manifest : mapping
         resume : bool
             Keep chunks that are finished; else the files of an earlier sweep are removed.
+        name, title, source : str
+            Of the sweep, for its file.
         further : sequence of str
             Names of what is written there once the sweep is done.
 
@@ -120,6 +109,7 @@ class SweepFolder:
             Where the folder is no sweep's, or to be resumed and another sweep's; where something of somebody else's is
             in the way; and where it cannot be written. Nothing has been changed then, but in the last case.
         """
+        files = _files(self.plan, name, title, source)
         own = Owned(self.plan.content, len(self.plan.chunks), tuple(self.plan.tables), (*sorted(files), *further))
         try:
             before = owned(self.path)
@@ -133,9 +123,9 @@ class SweepFolder:
             kept = () if before is None else (name for name in before.files if os.path.lexists(self.path / name))
             own = Owned(own.content, own.chunks, own.tables, tuple(dict.fromkeys([*own.files, *kept])))
             self.path.mkdir(parents=True, exist_ok=True)
-            text = json.dumps({**manifest, KEY: asdict(own)}, indent=1, ensure_ascii=False)
-            for name, content in {MANIFEST: (text + "\n").encode(), **files}.items():
-                replace_file(self.path / name, content)
+            text = json.dumps({**_manifest(self.plan), KEY: asdict(own)}, indent=1, ensure_ascii=False)
+            for file, content in {MANIFEST: (text + "\n").encode(), **files}.items():
+                replace_file(self.path / file, content)
         except OSError as error:
             raise _unwritten(error, self.path, "") from error
 
@@ -152,13 +142,7 @@ class SweepFolder:
                     )
 
     def write(self, number: int, tables: Tables) -> None:
-        """Write a chunk.
-
-        Raises
-        ------
-        CaseError
-            Where it cannot be written: a full disk, say. Of files that are there none is harmed.
-        """
+        """Write a chunk; where that cannot be (a full disk, say) no file that is there is harmed."""
         points = {**self.plan.own_columns(number), **tables.points}
         try:
             for name, columns in {**tables.ragged, POINTS: points}.items():
@@ -172,7 +156,7 @@ class SweepFolder:
         """A finished chunk's tables, as they were observed; None where they are not all there, as they were written."""
         tables, chunk = {}, self.plan.chunks[number]
         for name, columns in self.plan.tables.items():
-            found = _columns(self.path / name / _file(number))
+            found = read_parquet(self.path / name / _file(number))
             if found is None or tuple(found) != columns:
                 return None
             tables[name] = found
@@ -223,45 +207,6 @@ def _numbered(folder: Path, chunks: int) -> Iterator[tuple[int, Path]]:
             yield int(path.stem), path
 
 
-def parquet(columns: Columns) -> bytes:
-    """Columns as a Parquet file: the same bytes for the same columns."""
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    made = {
-        name: pa.array(column, type=pa.string() if column.dtype == object else None, from_pandas=True)
-        for name, column in columns.items()
-    }
-    buffer = io.BytesIO()
-    pq.write_table(
-        pa.table(made), buffer, compression="snappy", version="2.6", store_schema=False, write_page_checksum=True
-    )
-    return buffer.getvalue()
-
-
-def _columns(file: Path) -> Columns | None:
-    """The columns of a file; None where it is not there, or not whole: every page has its checksum."""
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    if not file.is_file():
-        return None
-    try:
-        # One file, not a dataset: the folders' names mean nothing.
-        with pq.ParquetFile(file, page_checksum_verification=True) as found:
-            table = found.read()
-        return {
-            name: np.array(column.to_pylist(), dtype=object)
-            if pa.types.is_string(column.type)
-            else column.to_numpy(zero_copy_only=False).astype(
-                np.float64 if pa.types.is_floating(column.type) else np.int64
-            )
-            for name, column in zip(table.column_names, table.columns, strict=True)
-        }
-    except (OSError, ValueError, TypeError, pa.ArrowException):
-        return None
-
-
 def _same(one: Any, other: Any) -> bool:
     """Whether two columns are the same to the last bit."""
     if one.dtype != other.dtype or one.shape != other.shape:
@@ -281,3 +226,59 @@ def _foreign(path: Path) -> CaseError:
 def _unwritten(error: OSError, folder: Path, kept: str) -> CaseError:
     told = f"cannot be written: {error.strerror or error}"
     return CaseError("; ".join(part for part in (told, kept) if part), file=error.filename or str(folder))
+
+
+def _files(plan: Plan, name: str, title: str, source: str | None) -> dict[str, bytes]:
+    """Name -> content of the files that run the sweep again; a function of one's own cannot stand in them."""
+    from ruamel.yaml import YAML
+
+    buffer, yaml = io.StringIO(), YAML(typ="safe", pure=True)
+    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
+    yaml.width = 120
+    points, tables = plan.points, dict[str, bytes]()
+    if not points.written and points.values.size <= MOST_WRITTEN:
+        tables[CSV] = csv_bytes(points.names, points.values)
+    elif not points.written:
+        tables[PARQUET] = parquet({name: points.values[:, k] for k, name in enumerate(points.names)})
+    yaml.dump(_sweep_file(plan, name, title, source, *tables), buffer)
+    return {SWEEP_FILE: buffer.getvalue().encode(), **tables}
+
+
+def _sweep_file(plan: Plan, name: str, title: str, source: str | None, table: str = "") -> dict[str, Any]:
+    work, system = plan.work, plan.work.system
+    initial = {state: written(work.initial[state], state) for state in system.state}
+    mode = {"mode": {str(sign): int(side) for sign, side in work.mode.items()}} if work.mode else {}
+    told = {
+        "schema": 1,
+        "name": re.sub("[^a-z0-9_]", "_", name.lower())[:64] or "sweep",
+        "title": title,
+        "source": source,
+        **{key: as_written(node) for key, node in system.tree.entries.items()},
+        "initial": {"t": written(work.start, "start"), **initial, **mode},
+        "until": written(work.until, "until"),
+        "points": dict(plan.points.written) or {"table": table},
+        "observe": [_observation(o) for o in work.observations if o.kind != "function"] or [{"status": {}}],
+        "rtol": work.rtol,
+        "chunk": plan.chunk,
+        "max_steps": work.max_steps,
+    }
+    return {key: value for key, value in told.items() if value is not None}
+
+
+def _observation(observation: Observation) -> Mapping[str, Any]:
+    given = {f.name: getattr(observation, f.name) for f in fields(observation)}
+    return {observation.kind: {name: value for name, value in given.items() if value is not None}}
+
+
+def _manifest(plan: Plan) -> dict[str, Any]:
+    """What the results were made with, and how to make them again."""
+    own = any(o.kind == "function" for o in plan.work.observations)
+    return {
+        "rerun": shlex.join(["henon-ref", "sweep", SWEEP_FILE, "--out", "again"]),
+        "left_out": "functions of one's own, which no file can hold" if own else "",
+        "points": len(plan.points),
+        "chunk": plan.chunk,
+        "commit": commit(),
+        "versions": library_versions(),
+        "machine": machine(),
+    }

@@ -3,25 +3,27 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import closing
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager
+from operator import itemgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+import pandas as pd
 
 from henon_ref.integrator.start import MOST_STEPS
 from henon_ref.simulation.arguments import whole_number
+from henon_ref.simulation.calls import explained
 from henon_ref.simulation.system import System
 from henon_ref.sweeps.chunk import Tables, execute
-from henon_ref.sweeps.manifest import files_of, manifest_of
-from henon_ref.sweeps.observations import Observation
 from henon_ref.sweeps.plan import MOST_CHUNK, RTOL, Plan, planned
-from henon_ref.sweeps.progress import shown
+from henon_ref.sweeps.points import Points
 from henon_ref.sweeps.storage import SweepFolder
-from henon_ref.terminal import notice_if_slow
+from henon_ref.sweeps.work import Observation
+from henon_ref.terminal import Line, in_notebook, notice_if_slow
 from henon_ref.workers.executors import EndedError, check_executor, finished, processors
-
-if TYPE_CHECKING:
-    from henon_ref.sweeps.table import SweepTable
 
 _LOG = logging.getLogger(__name__)
 MOST_TOLD = 5
@@ -30,9 +32,31 @@ TASK_SECONDS = 0.1
 """Processor time that a task takes at least [s], where it can: short chunks go together, for a task has its price."""
 FASTER = 8
 """How many times as many chunks as the last one a task has at most."""
+PERIOD = 0.2
+"""Seconds between two pictures of the progress."""
 KEPT_NOWHERE = "and lost: nothing is kept without a folder (out=)"
 
 
+class SweepTable(pd.DataFrame):
+    """A row a point, in the points' order; its index is ``point``.
+
+    Columns: the points' own, ``status``, and what was observed.
+
+    Attributes
+    ----------
+    frames : mapping
+        Name -> data frame of a ragged observation, whose column ``point`` says which row each of its rows belongs to.
+    """
+
+    _metadata: ClassVar[list[str]] = ["frames"]
+    frames: Mapping[str, pd.DataFrame]
+
+    @property
+    def _constructor(self) -> Any:  # what is cut out of it, or computed from it, is a plain data frame
+        return pd.DataFrame
+
+
+@explained
 def sweep(
     system: System,
     initial: Mapping[str, Any] | Sequence[Any] | None = None,
@@ -70,7 +94,7 @@ def sweep(
     jobs : int, optional
         Worker processes; as many as there are processors if left out. With 1 everything is done in this process.
     chunk : int, optional
-        Points that are run in one go, and stand in one file; up to 2000 if left out.
+        Points that are run in one go, and stand in one file; 16 to 2000 if left out.
     executor : concurrent.futures.Executor or dask.distributed.Client, optional
         In place of processes of our own; threads do as well.
     out : str or Path, optional
@@ -109,62 +133,57 @@ def sweep(
     )  # fmt: skip
     processes = processors() if jobs is None else whole_number(jobs, "jobs")
     check_executor(executor)
-    return collected(plan, jobs=processes, executor=executor, out=out, resume=resume)
-
-
-def collected(
-    plan: Plan, *, jobs: int, executor: Any = None, out: str | Path | None = None, resume: bool = False
-) -> SweepTable:
-    """Do a plan, and gather its results."""
-    from henon_ref.sweeps.table import assembled
-
-    kept: dict[int, Tables] = {}
     folder = None if out is None else SweepFolder(Path(out), plan)
     if folder is not None:
-        folder.begin(files_of(plan), manifest_of(plan), resume=resume)
-    with shown(len(plan.points)) as progress:
-        for number, tables in done(plan, folder, jobs=jobs, executor=executor, progress=progress):
-            kept[number] = tables
-    return assembled(plan.points, [kept[number] for number in range(len(plan.chunks))])
+        folder.begin(resume=resume)
+    return assembled(plan.points, list(done(plan, folder, jobs=processes, executor=executor)))
+
+
+def assembled(points: Points, chunks: Sequence[tuple[int, Tables]]) -> SweepTable:
+    """The chunks of a sweep, each with its number, as one table."""
+    own, tables = points.columns(slice(None)), [found for _, found in sorted(chunks, key=itemgetter(0))]
+    table = SweepTable(
+        {**own, **_concatenated([chunk.points for chunk in tables])}, index=pd.RangeIndex(len(points), name="point")
+    )
+    names = dict.fromkeys(name for chunk in tables for name in chunk.ragged)
+    frames = {name: pd.DataFrame(_concatenated([chunk.ragged[name] for chunk in tables])) for name in names}
+    object.__setattr__(table, "frames", frames)
+    return table
+
+
+def _concatenated(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    names = dict.fromkeys(name for part in parts for name in part)
+    return {name: np.concatenate([part[name] for part in parts]) for name in names}
 
 
 def done(
-    plan: Plan,
-    folder: SweepFolder | None,
-    *,
-    jobs: int,
-    executor: Any = None,
-    progress: Callable[[int, bool], None],
+    plan: Plan, folder: SweepFolder | None, *, jobs: int, executor: Any = None, quiet: bool = False
 ) -> Iterator[tuple[int, Tables]]:
-    """Run what is not finished, write it, and hand out each chunk's number and tables.
-
-    Parameters
-    ----------
-    plan : Plan
-    folder : SweepFolder, optional
-    jobs, executor
-        See :func:`sweep`.
-    progress : callable
-        Told of so many points, and whether they are kept from before.
+    """Run what is not finished, write it, show the progress, and hand out each chunk's number and tables.
 
     Raises
     ------
     HenonRefError
         Where workers, or whoever hands out the work, end: with what is finished, and what resumes it.
     """
-    before = set()
-    for number, tables in folder.finished() if folder else ():
-        before.add(number)
-        progress(len(plan.chunks[number]), True)
-        yield number, tables
-    ahead = plan.tasks(before)
-    if not ahead:
-        return
+    with progress(len(plan.points), quiet=quiet) as advance:
+        before = set()
+        for number, tables in folder.finished() if folder else ():
+            before.add(number)
+            advance(len(plan.chunks[number]), True)
+            yield number, tables
+        if ahead := [number for number in range(len(plan.chunks)) if number not in before]:
+            yield from _run(plan, folder, ahead, jobs, executor, advance)
+
+
+def _run(
+    plan: Plan, folder: SweepFolder | None, ahead: Sequence[int], jobs: int, executor: Any, advance: Advance
+) -> Iterator[tuple[int, Tables]]:
     with notice_if_slow("compiling the system"):
-        plan.work.prepared()  # compiled here and now: workers find it in the cache
+        plan.work.integrator()  # compiled here and now: workers find it in the cache
     pickled = plan.work.pickled()
     refused: list[str] = []
-    done = len(before)
+    count = len(plan.chunks) - len(ahead)
     groups = _Groups(ahead, max(MOST_CHUNK // plan.chunk, 1))
     tasks = (plan.task(numbers, pickled) for numbers in groups)
     try:
@@ -174,12 +193,12 @@ def done(
                 for number, tables in enumerate(chunks, start=first):
                     if folder is not None:
                         folder.write(number, tables)
-                    done += 1
+                    count += 1
                     refused += tables.refused[: MOST_TOLD - len(refused)]
-                    progress(len(plan.chunks[number]), False)
+                    advance(len(plan.chunks[number]), False)
                     yield number, tables
     except EndedError as error:
-        there = f"{done} of {len(plan.chunks)} chunks are finished"
+        there = f"{count} of {len(plan.chunks)} chunks are finished"
         where = f"and lie in {folder.path}; --resume (resume=True) goes on from them" if folder else KEPT_NOWHERE
         raise EndedError(f"{error}; {there} {where}") from error
     for words in refused:
@@ -212,3 +231,31 @@ class _Groups(Iterator[list[int]]):
         group = [number for k, number in enumerate(group) if number == group[0] + k]
         self._next += len(group)
         return group
+
+
+class Advance(Protocol):
+    """Takes a number of points that are done, and whether they are kept from before."""
+
+    def __call__(self, points: int, kept: bool, /) -> None: ...
+
+
+@contextmanager
+def progress(total: int, *, quiet: bool = False) -> Iterator[Advance]:
+    """Show points done, runs a second and the time left on a terminal or in a notebook, where it stays."""
+    line, began, drawn, done, run = Line(), time.monotonic(), 0.0, 0, 0
+
+    def advance(points: int, kept: bool, /) -> None:
+        nonlocal done, run, drawn
+        done, run, now = done + points, run + (0 if kept else points), time.monotonic()
+        if now - drawn > PERIOD and not quiet:
+            drawn = now
+            rate = run / max(now - began, 1e-9)
+            left = f", {(total - done) / rate:.0f} s left" if run else ""
+            line.show(f"{done:,} of {total:,} points, {rate:,.0f} runs/s{left}")
+
+    try:
+        yield advance
+    finally:
+        line.end()
+    if in_notebook() and not quiet:
+        line.show(f"{done:,} of {total:,} points in {time.monotonic() - began:.1f} s")

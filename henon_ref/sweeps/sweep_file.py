@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from decimal import Decimal
@@ -34,11 +35,10 @@ from henon_ref.casefile.yaml_file import read_yaml
 from henon_ref.errors import ArgumentError, CaseError
 from henon_ref.integrator.start import MOST_STEPS
 from henon_ref.simulation.system import System
-from henon_ref.sweeps.observations import Observation
 from henon_ref.sweeps.observe import KINDS
 from henon_ref.sweeps.plan import RTOL, Plan, planned
-from henon_ref.sweeps.point_sets import random
-from henon_ref.sweeps.points import Points, check_names, continuation, grid, numbers, table
+from henon_ref.sweeps.points import Points, check_names, continuation, grid, random, table
+from henon_ref.sweeps.work import Observation
 from henon_ref.text import did_you_mean, listed
 
 
@@ -91,13 +91,7 @@ class SweepFile:
 
 
 def load_sweep(path: str | Path) -> SweepFile:
-    """Read a sweep file.
-
-    Raises
-    ------
-    CaseError
-        With file, line and column, what is wrong and what is allowed.
-    """
+    """Read a sweep file; a CaseError with file, line and column of what is wrong."""
     tree = read_yaml(path)
     whole = Source(tree, str(path))
     form = read_form(SweepForm, whole)
@@ -105,8 +99,7 @@ def load_sweep(path: str | Path) -> SweepFile:
     source = Source(MappingNode(tree.place, common, tree.keys, tree.size), str(path))
     case = read_form(CaseForm, source)
     check_model(source, case)
-    problem, _ = build_problem(source)
-    check_surfaces(source, case, problem)
+    check_surfaces(source, case, build_problem(source)[0])
     system = System.from_tree(source.tree)
     points = _points(whole, system, Path(path).parent)
     observations = [_observation(whole, system, k) for k in range(len(form.observe))]
@@ -140,7 +133,7 @@ def _placed(source: Source, path: KeyPath, make: Callable[[], T], *, key: bool =
 
 def _points(source: Source, system: System, folder: Path) -> Points:
     (kind,) = source.keys(("points",))
-    path: tuple[str, ...] = ("points", kind)
+    path: KeyPath = ("points", kind)
     if kind not in POINT_KINDS:
         raise source.error(
             path, f"unknown kind '{kind}'{did_you_mean(kind, POINT_KINDS)}; {listed(POINT_KINDS)}", key=True
@@ -151,7 +144,7 @@ def _points(source: Source, system: System, folder: Path) -> Points:
             raise source.error(path, "'table' must be the path of a CSV or Parquet file")
         file = folder / node.value
         found = _placed(source, path, lambda: table(file))
-        _placed(source, path, lambda: check_names(found, list(system.parameters), system.state))
+        _placed(source, path, lambda: check_names(found.names, system))
         return found
     if not isinstance(node, MappingNode):
         raise source.error(path, f"'{kind}' must be a mapping, as in {{name: value}}")
@@ -159,35 +152,33 @@ def _points(source: Source, system: System, folder: Path) -> Points:
         return _placed(source, path, lambda: grid(_axes(source, system, path)))
     if kind == "continuation":
         _known(source, path, ("along", "grid", "directions"))
-        along = _axes(source, system, (*path, "along"))
-        axes = _axes(source, system, (*path, "grid")) if "grid" in node.entries else None
-        directions = (
-            _python_value(source, system, (*path, "directions")) if "directions" in node.entries else ("up", "down")
-        )
-        return _placed(source, path, lambda: continuation(along, axes, directions))
+        given: dict[str, Any] = {"along": _axes(source, system, (*path, "along"))}
+        if "grid" in node.entries:
+            given["axes"] = _axes(source, system, (*path, "grid"))
+        if "directions" in node.entries:
+            given["directions"] = _value(source, node.entries["directions"])
+        return _placed(source, path, lambda: continuation(**given))
     _known(source, path, ("draws", "count", "seed", "method"))
-    _named(source, system, (*path, "draws"))
-    arguments = {key: _python_value(source, system, (*path, key)) for key in node.entries}
-    return _placed(source, path, lambda: _called(random, arguments))
+    _check_keys(source, system, (*path, "draws"))
+    return _placed(source, path, lambda: _called(random, _value(source, node)))
 
 
 def _axes(source: Source, system: System, path: KeyPath) -> dict[str, Any]:
     """Values of a grid, each checked by itself, so that an error has its place."""
-    found = {name: _python_value(source, system, (*path, name)) for name in _named(source, system, path)}
+    _check_keys(source, system, path)
+    found: dict[str, Any] = _value(source, child(source.tree, path))
     for name, given in found.items():
         _placed(source, (*path, name), partial(grid, {name: given}))
     return found
 
 
-def _named(source: Source, system: System, path: KeyPath) -> list[str]:
-    """The keys of a mapping, all of them parameters or states."""
+def _check_keys(source: Source, system: System, path: KeyPath) -> None:
+    """Refuse keys of a mapping that are neither parameters nor states."""
     names = source.keys(path)
     if not names:
         raise source.error(path, f"'{path[-1]}' must be a mapping of parameters and states, as in {{vb: [0.1, 0.2]}}")
     for name in names:
-        lone = Points((name,), numbers([0], name)[:, None])
-        _placed(source, (*path, name), partial(check_names, lone, list(system.parameters), system.state), key=True)
-    return names
+        _placed(source, (*path, name), partial(check_names, [name], system), key=True)
 
 
 def _known(source: Source, path: KeyPath, allowed: tuple[str, ...]) -> None:
@@ -204,13 +195,12 @@ def _observation(source: Source, system: System, k: int) -> Observation:
         message = f"unknown observation '{kind}'{did_you_mean(kind, KINDS)}; allowed: {listed(KINDS)}"
         raise source.error(path, message, key=True)
     node = child(source.tree, path)
-    if isinstance(node, ScalarNode) and node.value is None:
-        arguments: Mapping[str, Any] = {}
-    elif isinstance(node, MappingNode):
-        _known(source, path, tuple(inspect.signature(KINDS[kind]).parameters))
-        arguments = {name: _python_value(source, system, (*path, name)) for name in node.entries}
-    else:
+    nothing = isinstance(node, ScalarNode) and node.value is None
+    if not nothing and not isinstance(node, MappingNode):
         raise source.error(path, f"'{kind}' must be a mapping of its arguments, {{}} for none")
+    if not nothing:
+        _known(source, path, tuple(inspect.signature(KINDS[kind]).parameters))
+    arguments = {} if nothing else _value(source, node)
     made = _placed(source, path, lambda: _called(KINDS[kind], arguments), key=True)
     _placed(source, path, lambda: made.check(system), key=True)
     return made
@@ -224,23 +214,17 @@ def _called(function: Callable[..., T], arguments: Mapping[str, Any]) -> T:
     return function(**arguments)
 
 
-def _python_value(source: Source, system: System, path: KeyPath) -> Any:
+def _value(source: Source, node: Node | None) -> Any:
     """A value as Python has it: numbers as int and float."""
-    node = child(source.tree, path)
-    assert node is not None
-    return _value(source, node)
-
-
-def _value(source: Source, node: Node) -> Any:
     if isinstance(node, MappingNode):
         return {key: _value(source, entry) for key, entry in node.entries.items()}
     if isinstance(node, SequenceNode):
         return [_value(source, item) for item in node.items]
-    if isinstance(node.value, Decimal):
-        number = float(node.value)
-        if number - number != 0:
-            raise CaseError(
-                f"{node.text} is no finite number", file=source.file, line=node.place.line, column=node.place.column
-            )
-        return number
-    return node.value
+    assert node is not None
+    if not isinstance(node.value, Decimal):
+        return node.value
+    number = float(node.value)
+    if not math.isfinite(number):
+        place = {"line": node.place.line, "column": node.place.column}
+        raise CaseError(f"{node.text} is no finite number", file=source.file, **place)
+    return number

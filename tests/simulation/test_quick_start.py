@@ -229,13 +229,13 @@ def test_constants_have_all_digits_where_terms_cancel() -> None:
     """Of a + b, 1e-14 of a, pairs of doubles have 18 digits, the exact numbers all."""
     decay = warm(hr.System(["x", "v"], {"a": 2, "b": 1}, {"s": "v - 9"}, ["(a + b)*x", "0"]))
     ready, given = decay.prepared[1e-10], {"a": 0.30000000000000457, "b": -0.3}
-    quick = ready.quick({"x": 1, "v": 0}, 1, 0, given, None)
+    quick = ready({"x": 1, "v": 0}, 1, 0, given, None)
     _, problem = launching.problem_of(decay, {"x": 1, "v": 0}, until=1, parameters=given)
     exact = ready.integrator.start(problem, tolerance=1e-11, landing=quick.landing)
     assert (quick.constants.latest.numbers == exact.constants.latest.numbers).all()
     assert not (
         quick.constants.latest.numbers
-        == decay.prepared[1e-10].quick({"x": 1, "v": 0}, 1, 0, None, None).constants.latest.numbers
+        == decay.prepared[1e-10]({"x": 1, "v": 0}, 1, 0, None, None).constants.latest.numbers
     ).all()
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
 import pytest
 from often import daily
 
@@ -166,8 +167,6 @@ def test_runs_are_drawn_over_each_other_in_a_style_of_ones_own(stick_slip: hr.So
     assert {line.get_color() for line in axes.lines[: len(axes.lines) // 2 - 1]} == {"red"}
     assert [text.get_text() for text in axes.legend().get_texts()] == ["slow", "far"]
     assert axes.get_xlim()[1] > 3  # both within the limits
-    with pytest.raises(AttributeError, match="colour"):
-        stick_slip.plot(colour="red")
     plt.close("all")
 
 
@@ -288,3 +287,30 @@ def test_the_start_comes_before_what_happens_there() -> None:
     assert len(run.transitions) == 1
     assert run.t[:3].tolist() == [1.0, 1.0, 1.0]
     assert run.y[0, 0] == float(case.initial["x"]) < 0 <= run.y[0, 1]
+
+
+def test_a_run_whose_transitions_are_all_on_hidden_kinks_has_its_modes() -> None:
+    """The larger of two changes in a branch that is not active, as x falls from 2.5."""
+    system = hr.System(["x", "v"], {}, {}, ["v", "piecewise(2 - x, x > 0, max(sqrt(5 - v), x))"])
+    run = hr.simulate(system, {"x": 2.5, "v": 0.25}, until=6)
+    assert (run.status, len(run.transitions)) == ("ok", 0)
+    assert run.mode([1, 5]) == [run.mode(0)] * 2
+    assert set(run.to_dataframe()["kink1"]) == {1}
+
+
+@pytest.mark.parametrize("until", [0.01, 1.5, 14, 60])
+def test_frames_are_those_of_rows(until: float) -> None:
+    run = hr.simulate(BELT, {"x": 1, "v": 0}, until=until)
+    found = [
+        (t.time, t.kind, BELT.model.sign_names[t.surface], f"s={t.from_mode[0]:+d}", f"s={t.to_mode[0]:+d}", *t.state)
+        for t in run.trajectory.transitions
+    ]
+    rows = [tuple(cell.replace("s=+0", "s=0") if isinstance(cell, str) else cell for cell in row) for row in found]
+    numbers = dict.fromkeys(("time_s", "x", "v"), float)
+    wanted = pd.DataFrame(rows, columns=[*COLUMNS, "x", "v"]).astype(numbers)
+    pd.testing.assert_frame_equal(run.transitions, wanted, check_exact=True, check_column_type=False)
+    sticks = [(s[0], s[1], "s") for s in zip(run.sticks["start_s"], run.sticks["duration_s"], strict=True)]
+    wanted = pd.DataFrame(sticks, columns=["start_s", "duration_s", "surface"]).astype(
+        {"start_s": float, "duration_s": float}
+    )
+    pd.testing.assert_frame_equal(run.sticks, wanted, check_exact=True)

@@ -146,11 +146,6 @@ def test_what_cannot_be_meant_is_refused_in_a_short_message(what: str) -> None:
     assert 0 < len(str(refused.value)) < 400
 
 
-def test_an_unknown_keyword_is_a_type_error() -> None:
-    with pytest.raises(TypeError):
-        belt(jumps={})
-
-
 def test_a_case_that_is_none_is_an_error_with_its_place(tmp_path: Path) -> None:
     with pytest.raises(hr.CaseError, match="no such file"):
         hr.System.from_case(tmp_path / "none.yaml")

@@ -8,7 +8,8 @@ from typing import Any
 import pandas as pd
 
 from henon_ref.simulation.system import System
-from henon_ref.sweeps.table import SweepTable
+from henon_ref.sweeps.plan import Plan
+from henon_ref.sweeps.sweep import SweepTable, assembled, done
 
 FIELD = ["v", "-x - F*s/(1 + d*s*(v - vb))"]
 
@@ -26,6 +27,11 @@ def sliding_block() -> System:
 def oscillator() -> System:
     """x'' = -w^2 x, with a surface that no field uses."""
     return System(["x", "v"], {"w": 1}, {"s": "x - 100"}, ["v", "-w**2*x"])
+
+
+def collected(plan: Plan) -> SweepTable:
+    """The results of a plan, done in this process."""
+    return assembled(plan.points, list(done(plan, None, jobs=1)))
 
 
 def assert_same(one: SweepTable, other: SweepTable) -> None:

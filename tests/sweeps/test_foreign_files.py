@@ -21,8 +21,8 @@ from henon_ref.errors import HenonRefError
 from henon_ref.harness.cli.sweep import program
 from henon_ref.harness.report.folder import FolderLock
 from henon_ref.sweeps.storage import KEY, SweepFolder, owned
+from henon_ref.sweeps.sweep import assembled
 from henon_ref.sweeps.sweep_file import load_sweep
-from henon_ref.sweeps.table import assembled
 
 
 def swept(out: Path, **how: Any) -> Any:
@@ -296,6 +296,6 @@ def test_whatever_becomes_of_a_file_it_is_read_as_it_was_or_run_again(tmp_path: 
             (tmp_path / name).write_bytes(found)
             again = dict(SweepFolder(tmp_path, plan).finished())
             if len(again) == 3:
-                assert_same(assembled(plan.points, [again[number] for number in range(3)]), table)
+                assert_same(assembled(plan.points, list(again.items())), table)
         (tmp_path / name).write_bytes(before)
     assert len(dict(SweepFolder(tmp_path, plan).finished())) == 3

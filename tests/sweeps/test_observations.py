@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,19 +14,25 @@ from henon_ref.simulation.simulate import simulate
 from henon_ref.simulation.system import System
 from henon_ref.sweeps import observe
 from henon_ref.sweeps.points import continuation, grid
-from henon_ref.sweeps.sweep import sweep
+from henon_ref.sweeps.sweep import SweepTable, sweep
 
 SPEEDS = np.linspace(0.1, 1, 7)
 
 
+def swept(system: System, initial: Any, until: Any, grid: Any, *observed: Any, **how: Any) -> SweepTable:
+    """A sweep in this process."""
+    return sweep(system, initial, until=until, grid=grid, observe=list(observed), jobs=1, **how)
+
+
 def test_a_block_stops_where_its_energy_is_spent() -> None:
-    table = sweep(
+    table = swept(
         sliding_block(),
         {"x": 0, "v": 1},
-        until=10,
-        grid={"F": [0.5, 2], "v": [1, -2]},
-        observe=[observe.final_state(), observe.extremes("x"), observe.extremes("v", name="speed")],
-        jobs=1,
+        10,
+        {"F": [0.5, 2], "v": [1, -2]},
+        observe.final_state(),
+        observe.extremes("x"),
+        observe.extremes("v", name="speed"),
     )
     force, speed = table["F"], table["v"]
     way = speed * abs(speed) / (2 * force)
@@ -39,15 +46,7 @@ def test_a_block_stops_where_its_energy_is_spent() -> None:
 def test_sticks_are_counted_as_a_run_has_them() -> None:
     """``measure: {after: T}``: whole sticks that do not end before T; one that the horizon cuts off is none."""
     after = 31.0
-    table = sweep(
-        belt(),
-        {"x": 1.5, "v": 0},
-        until=60,
-        grid={"vb": SPEEDS},
-        observe=[observe.sticks(after=after, each=True)],
-        rtol=1e-9,
-        jobs=1,
-    )
+    table = swept(belt(), {"x": 1.5, "v": 0}, 60, {"vb": SPEEDS}, observe.sticks(after=after, each=True), rtol=1e-9)
     frame = table.frames["sticks"]
     for k, speed in enumerate(SPEEDS):
         run = simulate(belt(), {"x": 1.5, "v": 0}, until=60, rtol=1e-9, parameters={"vb": float(speed)})
@@ -58,7 +57,7 @@ def test_sticks_are_counted_as_a_run_has_them() -> None:
 
 
 def test_a_run_without_sticks_has_none_and_no_duration() -> None:
-    table = sweep(oscillator(), {"x": 1, "v": 0}, until=5, grid={"w": [1, 2]}, observe=[observe.sticks()], jobs=1)
+    table = swept(oscillator(), {"x": 1, "v": 0}, 5, {"w": [1, 2]}, observe.sticks())
     assert table["stick_count"].tolist() == [0, 0]
     assert table["last_stick_duration"].isna().all()
 
@@ -66,24 +65,21 @@ def test_a_run_without_sticks_has_none_and_no_duration() -> None:
 def test_a_stick_that_the_run_starts_in_begins_with_it() -> None:
     """x' = t - F s from x = 0: sliding until t = F."""
     slide = System(["x"], {"F": 1}, {"s": "x"}, ["t - F*s"])
-    table = sweep(slide, {"x": 0}, until=5, grid={"F": [1, 2, 7]}, observe=[observe.sticks()], jobs=1)
+    table = swept(slide, {"x": 0}, 5, {"F": [1, 2, 7]}, observe.sticks())
     assert table["stick_count"].tolist() == [1, 1, 0]
     assert table["last_stick_duration"].to_numpy()[:2] == pytest.approx([1, 2], abs=1e-12)
-    late = sweep(slide, {"x": 0}, until=5, grid={"F": [1, 2]}, observe=[observe.sticks(after=1.5)], jobs=1)
+    late = swept(slide, {"x": 0}, 5, {"F": [1, 2]}, observe.sticks(after=1.5))
     assert late["stick_count"].tolist() == [0, 1]
 
 
 def test_section_points_lie_where_the_solution_is_known() -> None:
-    table = sweep(
+    table = swept(
         oscillator(),
         {"x": 1, "v": 0},
-        until=20,
-        grid={"w": [1, 2]},
-        observe=[
-            observe.section("x", direction="rising"),
-            observe.section("v - 1/2", after=4, most=2, name="other"),
-        ],
-        jobs=1,
+        20,
+        {"w": [1, 2]},
+        observe.section("x", direction="rising"),
+        observe.section("v - 1/2", after=4, most=2, name="other"),
     )
     frame = table.frames["section"]
     for k, w in enumerate((1, 2)):
@@ -108,38 +104,31 @@ def test_a_section_may_be_a_surface_and_is_oriented() -> None:
 
 
 def test_the_period_of_an_oscillator_is_known() -> None:
-    table = sweep(oscillator(), {"x": 1, "v": 0}, until=60, grid={"w": [1, 2]}, observe=[observe.period("x")], jobs=1)
+    table = swept(oscillator(), {"x": 1, "v": 0}, 60, {"w": [1, 2]}, observe.period("x"))
     assert table["period"].to_numpy() == pytest.approx([2 * math.pi, math.pi], rel=1e-8)
     assert table["period_returns"].tolist() == [1, 1]
 
 
 def test_both_directions_make_two_returns_a_period() -> None:
-    table = sweep(
-        oscillator(),
-        {"x": 1, "v": 0},
-        until=60,
-        grid={"w": [1, 2]},
-        observe=[observe.period("x", direction="both")],
-        jobs=1,
-    )
+    table = swept(oscillator(), {"x": 1, "v": 0}, 60, {"w": [1, 2]}, observe.period("x", direction="both"))
     assert table["period"].to_numpy() == pytest.approx([2 * math.pi, math.pi], rel=1e-8)
     assert table["period_returns"].tolist() == [2, 2]
 
 
 def test_what_never_returns_has_no_period() -> None:
-    table = sweep(sliding_block(), {"x": 0, "v": 1}, until=3, grid={"F": [1]}, observe=[observe.period("x")], jobs=1)
+    table = swept(sliding_block(), {"x": 0, "v": 1}, 3, {"F": [1]}, observe.period("x"))
     assert table["period"].isna().all()
 
 
 def test_extremes_of_an_expression_after_a_time() -> None:
     """x = cos(w t): of x + v/2 the largest value is sqrt(1 + w^2/4)."""
-    table = sweep(
+    table = swept(
         oscillator(),
         {"x": 1, "v": 0},
-        until=20,
-        grid={"w": [1, 2]},
-        observe=[observe.extremes("x + v/2", name="sum"), observe.extremes("x", after=19.9, name="late")],
-        jobs=1,
+        20,
+        {"w": [1, 2]},
+        observe.extremes("x + v/2", name="sum"),
+        observe.extremes("x", after=19.9, name="late"),
     )
     largest = [math.sqrt(1.25), math.sqrt(2)]
     assert table["max_sum"].to_numpy() == pytest.approx(largest, rel=1e-9)
@@ -151,15 +140,13 @@ def test_extremes_of_an_expression_after_a_time() -> None:
 
 def test_the_largest_exponent_of_a_damped_oscillator() -> None:
     damped = System(["x", "v"], {"c": 0.2}, {"s": "x"}, ["v", "-x - c*v"])
-    table = sweep(
-        damped, {"x": 1, "v": 0}, until=1, grid={"c": [0.2, 0.4]}, observe=[observe.lyapunov(span=300)], jobs=1
-    )
+    table = swept(damped, {"x": 1, "v": 0}, 1, {"c": [0.2, 0.4]}, observe.lyapunov(span=300))
     assert table["lyapunov"].to_numpy() == pytest.approx([-0.1, -0.2], abs=2e-3)
 
 
 def test_the_largest_exponent_beside_a_much_smaller_one() -> None:
     stiff = System(["x", "y"], {"k": 20}, {"s": "x - 5"}, ["-x", "-k*y + x"])
-    found = sweep(stiff, {"x": 1, "y": 1}, until=1, grid={"k": [20, 200]}, observe=[observe.lyapunov(span=50)], jobs=1)
+    found = swept(stiff, {"x": 1, "y": 1}, 1, {"k": [20, 200]}, observe.lyapunov(span=50))
     assert found["lyapunov"].to_numpy() == pytest.approx([-1, -1], abs=1e-5)
 
 
@@ -185,9 +172,7 @@ def test_a_function_of_ones_own_sees_each_run() -> None:
 def test_runs_that_do_not_end_at_the_horizon_are_rows_that_say_so() -> None:
     """x' = c x^2 from x = 1 blows up at t = 1/c."""
     growth = System(["x"], {"c": 1}, {"s": "x + 5"}, ["c*x**2"])
-    table = sweep(
-        growth, {"x": 1}, until=0.5, grid={"c": [1, 4]}, observe=[observe.status(), observe.final_state()], jobs=1
-    )
+    table = swept(growth, {"x": 1}, 0.5, {"c": [1, 4]}, observe.status(), observe.final_state())
     assert table["status"].tolist() == ["ok", "diverged"]
     assert table["end_time"][1] == pytest.approx(0.25, rel=1e-6)
     assert "leaves every bound" in table["message"][1]
@@ -196,12 +181,10 @@ def test_runs_that_do_not_end_at_the_horizon_are_rows_that_say_so() -> None:
 
 def test_a_start_that_the_fields_leave_open_is_a_row_and_has_no_mode() -> None:
     apart = System(["x"], {"F": 1}, {"s": "x"}, ["F*s"])
-    table = sweep(apart, {"x": 0}, until=1, grid={"x": [0, 1]}, observe=[observe.final_state()], jobs=1)
+    table = swept(apart, {"x": 0}, 1, {"x": [0, 1]}, observe.final_state())
     assert table["status"].tolist() == ["nonunique", "ok"]
     assert table["final_mode"].isna().tolist() == [True, False]
-    settled = sweep(
-        apart, {"x": 0}, until=1, grid={"F": [1, 2]}, observe=[observe.final_state()], mode={"s": 1}, jobs=1
-    )
+    settled = swept(apart, {"x": 0}, 1, {"F": [1, 2]}, observe.final_state(), mode={"s": 1})
     assert settled["final_x"].to_numpy() == pytest.approx([1, 2], rel=1e-12)
 
 
@@ -209,7 +192,7 @@ def test_a_chain_starts_where_its_neighbour_ended() -> None:
     """A block with friction 1/2 that a spring of stiffness 1 pulls: it rests up to 1/2 from the spring's end p."""
     pulled = System(["x", "v"], {"p": 0}, {"s": "v"}, ["v", "p - x - 2*v - s/2"])
     points = continuation({"p": [0, 1, 2, 3]})
-    table = sweep(pulled, {"x": 0, "v": 0}, until=60, grid=points, observe=[observe.final_state()], jobs=1)
+    table = swept(pulled, {"x": 0, "v": 0}, 60, points, observe.final_state())
     assert table["direction"].tolist() == ["up"] * 4 + ["down"] * 4
     up, down = table["final_x"][:4].to_numpy(), table["final_x"][4:].to_numpy()[::-1]
     assert up == pytest.approx([0, 0.5, 1.5, 2.5], abs=1e-6)  # it follows half behind
@@ -219,7 +202,7 @@ def test_a_chain_starts_where_its_neighbour_ended() -> None:
 
 def test_parameters_that_are_expressions_in_swept_ones_follow() -> None:
     system = System(["x", "v"], {"a": 1, "F": "2*a", "G": "F/2 + a"}, {"s": "v"}, ["v", "-F*s + 0*G"])
-    table = sweep(system, {"x": 0, "v": 1}, until=5, grid={"a": [1, 2]}, observe=[observe.final_state()], jobs=1)
+    table = swept(system, {"x": 0, "v": 1}, 5, {"a": [1, 2]}, observe.final_state())
     assert table["final_x"].to_numpy() == pytest.approx([0.25, 0.125], rel=1e-12)
 
 
@@ -227,9 +210,7 @@ def test_a_parameter_in_an_exponent_makes_another_system() -> None:
     """x' = x^a from x = 1: (1 + t/2)^2 for a = 1/2, exp(t), and 1/(1 - t) for a = 2."""
     power = System(["x"], {"a": 1, "b": "2*a"}, {"s": "x - 100"}, ["x**(b/2)"])
     points = {"a": [2, 0.5, 1], "x": [1, 4]}
-    table = sweep(
-        power, {"x": 1}, until=0.2, grid=points, observe=[observe.final_state(), observe.section("x - 1.1")], jobs=1
-    )
+    table = swept(power, {"x": 1}, 0.2, points, observe.final_state(), observe.section("x - 1.1"))
     exact = [1 / 0.8, 4 / 0.2, 1.1**2, 2.1**2, math.exp(0.2), 4 * math.exp(0.2)]
     assert table["final_x"].to_numpy() == pytest.approx(exact, rel=1e-8)
     reached = table.frames["section"]
@@ -239,14 +220,15 @@ def test_a_parameter_in_an_exponent_makes_another_system() -> None:
 
 def test_times_and_initial_values_in_parameters_follow_swept_ones() -> None:
     """One period of x = a cos(w t), whatever w is."""
-    table = sweep(
+    table = swept(
         oscillator(),
         {"x": "2*w", "v": 0},
+        "pi/w",
+        {"w": [1, 2]},
+        observe.final_state(),
+        observe.status(),
+        observe.extremes("x"),
         start="-pi/w",
-        until="pi/w",
-        grid={"w": [1, 2]},
-        observe=[observe.final_state(), observe.status(), observe.extremes("x")],
-        jobs=1,
     )
     assert table["end_time"].to_numpy() == pytest.approx([math.pi, math.pi / 2], rel=1e-15)
     assert table["final_x"].to_numpy() == pytest.approx([2, 4], rel=1e-9)
@@ -273,7 +255,7 @@ def test_times_and_initial_values_in_parameters_follow_swept_ones() -> None:
 )
 def test_what_cannot_be_observed_is_refused(make, tmp_path) -> None:
     with pytest.raises(ArgumentError):
-        sweep(belt(), {"x": 1.5, "v": 0}, until=5, grid={"vb": [0.5]}, observe=[make()], jobs=1, out=tmp_path / "out")
+        swept(belt(), {"x": 1.5, "v": 0}, 5, {"vb": [0.5]}, make(), out=tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 

@@ -16,7 +16,7 @@ import henon_ref as hr
 from henon_ref.errors import HenonRefError
 from henon_ref.simulation.solution import Solution
 from henon_ref.simulation.system import System
-from henon_ref.sweeps.observations import Observation
+from henon_ref.sweeps.work import Observation
 
 F = [0.5, 1.0, 2.0, 4.0]
 

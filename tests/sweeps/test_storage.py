@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from sweep_systems import assert_same, belt, parquet_files
+from sweep_systems import assert_same, belt, collected, parquet_files
 
 from henon_ref.errors import CaseError
 from henon_ref.sweeps import observe, storage
+from henon_ref.sweeps.points import Points
 from henon_ref.sweeps.storage import SweepFolder
-from henon_ref.sweeps.sweep import collected, sweep
+from henon_ref.sweeps.sweep import SweepTable, sweep
 from henon_ref.sweeps.sweep_file import load_sweep
-from henon_ref.sweeps.table import SweepTable
 
 
 def swept(out: Path, **how: Any) -> SweepTable:
@@ -108,17 +108,24 @@ def test_a_chunk_counts_once_its_points_are_there(tmp_path: Path) -> None:
 
 def test_what_stands_beside_the_results_runs_the_sweep_again(tmp_path: Path) -> None:
     table = swept(tmp_path / "out")
-    again = collected(load_sweep(tmp_path / "out" / "sweep.yaml").plan, jobs=1)
+    again = collected(load_sweep(tmp_path / "out" / "sweep.yaml").plan)
     assert_same(again, table)
     manifest = json.loads((tmp_path / "out" / "manifest.json").read_text())
     assert manifest["rerun"] == "henon-ref sweep sweep.yaml --out again"
     assert manifest["points"] == 11
 
 
-@pytest.mark.parametrize("many", [False, True])
-def test_a_table_of_points_stands_beside_them(tmp_path: Path, many: bool) -> None:
-    grid: Any = {"vb": np.linspace(0.05, 1, 5001)} if many else pd.DataFrame({"vb": [0.1, 0.30000000000000004]})
+@pytest.mark.parametrize(
+    "grid",
+    [
+        pd.DataFrame({"vb": [0.1, 0.30000000000000004]}),
+        {"vb": np.linspace(0.05, 1, 5001)},
+        Points(("vb",), np.array([[0.1], [0.2]])),
+    ],
+    ids=["frame", "long", "by hand"],
+)
+def test_a_table_of_points_stands_beside_them(tmp_path: Path, grid: Any) -> None:
     arguments = {"until": 1, "observe": [observe.final_state()], "jobs": 1}
     table = sweep(belt(), {"x": 1.5, "v": 0}, grid=grid, out=tmp_path / "out", **arguments)
     assert (tmp_path / "out" / "points.csv").exists()
-    assert_same(collected(load_sweep(tmp_path / "out" / "sweep.yaml").plan, jobs=1), table)
+    assert_same(collected(load_sweep(tmp_path / "out" / "sweep.yaml").plan), table)

@@ -14,6 +14,7 @@ import henon_ref as hr
 from henon_ref.errors import HenonRefError
 from henon_ref.simulation.simulate import simulate
 from henon_ref.simulation.system import System
+from henon_ref.sweeps.plan import planned
 from henon_ref.sweeps.sweep import sweep
 
 
@@ -97,9 +98,10 @@ def test_what_cannot_be_meant_is_refused_before_anything_is_written(change: dict
     assert not (tmp_path / "out").exists()
 
 
-def test_an_unknown_keyword_is_a_type_error() -> None:
-    with pytest.raises(TypeError):
-        hr.sweep(belt(), {"x": 1.5, "v": 0}, until=5, grid={"vb": [1]}, tolerance=1e-9)
+@pytest.mark.parametrize(("count", "chunk"), [(10, 16), (300, 16), (2000, 32), (10_000, 157), (10**6, 2000)])
+def test_a_sweep_of_few_points_has_few_chunks(count: int, chunk: int) -> None:
+    points = hr.points.grid({"F": {"from": 1, "to": 2, "count": count}})
+    assert planned(sliding_block(), {"x": 0, "v": 1}, until=1, grid=points, observe=[]).chunk == chunk
 
 
 def test_a_state_called_as_a_column_of_the_result_is_refused() -> None:

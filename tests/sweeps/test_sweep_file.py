@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
-from sweep_systems import SWEEP, assert_same, belt
+from sweep_systems import SWEEP, assert_same, belt, collected
 
 from henon_ref.errors import CaseError
 from henon_ref.sweeps import observe
-from henon_ref.sweeps.sweep import collected, sweep
+from henon_ref.sweeps.sweep import sweep
 from henon_ref.sweeps.sweep_file import load_sweep
 
 
@@ -33,7 +34,7 @@ def test_a_file_says_what_arguments_say(tmp_path: Path) -> None:
         rtol=1e-9,
         jobs=1,
     )
-    assert_same(collected(read.plan, jobs=1), table)
+    assert_same(collected(read.plan), table)
 
 
 POINTS = SWEEP[SWEEP.index("points:") : SWEEP.index("observe:")]
@@ -53,7 +54,7 @@ def test_points_may_be_drawn_continued_or_read(tmp_path: Path, points: str, coun
     (tmp_path / "some.csv").write_text("vb,x\n0.1,0\n0.2,1\n")
     plan = load_sweep(written(tmp_path, SWEEP.replace(POINTS, points))).plan
     assert len(plan.points) == count
-    assert len(collected(plan, jobs=1)) == count
+    assert len(collected(plan)) == count
 
 
 def test_a_scene_may_stand_in_place_of_a_system(tmp_path: Path) -> None:
@@ -63,8 +64,8 @@ def test_a_scene_may_stand_in_place_of_a_system(tmp_path: Path) -> None:
     text = SWEEP[: SWEEP.index("system:")] + scene + SWEEP[SWEEP.index("initial:") :]
     for old, new in (("x: 1.5, v: 0", "x1: 1.5, x2: 0"), ("vb:", "vp:"), (" x:", " x1:"), ("of: x", "of: x1")):
         text = text.replace(old, new)
-    table = collected(load_sweep(written(tmp_path, text)).plan, jobs=1)
-    written_out = collected(load_sweep(written(tmp_path, SWEEP)).plan, jobs=1)
+    table = collected(load_sweep(written(tmp_path, text)).plan)
+    written_out = collected(load_sweep(written(tmp_path, SWEEP)).plan)
     assert table["final_x1"].to_numpy() == pytest.approx(written_out["final_x"].to_numpy(), abs=1e-6)
 
 
@@ -104,3 +105,14 @@ def test_an_error_has_its_place(tmp_path: Path, old: str, new: str, line: int, c
 def test_what_is_no_sweep_file_is_refused(tmp_path: Path, text: str) -> None:
     with pytest.raises(CaseError, match=r"belts\.yaml"):
         load_sweep(written(tmp_path, text))
+
+
+PAGE = Path(__file__).parents[2] / "docs" / "sweep.md"
+
+
+def test_the_file_that_the_page_shows_is_read(tmp_path: Path) -> None:
+    (shown,) = re.findall(r"```yaml\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    path = tmp_path / "belts.yaml"
+    path.write_text(shown)
+    plan = load_sweep(path).plan
+    assert (len(plan.points), plan.chunk) == (40_000, 1000)

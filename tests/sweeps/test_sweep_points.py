@@ -12,10 +12,9 @@ import pandas as pd
 import pytest
 
 from henon_ref.errors import ArgumentError
-from henon_ref.sweeps import point_files
-from henon_ref.sweeps.point_files import MOST_NUMBERS
-from henon_ref.sweeps.point_sets import random
-from henon_ref.sweeps.points import Points, continuation, grid, points_of, table
+from henon_ref.sweeps import table_files
+from henon_ref.sweeps.points import Points, continuation, grid, points_of, random, table
+from henon_ref.sweeps.table_files import MOST_NUMBERS
 
 
 def test_the_last_name_of_a_grid_changes_fastest() -> None:
@@ -162,7 +161,7 @@ def test_a_table_is_a_regular_file(tmp_path: Path, kind: str) -> None:
 def test_a_table_of_too_many_rows_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a Parquet file by what it says of itself: of one number a billion times it has some kB."""
     pytest.importorskip("pyarrow")
-    monkeypatch.setattr(point_files, "MOST_NUMBERS", 1000)
+    monkeypatch.setattr(table_files, "MOST_NUMBERS", 1000)
     frame = pd.DataFrame({"a": np.ones(501), "b": np.ones(501)})
     frame.to_parquet(tmp_path / "points.parquet")
     frame.to_csv(tmp_path / "points.csv", index=False)
@@ -248,3 +247,8 @@ def test_a_name_stands_once() -> None:
     for given in (grid, table):
         with pytest.raises(ArgumentError, match="'1' twice"):
             given({1: [1.0], "1": [2.0]})
+
+
+def test_a_long_grid_beside_a_line_is_written_down() -> None:
+    points = continuation({"F": [1, 2]}, {"x": np.linspace(0, 1, 5001)})
+    assert len(points.written["continuation"]["grid"]["x"]) == 5001

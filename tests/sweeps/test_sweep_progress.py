@@ -8,8 +8,8 @@ import threading
 
 import pytest
 
-from henon_ref.sweeps import progress
-from henon_ref.sweeps.progress import shown
+from henon_ref.sweeps import sweep
+from henon_ref.sweeps.sweep import progress
 
 
 class Terminal(io.StringIO):
@@ -24,9 +24,9 @@ def test_a_terminal_shows_points_rate_and_time_left(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(sys, "stderr", stream)
     monkeypatch.setenv("COLUMNS", "120")
     monkeypatch.setenv("TERM", "xterm")
-    monkeypatch.setattr(progress, "PERIOD", -1.0)
+    monkeypatch.setattr(sweep, "PERIOD", -1.0)
     before = threading.active_count()
-    with shown(10) as advance:
+    with progress(10) as advance:
         assert threading.active_count() == before
         advance(4, True)
         advance(3, False)
@@ -39,6 +39,6 @@ def test_a_terminal_shows_points_rate_and_time_left(monkeypatch: pytest.MonkeyPa
 def test_elsewhere_nothing_is_shown(monkeypatch: pytest.MonkeyPatch, quiet: bool) -> None:
     stream = Terminal() if quiet else io.StringIO()
     monkeypatch.setattr(sys, "stderr", stream)
-    with shown(10, quiet=quiet) as advance:
+    with progress(10, quiet=quiet) as advance:
         advance(4, False)
     assert stream.getvalue() == ""

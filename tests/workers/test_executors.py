@@ -24,8 +24,7 @@ from sweep_systems import assert_same, belt, parquet_files
 from henon_ref.errors import ArgumentError, HenonRefError
 from henon_ref.sweeps import observe
 from henon_ref.sweeps.points import continuation
-from henon_ref.sweeps.sweep import sweep
-from henon_ref.sweeps.table import SweepTable
+from henon_ref.sweeps.sweep import SweepTable, sweep
 from henon_ref.workers import worker_process
 from henon_ref.workers.executors import TRIES, Task, finished
 

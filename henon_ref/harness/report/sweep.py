@@ -1,8 +1,10 @@
-"""The function :func:`henon_ref.sweep`: a sweep, and where it has a folder, the page of that."""
+"""The function :func:`henon_ref.sweep`: a sweep whose folder is locked while it is written, and has a page."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,7 +14,18 @@ from henon_ref.harness.report.folder import check_folder, locked
 from henon_ref.sweeps import sweep as sweeps
 
 if TYPE_CHECKING:
-    from henon_ref.sweeps.table import SweepTable
+    from henon_ref.sweeps.sweep import SweepTable
+
+
+@contextmanager
+def written(folder: Path) -> Iterator[None]:
+    """Hold the folder of a sweep while it is written, and write its page then."""
+    from henon_ref.harness.report.html.sweep_page import write_sweep_page
+
+    check_folder(folder)
+    with locked([folder]):
+        yield
+        write_sweep_page(folder)
 
 
 @wraps(sweeps.sweep)
@@ -22,11 +35,5 @@ def sweep(*arguments: Any, **options: Any) -> SweepTable:
         return sweeps.sweep(*arguments, **options)
     if not isinstance(out, str | os.PathLike):
         raise ArgumentError(f"out is {str(out)[:60]}; wanted the path of a folder, or None")
-    from henon_ref.harness.report.html.sweep_page import write_sweep_page
-
-    folder = Path(out)
-    check_folder(folder)
-    with locked([folder]):
-        table = sweeps.sweep(*arguments, **options)
-        write_sweep_page(folder)
-    return table
+    with written(Path(out)):
+        return sweeps.sweep(*arguments, **options)

@@ -12,7 +12,7 @@ from henon_ref.harness.campaign import progress
 from henon_ref.harness.campaign.progress import ProgressLine, is_seen
 from henon_ref.harness.campaign.rows import Record
 from henon_ref.harness.rows import RunRow
-from henon_ref.sweeps.progress import shown as shown_sweep
+from henon_ref.sweeps.sweep import progress as sweep_progress
 
 
 class Terminal(io.StringIO):
@@ -97,7 +97,7 @@ def test_a_notebook_s_line_is_its_own_output_not_standard_error(clock, monkeypat
     assert shown(stream, clock, "belt") == ""
     assert told == [*(f"belt: {line}" for line in LINES), "belt: 4 of 12 rows, 6.1 s"]
     told.clear()
-    with shown_sweep(20) as advance:
+    with sweep_progress(20) as advance:
         advance(5, False)
         advance(15, False)
     assert told == ["5 of 20 points, 5,000,000,000 runs/s, 0 s left", "20 of 20 points in 0.0 s"]

@@ -23,9 +23,8 @@ from henon_ref.harness.report.html.rendering import rendered
 from henon_ref.harness.table import count, setting
 from henon_ref.simulation.simulate import simulate
 from henon_ref.simulation.solution import Solution
-from henon_ref.sweeps.manifest import SWEEP_FILE
 from henon_ref.sweeps.plan import Plan
-from henon_ref.sweeps.storage import MANIFEST, PAGE
+from henon_ref.sweeps.storage import MANIFEST, PAGE, SWEEP_FILE
 from henon_ref.sweeps.sweep_file import CASE_KEYS, load_sweep
 from henon_ref.text import one_line
 
@@ -74,7 +73,7 @@ def write_sweep_page(folder: Path) -> Path | None:
         for name in names
     ]
     case, chained = case_text(plan, folder), plan.points.chain > 1
-    rtol = setting(plan.work.settings.rtol, None)
+    rtol = setting(plan.work.rtol, None)
     shown = table.iloc[order]
     data: dict[str, Any] = {
         "format": 1,
@@ -145,7 +144,7 @@ def _spread(plan: Plan) -> list[int]:
 
 def _run(plan: Plan, number: int) -> Solution | None:
     """A point's run with its polynomials; None where it cannot be had, or has too many steps for a picture."""
-    settings = plan.work.settings
+    settings = plan.work
     values = dict(zip(plan.points.names, plan.points.values[number].tolist(), strict=True))
     moved = {name: values.pop(name) for name in settings.system.state if name in values}
     initial = {**settings.initial, **moved}
@@ -178,7 +177,7 @@ def case_text(plan: Plan, folder: Path) -> str | None:
     if plan.points.chain > 1:
         return None
     for k, name in enumerate(plan.points.names):
-        place = made["initial"] if name in plan.work.settings.system.state else parameters
+        place = made["initial"] if name in plan.work.system.state else parameters
         if name not in place:
             return None
         place[name] = PLACE.format(k)

@@ -14,7 +14,7 @@ from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
 from henon_ref.analysis.lyapunov import Spectrum, lyapunov_spectrum
-from henon_ref.analysis.periodic import measured_period
+from henon_ref.analysis.periodic_orbit import measured_period
 from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.figures import style
 from henon_ref.harness.registry import solver

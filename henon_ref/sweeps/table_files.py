@@ -1,9 +1,10 @@
-"""Tables of points: files that are read within bounds, whatever they are, and files that are written."""
+"""Tables as files: those of points, which are read within bounds, whatever they are, and those of results."""
 
 from __future__ import annotations
 
+import io
 import stat
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 Vector = NDArray[np.float64]
+Columns = dict[str, NDArray[Any]]
 
 MOST_NUMBERS = 2**25
 """Numbers that all points of a sweep may have, together: a quarter of a GiB."""
@@ -30,45 +32,20 @@ CSV, PARQUET = "points.csv", "points.parquet"
 
 
 def check_size(points: int, names: int, what: str) -> None:
-    """Check that points are not too many, before anything is made of them.
-
-    Raises
-    ------
-    ArgumentError
-        For more numbers than ``MOST_NUMBERS``.
-    """
+    """Refuse points of more than ``MOST_NUMBERS`` numbers, before anything is made of them."""
     if points * names > MOST_NUMBERS:
         told = "1 name" if names == 1 else f"{names} names"
         raise ArgumentError(f"{what} has {points} points of {told}; at most {MOST_NUMBERS // names} are allowed")
 
 
-def written_table(values: Vector) -> dict[str, str]:
-    """What a sweep file says of points that stand in a table beside it."""
-    return {"table": CSV if values.size <= MOST_WRITTEN else PARQUET}
-
-
 def check_arrow(what: str) -> None:
-    """Check that there is pyarrow, which what is named needs.
-
-    Raises
-    ------
-    UnavailableError
-        Where it is not installed.
-    """
+    """Refuse what is named, with an UnavailableError, where pyarrow is not installed, which it needs."""
     if find_spec("pyarrow") is None:
         raise UnavailableError(f"{what} needs pyarrow, which is not installed: pip install 'henon-ref[sweep]'")
 
 
 def read_table(path: Path) -> Mapping[str, Vector]:
-    """The columns of a CSV or Parquet file.
-
-    Raises
-    ------
-    ArgumentError
-        For what is no regular file, no table, or too large.
-    UnavailableError
-        Where pyarrow is not installed.
-    """
+    """The columns of a CSV or Parquet file; an ArgumentError for what is no regular file, no table, or too large."""
     check_arrow("a table of points")
     import pyarrow as pa
 
@@ -105,16 +82,15 @@ def _csv_columns(path: Path) -> Mapping[str, Vector]:
     import pyarrow as pa
     import pyarrow.csv as csv
 
-    options: Callable[..., Any] = csv.ReadOptions
-    with csv.open_csv(path, read_options=options(block_size=LONGEST_LINE, use_threads=False)) as head:
+    options: Any = csv.ReadOptions
+    blocks = options(block_size=LONGEST_LINE, use_threads=False)
+    with csv.open_csv(path, read_options=blocks) as head:
         names = head.schema.names
     _check_names(path, names)
     as_text = csv.ConvertOptions(column_types=dict.fromkeys(names, pa.string()))
     parts: list[list[Vector]] = [[] for _ in names]
     rows = 0
-    with csv.open_csv(
-        path, read_options=options(block_size=LONGEST_LINE, use_threads=False), convert_options=as_text
-    ) as batches:
+    with csv.open_csv(path, read_options=blocks, convert_options=as_text) as batches:
         for batch in batches:
             rows += batch.num_rows
             check_size(rows, len(names), f"the table {path}")
@@ -139,8 +115,46 @@ def _check_names(path: Path, names: list[str]) -> None:
         raise ArgumentError(f"the table {path} has the column {listed([name[:60] for name in twice], 1)} twice")
 
 
-def csv_rows(names: tuple[str, ...], values: Vector) -> Iterator[str]:
-    """Lines of points as CSV, each number as it reads back to the same double."""
-    yield ",".join(names)
-    for row in values.tolist():
-        yield ",".join(map(repr, row))
+def csv_bytes(names: tuple[str, ...], values: Vector) -> bytes:
+    """Points as a CSV file, each number as it reads back to the same double."""
+    rows = (",".join(map(repr, row)) for row in values.tolist())
+    return "".join(f"{row}\n" for row in (",".join(names), *rows)).encode()
+
+
+def parquet(columns: Columns) -> bytes:
+    """Columns as a Parquet file: the same bytes for the same columns."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    made = {
+        name: pa.array(column, type=pa.string() if column.dtype == object else None, from_pandas=True)
+        for name, column in columns.items()
+    }
+    buffer = io.BytesIO()
+    pq.write_table(
+        pa.table(made), buffer, compression="snappy", version="2.6", store_schema=False, write_page_checksum=True
+    )
+    return buffer.getvalue()
+
+
+def read_parquet(file: Path) -> Columns | None:
+    """The columns that :func:`parquet` has written; None where they are not there, or not whole (by checksums)."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    if not file.is_file():
+        return None
+    try:
+        # One file, not a dataset: the folders' names mean nothing.
+        with pq.ParquetFile(file, page_checksum_verification=True) as found:
+            table = found.read()
+        return {
+            name: np.array(column.to_pylist(), dtype=object)
+            if pa.types.is_string(column.type)
+            else column.to_numpy(zero_copy_only=False).astype(
+                np.float64 if pa.types.is_floating(column.type) else np.int64
+            )
+            for name, column in zip(table.column_names, table.columns, strict=True)
+        }
+    except (OSError, ValueError, TypeError, pa.ArrowException):
+        return None

@@ -1,0 +1,155 @@
+"""The command: a sweep file in, Parquet files out.
+
+``henon-ref sweep SWEEP.yaml [--out DIR] [--jobs N] [--dask ADDRESS] [--resume] [--plot]``. For the exit
+statuses see :mod:`henon_ref.commands.exit_status`.
+"""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from henon_ref.commands import status_line
+from henon_ref.commands.exit_status import DONE, exit_status, parsed
+from henon_ref.commands.typer_app import FLAG, application, examples
+from henon_ref.errors import CaseError
+
+if TYPE_CHECKING:
+    from henon_ref.sweeps.plan import Plan
+    from henon_ref.sweeps.storage import SweepFolder
+    from henon_ref.sweeps.sweep import SweepTable
+
+app = application()
+KEPT = "finished chunks are kept, --resume goes on from them"
+PATIENCE = 10
+"""Seconds that a cluster is waited for."""
+Around = Callable[[Path], AbstractContextManager[None]]
+"""What is done before a sweep's folder is written, and once it is: a lock, the page."""
+
+
+@app.command(
+    epilog=examples("sweep belts.yaml", "sweep belts.yaml --jobs 8 --out results --plot", "sweep belts.yaml --resume")
+)
+def main(
+    context: typer.Context,
+    file: Annotated[Path, typer.Argument(help="A sweep file (YAML).", show_default=False, metavar="SWEEP")],
+    out: Annotated[Path, typer.Option(help="Folder of the sweeps, each in one of its name.", metavar="FOLDER")] = Path(
+        "out"
+    ),
+    jobs: Annotated[
+        int | None,
+        typer.Option(help="Worker processes; as many as there are processors if left out.", min=1, metavar="NUMBER"),
+    ] = None,
+    dask: Annotated[
+        str | None, typer.Option(help="Run on a Dask cluster: its scheduler's address.", metavar="ADDRESS")
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Keep chunks that are finished in the folder.", metavar=FLAG)
+    ] = False,
+    plot: Annotated[bool, typer.Option("--plot", help="Draw the results, as SVG.", metavar=FLAG)] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Show no progress.", metavar=FLAG)] = False,
+) -> int:
+    """Run one system at many points, observe each run, and write the results as Parquet files."""
+    from henon_ref.sweeps.plan import FIGURES
+    from henon_ref.sweeps.storage import PAGE, SweepFolder
+    from henon_ref.sweeps.sweep import done
+    from henon_ref.sweeps.sweep_file import load_sweep
+    from henon_ref.workers.executors import processors
+
+    if not quiet:
+        status_line.show(f"reading {file}")
+    sweep, around = load_sweep(file), context.obj or _nothing
+    folder, ended = out / sweep.name, Counter[str]()
+    with around(folder), _cluster(dask) as executor:
+        status_line.clear()
+        place = SweepFolder(folder, sweep.plan)
+        further = (PAGE, FIGURES) if plot else (PAGE,)
+        place.begin(resume=resume, name=sweep.name, title=sweep.title, source=sweep.source, further=further)
+        for _, tables in done(sweep.plan, place, jobs=jobs or processors(), executor=executor, quiet=quiet):
+            ended.update(tables.points["status"].tolist())
+        told = ", ".join(f"{count} {status}" for status, count in sorted(ended.items()))
+        print(f"{folder}: {len(sweep.plan.points)} points, {told}")
+        if plot:
+            _draw(place)
+    return DONE
+
+
+def program(arguments: Sequence[str] | None = None, around: Around | None = None) -> int:
+    """Run the command; the exit status."""
+    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):  # as the workers have it
+        os.environ.setdefault(name, "1")
+    act = lambda: int(parsed(app, arguments, name="sweep", obj=around))  # noqa: E731
+    return exit_status(act, name="sweep", arguments=arguments, kept=KEPT)
+
+
+def _nothing(folder: Path) -> AbstractContextManager[None]:
+    return nullcontext()
+
+
+@contextmanager
+def _cluster(address: str | None) -> Iterator[Any]:
+    """A client of a Dask cluster, where one is wanted."""
+    if address is None:
+        yield None
+        return
+    try:
+        from distributed import Client
+    except ImportError:
+        raise CaseError("--dask needs the package distributed: pip install 'henon-ref[dask]'") from None
+    try:
+        client = Client(address, timeout=PATIENCE)
+    except (OSError, ValueError) as error:  # what is no address, and a scheduler that does not answer
+        raise CaseError(f"no Dask scheduler answers at {address}: {error}") from None
+    try:
+        yield client
+    finally:
+        client.close()
+
+
+def _draw(place: SweepFolder) -> None:
+    """Draw a finished sweep, into the folder ``figures`` of its own."""
+    from henon_ref.atomic_write import replace_file
+    from henon_ref.figures import style
+    from henon_ref.figures.sweeps import HEIGHT
+    from henon_ref.sweeps.plan import FIGURES
+    from henon_ref.sweeps.sweep import assembled
+
+    folder = place.path / FIGURES
+    folder.mkdir(exist_ok=True)
+    for name, make in _pictures(place.plan, assembled(place.plan.points, list(place.finished()))):
+        with style.figure(HEIGHT) as figure:
+            figure.set_layout_engine("constrained")
+            make(axes=figure.add_subplot())
+            replace_file(folder / f"{name}.svg", style.image(figure))
+
+
+def _pictures(plan: Plan, table: SweepTable) -> Iterator[tuple[str, Callable[..., Any]]]:
+    """Names of pictures, and what draws each: a histogram of each number, section points over one swept name,
+    observations over two."""
+    from henon_ref.figures.sweeps import MOST_BASINS, basins, bifurcation, histogram, plane
+
+    swept = list(plan.points.names)
+    observed = [str(name) for name in table.columns if name not in (*swept, *plan.points.labels)]
+    files = {name: name if name.isidentifier() else f"column{k}" for k, name in enumerate(observed)}
+    numbers = [name for name in observed if table[name].dtype.kind in "iuf" and table[name].notna().any()]
+    for name in numbers:
+        yield f"histogram_{files[name]}", partial(histogram, table, name)
+    if len(swept) == 1:
+        for frame, points in table.frames.items():
+            for state in plan.work.system.state:
+                if state in points.columns:
+                    yield f"bifurcation_{frame}_{state}", partial(bifurcation, table, swept[0], state, frame)
+    if len(swept) == 2:
+        x, y = swept
+        for name in numbers:
+            yield f"plane_{files[name]}", partial(plane, table, x, y, name)
+        for name in observed:
+            if name not in numbers and 0 < table[name].nunique() <= MOST_BASINS:
+                yield f"basins_{files[name]}", partial(basins, table, x, y, name)

@@ -1,0 +1,333 @@
+"""What a sweep does at each of its points, what is observed of its runs, and what they leave behind as arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields
+from functools import cached_property, lru_cache
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+import sympy as sp
+from numpy.typing import NDArray
+
+from henon_ref.casefile.expressions import parse_expression
+from henon_ref.integrator.integrator import Integrator
+from henon_ref.integrator.pairs import decimal_pairs
+from henon_ref.integrator.points import NOTHING, Keep
+from henon_ref.integrator.prepared_run import local_error
+from henon_ref.integrator.records import transition_dtype
+from henon_ref.integrator.start import MOST_STEPS
+from henon_ref.modes.algebra import signed_form
+from henon_ref.modes.bounds import double_double
+from henon_ref.modes.kinks import HiddenKinks
+from henon_ref.modes.mode import Mode, mode_text
+from henon_ref.simulation.dependent_parameters import Number, following
+from henon_ref.simulation.launch import integrator_of
+from henon_ref.simulation.system import System
+from henon_ref.simulation.written import as_given, python_number
+from henon_ref.sweeps.table_files import Columns, Vector
+from henon_ref.text import listed
+
+NO_KINKS = frozenset[int]()
+START, UNTIL = "initial time", "horizon"
+"""What these two numbers go by beside states, whose names have no blank."""
+KEPT_SYSTEMS = 64
+"""Systems of one sweep that are kept: another one for each set of exponents."""
+
+
+class Section(NamedTuple):
+    """Where an expression stands among the surfaces of a system."""
+
+    surface: int
+    orientation: int
+    """+1 or -1: the sign of the expression is that of the surface's, times this."""
+
+
+def with_sections(system: System, expressions: Sequence[sp.Expr]) -> tuple[System, dict[sp.Expr, Section]]:
+    """A system that has some expressions (in time, states, parameters) among its surfaces, and where each stands.
+
+    An expression that is a surface times a factor which always has one sign is that surface. Fields do not depend on
+    the sign of one that is added: its normal velocity is the same on both sides, and it is always crossed.
+    """
+    model = system.model
+    added: dict[sp.Symbol, sp.Expr] = {}
+    known: dict[object, tuple[int, int]] = {}
+    for index, surface in enumerate(model.surfaces):
+        form, way = signed_form(surface, model.parameters)
+        known.setdefault(form, (index, way))
+    found: dict[sp.Expr, Section] = {}
+    for expression in expressions:
+        form, way = signed_form(expression, model.parameters)
+        if form not in known:
+            known[form] = len(model.surfaces) + len(added), way
+            added[sp.Symbol(f"section {len(added) + 1}", real=True)] = expression  # no name has a blank
+        index, own = known[form]
+        found[expression] = Section(index, way * own)
+    return (system.with_surfaces(added) if added else system), found
+
+
+@dataclass(frozen=True)
+class Observation:
+    """Base class: what every observation is asked.
+
+    An observation adds columns to the table of points, or is a table of its own, which belongs to points by its column
+    ``point``. It is computed over all runs of a chunk at once. Of no runs it gives the same columns, empty.
+    """
+
+    kind: ClassVar[str]
+    """Its name in a sweep file."""
+
+    def check(self, system: System) -> None:
+        """Check that it can be made of a system, before anything runs.
+
+        Raises
+        ------
+        ArgumentError
+            For what it cannot mean.
+        """
+
+    def sections(self, system: System) -> Sequence[sp.Expr]:
+        """Expressions whose zeros have to be located."""
+        return ()
+
+    def kept(self) -> Keep:
+        """Transitions that it is computed from, of whatever surface."""
+        return NOTHING
+
+    def columns(self, runs: Runs) -> Columns:
+        """Columns of the table of points, an entry a run; NaN (of text: None) where there is nothing to tell."""
+        return {}
+
+    def tables(self, runs: Runs) -> dict[str, Columns]:
+        """Tables of its own, by name; their column ``point`` is the number of a run within the chunk."""
+        return {}
+
+
+@dataclass(frozen=True)
+class Work:
+    """What all runs of a sweep have in common: with a point's values, all that a worker needs to know.
+
+    Numbers are int, float, Fraction or text, as :func:`henon_ref.simulate` takes them.
+    """
+
+    system: System
+    initial: Mapping[str, Any]
+    start: Any
+    until: Any
+    rtol: float
+    mode: Mapping[str, int] | None = None
+    max_steps: int = MOST_STEPS
+    observations: tuple[Observation, ...] = ()
+    names: tuple[str, ...] = ()
+    """Of the points' values."""
+    chain: int = 1
+    """Points in a row of which each starts where the one before it ended."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
+    def pickled(self) -> bytes:
+        """As bytes; functions of one's own go along by value, wherever they are defined."""
+        import cloudpickle
+
+        return bytes(cloudpickle.dumps(self))
+
+    @cached_property
+    def numbers(self) -> dict[str, Number]:
+        """Parameters that are not swept, initial values, initial time and horizon, in swept parameters."""
+        system = self.system
+        swept = frozenset(self.names) - frozenset(system.state)
+        exact = {symbol.name: value for symbol, value in system.model.parameters.items()}
+        own = {name: value for name, value in {**exact, **following(system, swept)}.items() if name not in swept}
+        symbols = {name: sp.Symbol(name, real=True) for name in system.parameters}
+        known = {symbols[name]: value for name, value in own.items()}
+        given = {name: self.initial[name] for name in system.state} | {START: self.start, UNTIL: self.until}
+        for name, value in given.items():
+            own[name] = parse_expression(as_given(value, "a number"), symbols).xreplace(known)
+        return {name: Number(expression) for name, expression in own.items()}
+
+    def pairs(self, columns: Mapping[str, Vector], count: int) -> dict[str, Vector]:
+        """All numbers of some points, by name, as pairs of doubles (:mod:`henon_ref.integrator.pairs`).
+
+        Their own values stand for the decimal numbers that they are printed as.
+        """
+        found = {name: number.pairs(columns, count) for name, number in self.numbers.items() if name not in columns}
+        return found | {name: decimal_pairs(values) for name, values in columns.items()}
+
+    @cached_property
+    def moving_exponents(self) -> list[str]:
+        """Parameters in exponents that are not the same at all points: with other values it is another system."""
+        numbers = self.numbers
+        return sorted(p for p in self.system.exponent_parameters if p not in numbers or numbers[p].names)
+
+    @cached_property
+    def exact_parameters(self) -> dict[tuple[float, float], sp.Expr]:
+        """The system's own values by their pairs of doubles."""
+        return {double_double(value): value for value in self.system.model.parameters.values()}
+
+    @cached_property
+    def keep(self) -> Keep:
+        """Transitions that some observation is computed from, of which each finds its own."""
+        some = [keep for keep in (o.kept() for o in self.observations) if keep != NOTHING]
+        if not some:
+            return NOTHING
+        return Keep(after=min(keep.after for keep in some), open_sticks=any(keep.open_sticks for keep in some))
+
+    def _with_sections(self, system: System) -> tuple[System, dict[sp.Expr, Section]]:
+        return with_sections(system, [e for o in self.observations for e in o.sections(self.system)])
+
+    @cached_property
+    def sections(self) -> dict[sp.Expr, Section]:
+        """Expression, as an observation has it -> surface of the system that is integrated."""
+        return self._with_sections(self.system)[1]
+
+    @cached_property
+    def integrator(self) -> Callable[..., Integrator]:
+        """See :meth:`_integrator`; what it returns is kept."""
+        return lru_cache(maxsize=KEPT_SYSTEMS)(self._integrator)
+
+    def _integrator(self, *exponents: float, open_kinks: frozenset[int] = NO_KINKS) -> Integrator:
+        """The compiled system, sections included, at some values of :attr:`moving_exponents` (its own if left out)."""
+        named = dict(zip(self.moving_exponents, exponents, strict=True)) if exponents else {}
+        system, _ = self._with_sections(self.system.with_parameters(named) if named else self.system)
+        return integrator_of(system, local_error(self.rtol), open_kinks)
+
+
+class Runs:
+    """K runs of one system, and the R transitions of them that are kept.
+
+    Parameters
+    ----------
+    work : Work
+    values : ndarray, shape (K, names)
+        The points' values.
+    first : int
+        Number of the first one among all points of the sweep.
+
+    Attributes
+    ----------
+    values : dict
+        Parameter or state -> its value in each run, shape (K,); what is not there is the work's.
+    numbers : dict
+        Every parameter -> pairs of doubles, shape (K, 2).
+    initial, times : ndarray, shape (K, n, 2), (K, 2, 2)
+        Pairs of the initial state; of initial time and horizon [s].
+    status, message : ndarray of str, shape (K,)
+    end_time : ndarray, shape (K,)
+        Where each run ended [s].
+    end_state : ndarray, shape (K, n)
+    end_mode : ndarray of int, shape (K,)
+        Row of ``modes``; -1 where there was none.
+    counts : ndarray of int, shape (K, 3)
+        Steps, expansions, evaluations of guards.
+    refused : ndarray of bool, shape (K,)
+        Runs that could not begin: to begin with all.
+    """
+
+    def __init__(self, work: Work, values: Vector, first: int = 0) -> None:
+        count, system = len(values), work.system
+        self.work, self.system, self.first = work, system, first
+        self.values = {name: np.ascontiguousarray(values[:, k]) for k, name in enumerate(work.names)}
+        pairs = work.pairs(self.values, count)
+        self.numbers = {name: pairs[name] for name in system.parameters}
+        self.initial = np.stack([pairs[name] for name in system.state], axis=1)
+        self.times = np.stack([pairs[START], pairs[UNTIL]], axis=1)
+        self.status, self.message = np.full(count, "failed", dtype=object), np.full(count, "", dtype=object)
+        self.end_time, self.end_state = self.times[:, 0, 0].copy(), self.initial[:, :, 0].copy()
+        self.end_mode, self.counts = np.full(count, -1), np.zeros((count, 3), dtype=np.int64)
+        self.refused = np.ones(count, dtype=np.bool_)
+        self._records: list[NDArray[Any]] = []
+        self._rows: dict[Mode, int] = {}
+
+    def __len__(self) -> int:
+        return len(self.status)
+
+    def keep(self, records: NDArray[Any], own: NDArray[np.int64], rows: NDArray[np.int64]) -> None:
+        """Keep transitions of some runs: ``own`` has their numbers, ``rows`` those of the modes in the records."""
+        kept = records.copy()
+        kept["point"] = own[records["point"]]
+        kept["from_mode"], kept["to_mode"] = rows[records["from_mode"]], rows[records["to_mode"]]
+        self._records.append(kept)
+
+    def rows_of_modes(self, modes: Sequence[Mode]) -> NDArray[np.int64]:
+        """Rows of some modes in ``modes``, then -1."""
+        return np.array([*(self._rows.setdefault(mode, len(self._rows)) for mode in modes), -1])
+
+    @cached_property
+    def records(self) -> NDArray[Any]:
+        """Transitions in order of runs, and of time in each: :func:`henon_ref.integrator.records.transition_dtype`."""
+        if not self._records:
+            return np.zeros(0, dtype=transition_dtype(len(self.system.state)))
+        found = np.concatenate(self._records)
+        return found[np.argsort(found["point"], kind="stable")]
+
+    @cached_property
+    def run(self) -> NDArray[np.int64]:
+        """Which run each transition belongs to, shape (R,)."""
+        return self.records["point"].astype(np.int64) if self._records else np.zeros(0, dtype=np.int64)
+
+    @cached_property
+    def modes(self) -> tuple[Mode, ...]:
+        """Modes by the numbers that the records hold: an entry a surface, those of sections last."""
+        return tuple(self._rows)
+
+    @cached_property
+    def entries(self) -> NDArray[np.int64]:
+        """Modes as an array, shape (modes, surfaces)."""
+        return np.array(self.modes or np.zeros((0, 1)), dtype=np.int64)
+
+    def mode_names(self, rows: NDArray[np.int64]) -> NDArray[Any]:
+        """Texts of modes by their numbers, without the sections; None for -1."""
+        names = self.system.model.sign_names
+        different, places = np.unique(rows, return_inverse=True)
+        modes = [None if row < 0 else self._kinks.shown(self.modes[row][: len(names)]) for row in different.tolist()]
+        return np.array([mode and mode_text(mode, names) for mode in modes], dtype=object)[places]
+
+    def changes(self, surface: int) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+        """Transitions of one surface: their places, and the surface's entry of the mode before and after each."""
+        at = np.nonzero(self.records["surface"] == surface)[0]
+        column = self.entries[:, surface] if len(self.entries) else np.zeros(0, dtype=np.int64)
+        return at, column[self.records["from_mode"][at]], column[self.records["to_mode"][at]]
+
+    @cached_property
+    def visible(self) -> NDArray[np.bool_]:
+        """Of each transition whether it is one: it is not on a kink that another branch hides."""
+        return self._kinks.are_transitions(self.records, self.modes)
+
+    @cached_property
+    def _kinks(self) -> HiddenKinks:
+        return HiddenKinks(self.system.model)
+
+    def told(self, run: int) -> str:
+        """Which point a run is of, in words: ``point 3 (F = 0.5)``."""
+        words = [f"{name} = {repr(float(own[run])).removesuffix('.0')}" for name, own in self.values.items()]
+        return f"point {self.first + run} ({listed(words, 4)})"
+
+    def rows(self, at: NDArray[np.int64]) -> Columns:
+        """Transitions as columns: ``point`` (number within the chunk), ``time_s``, then the states by name."""
+        kept = self.records[at]
+        states = dict(zip(self.system.state, kept["state"].T, strict=True))
+        return {"point": self.run[at], "time_s": kept["time"], **states}
+
+    def arguments(self) -> Iterator[dict[str, Any]]:
+        """For each run, the arguments of ``simulate`` that repeat it."""
+        work, names = self.work, self.system.state
+        start, until = (self._fixed(value) for value in (work.start, work.until))
+        for k in range(len(self)):
+            yield {
+                "initial": dict(zip(names, self.initial[k, :, 0].tolist(), strict=True)),
+                "parameters": {name: float(own[k]) for name, own in self.values.items() if name not in names},
+                "start": start,
+                "until": until,
+                "rtol": work.rtol,
+                "mode": work.mode,
+                "max_steps": work.max_steps,
+            }
+
+    def _fixed(self, value: Any) -> Any:
+        """A number; text that holds no parameter as one that needs no reading for each run."""
+        if not isinstance(value, str):
+            return value
+        number = self.system.expression(value)
+        return python_number(number) if number.is_Rational else value
