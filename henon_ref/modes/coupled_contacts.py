@@ -32,8 +32,8 @@ from henon_ref.modes.decoupled_contacts import (
     Contact,
     SwitchedEquations,
     acting_rows,
-    all_entries,
     common_to_all,
+    entries_of,
     is_crossed,
 )
 from henon_ref.modes.equations import Guard, along
@@ -250,7 +250,7 @@ def _equations(
     system: SwitchedField, held: SwitchedField, slid: Sequence[int], own: Mapping[int, int], forces: Forces
 ) -> SwitchedEquations:
     """``system`` has the surfaces that are slid on alone, ``slid`` says which of the others' they are."""
-    entries = all_entries(held)
+    entries = entries_of(held.signs)
     switches = [tuple(entries[i][0])[1:] for i in slid]
     solution = _Solution(len(switches))
     matrix, right = list[Row](), list[sp.Expr]()

@@ -31,12 +31,14 @@ Entries = tuple[Mapping[sp.Symbol, sp.Expr], ...]
 """What the entries -1, 0 and +1 of a surface, in this order, put for its sign and its two switches."""
 
 
-def entries_of(sign: sp.Symbol, index: int) -> Entries:
-    """A surface's switches ``slip`` and ``slide``; where it slides its own sign stands in nothing but what is off."""
-    slip, slide = (sp.Symbol(f"{name}_{index}", real=True) for name in ("slip", "slide"))
-    return tuple(
-        {sign: sp.Integer(s or 1), slip: sp.Integer(abs(s)), slide: sp.Integer(1 - abs(s))} for s in (-1, 0, 1)
-    )
+def entries_of(signs: Sequence[sp.Symbol]) -> tuple[Entries, ...]:
+    """Of each surface, with switches ``slip`` and ``slide``; a sign that slides stands in nothing but what is off."""
+    found = []
+    for i, sign in enumerate(signs):
+        slip, slide = (sp.Symbol(f"{name}_{i}", real=True) for name in ("slip", "slide"))
+        values = ((sp.Integer(s or 1), sp.Integer(abs(s)), sp.Integer(1 - abs(s))) for s in (-1, 0, 1))
+        found.append(tuple(dict(zip((sign, slip, slide), own, strict=True)) for own in values))
+    return tuple(found)
 
 
 @dataclass(frozen=True)
@@ -126,27 +128,24 @@ class SwitchedEquations:
         pairs = (own[entry] for own, entry in zip(self._guards, mode, strict=True))
         return (*chain.from_iterable(pairs), *self._valid)
 
-    def places(self, mode: Mode) -> tuple[int, ...]:
-        """Where each of :meth:`guards` stands among those of the mode's own equations; -1 where it does not."""
-        slips, slides = 0, 0
-        found = []
-        count = sum(map(abs, mode))
-        for entry in mode:
-            found += [slips, -1] if entry else [count + 2 * slides, count + 2 * slides + 1]
-            slips, slides = slips + abs(entry), slides + 1 - abs(entry)
-        return (*found, *(count + 2 * slides + k for k in range(len(self.outputs) - 2 * len(mode))))
-
     def rows(self, mode: Mode) -> list[int]:
         """Of the guards of the mode's own equations, in their order, the place among the outputs."""
-        return [row for _, row in sorted((place, row) for row, place in enumerate(self.places(mode)) if place >= 0)]
+        slips = [2 * i for i, entry in enumerate(mode) if entry]
+        ends = [2 * i + k for i, entry in enumerate(mode) if not entry for k in (0, 1)]
+        return [*slips, *ends, *range(2 * len(mode), len(self.outputs))]
+
+    def places(self, mode: Mode) -> tuple[int, ...]:
+        """Where each of :meth:`guards` stands among those of the mode's own equations; -1 where it does not."""
+        places = {row: place for place, row in enumerate(self.rows(mode))}
+        return tuple(places.get(row, -1) for row in range(len(self.outputs)))
 
     def own_guards(self, mode: Mode) -> tuple[Guard, ...]:
         """The guards of the mode's own equations."""
-        pairs = list(zip(mode, self._guards, strict=True))
-        ends = chain.from_iterable(own[0] for entry, own in pairs if not entry)
-        sides = self._sides(mode)
-        put_in = (replace(end, expression=put(end.expression, sides)) for end in ends) if sides else ends
-        return (*(own[entry][0] for entry, own in pairs if entry), *put_in, *self._valid)
+        guards, sides = self.guards(mode), self._sides(mode)
+        own = (guards[row] for row in self.rows(mode))
+        if not sides:
+            return tuple(own)
+        return tuple(replace(g, expression=put(g.expression, sides)) if g.kind == "release" else g for g in own)
 
     def _sides(self, mode: Mode) -> dict[sp.Symbol, sp.Expr]:
         """What a mode puts for the signs of surfaces on which nothing slides."""
@@ -193,12 +192,7 @@ def switched_equations(system: SwitchedField) -> SwitchedEquations | None:
     beside = {sign for sign in system.signs if sign not in slid}
     if beside and any(_friction_changes(contact, slid, beside) for contact in own):
         return None
-    return SwitchedEquations(system, all_entries(system), tuple(contacts))
-
-
-def all_entries(system: SwitchedField) -> tuple[Entries, ...]:
-    """Those of each surface."""
-    return tuple(entries_of(sign, i) for i, sign in enumerate(system.signs))
+    return SwitchedEquations(system, entries_of(system.signs), tuple(contacts))
 
 
 def _friction_changes(contact: Contact, slid: set[sp.Symbol], beside: set[sp.Symbol]) -> bool:
@@ -238,22 +232,19 @@ def _contact(
     row = _own_state(h, places)
     if row is None or acting != [row]:
         return None
-    x, rate, held = system.states[row], system.field[row], ()
-    if index in system.overrides:
-        ends = _two_ends(system, index)
-        if ends is None:
+    x, rate, override = system.states[row], system.field[row], system.overrides.get(index)
+    ends, held = (Guard("release", index, 1, sp.S.Zero), Guard("release", index, -1, sp.S.Zero)), tuple[sp.Expr, ...]()
+    if override is not None:
+        if override.entry != "inside" or len(override.release) != 2:
             return None
-        held = system.overrides[index].field[row], *(end.expression for end in ends)
+        first, second = system.hold_guards(index)
+        ends, held = (first, second), (override.field[row], first.expression, second.expression)
     moving = (s for s in sorted(rate.free_symbols, key=str) if s in places)
     made = by_pattern(_in_slip_and_slide, h, x, sign, rate, sp.Tuple(*moving), *held)
-    if made is None:
+    if made is None or (held and _moves_others(system, index, row, {x: sp.expand(x - h / sp.diff(h, x))})):
         return None
-    speed, first, second = made
-    if not held:
-        return Contact(row, rate, speed, (Guard("release", index, 1, first), Guard("release", index, -1, second)))
-    if _moves_others(system, index, row, {x: sp.expand(x - h / sp.diff(h, x))}):
-        return None
-    return Contact(row, rate, speed, (replace(ends[0], expression=first), replace(ends[1], expression=second)))
+    speed, above, below = made
+    return Contact(row, rate, speed, (replace(ends[0], expression=above), replace(ends[1], expression=below)))
 
 
 def _in_slip_and_slide(
@@ -288,12 +279,6 @@ def _branching(expression: sp.Expr) -> list[sp.Expr]:
     """Its parts that have branch points."""
     found = expression.atoms(sp.Pow, sp.log, sp.asin, sp.acos)
     return [e for e in found if not (e.is_Pow and e.exp.is_Integer)]
-
-
-def _two_ends(system: SwitchedField, index: int) -> tuple[Guard, Guard] | None:
-    """Ends of what static friction holds."""
-    ends = system.hold_guards(index)
-    return (ends[0], ends[1]) if system.overrides[index].entry == "inside" and len(ends) == 2 else None
 
 
 def _moves_others(system: SwitchedField, index: int, row: int, there: Mapping[sp.Symbol, sp.Expr]) -> bool:
