@@ -2,7 +2,7 @@
 
 It is for the audit of :mod:`henon_ref.harness.studies.paper.audit`. All switches off it is the method of Sec. 3
 done right on Eq. (18): order 4, Filippov's sliding. All on it is the appendix as printed, number for number
-(:mod:`henon_ref.baselines.paper.listing_program`).
+(:mod:`henon_ref.baselines.paper.listing`).
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.baselines.paper.compiled import ffi, lib, rows
-from henon_ref.baselines.paper.listing_program import EDGES, effective_changes
+from henon_ref.baselines.paper.listing import EDGES, effective_changes
 
 Floats = NDArray[np.float64]
 

@@ -14,7 +14,8 @@ from henon_ref.baselines.paper.listing_variants import DEFECTS, run_variant
 from henon_ref.harness.studies.paper.audit import (
     ADDED,
     CROSSING_START,
-    audit,
+    audit_row,
+    audit_table,
     durations,
     limit_of,
     matched,
@@ -101,11 +102,13 @@ def test_the_table_names_every_mistake_once_in_each_family():
     for family in ("alone", "added", "left out"):
         assert sorted(name for kind, name, _ in rows if kind == family) == sorted(DEFECTS)
     assert set(rows[len(DEFECTS) * 2][2]) == set(DEFECTS)
-    table = audit([rows[0], rows[len(DEFECTS) * 2], ("alone", "exit_side", ("exit_side",))])
-    assert table["status"].tolist() == ["ok", "ok", "chatters"]
-    assert table["long_s"].round(5).tolist()[1] == 1.1746
-    assert table["short_s"].round(5).tolist()[1] == 0.4161
-    assert table["sticks"].isna().tolist() == [False, False, True]
+    right, printed, chattering = (audit_row(*own) for own in (rows[0], rows[len(DEFECTS) * 2], rows[3]))
+    assert [row.status for row in (right, printed, chattering)] == ["ok", "ok", "chatters"]
+    assert (round(printed.long_s, 5), round(printed.short_s, 5)) == (1.1746, 0.4161)
+    assert (right.sticks, printed.sticks, chattering.sticks) == (0, 17, None)
+    cells = audit_table([right, printed], "+ ").rows
+    assert cells[0][:6] == ("none", "equations", "ok", "86", "0", "")
+    assert cells[1][:7] == ("+ `exit_side`", "3 f, one-sided", "ok", "126", "17", "1.17460", "0.41610")
 
 
 def test_without_mistakes_it_finds_every_transition_of_the_equations():
