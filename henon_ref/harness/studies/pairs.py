@@ -137,24 +137,6 @@ def _cheapest(rows: Sequence[RunRow], solvers: Collection[str]) -> tuple[RunRow,
     return tuple(sorted(own, key=lambda row: number(row.wall_s))[:CANDIDATES])
 
 
-@dataclass
-class Clock:
-    """Time spent in heyoka's calls since it was last set to zero [s]."""
-
-    spent_s: float = 0.0
-
-    def clocked(self, call: Callable[..., Any]) -> Callable[..., Any]:
-        """The same call, clocked."""
-
-        def run(*args: Any, **options: Any) -> Any:
-            began = perf_counter()
-            result = call(*args, **options)
-            self.spent_s += perf_counter() - began
-            return result
-
-        return run
-
-
 class _WithOwn:
     """An object of heyoka's with one function of ours; all else is passed on."""
 
@@ -173,7 +155,8 @@ class _WithOwn:
 class ClockedHeyoka(HeyokaTaylor):
     """heyoka, its own calls clocked."""
 
-    clock: Clock = field(default_factory=Clock, kw_only=True)
+    spent_s: list[float] = field(default_factory=list, kw_only=True)
+    """Time of each call [s]."""
 
     def load(self) -> Any:
         """The module, with integrators whose calls of ``propagate_until`` are clocked."""
@@ -181,7 +164,14 @@ class ClockedHeyoka(HeyokaTaylor):
 
         def taylor_adaptive(*args: Any, **options: Any) -> _WithOwn:
             made = module.taylor_adaptive(*args, **options)
-            return _WithOwn(made, propagate_until=self.clock.clocked(made.propagate_until))
+
+            def propagate_until(*args: Any, **options: Any) -> Any:
+                began = perf_counter()
+                result = made.propagate_until(*args, **options)
+                self.spent_s.append(perf_counter() - began)
+                return result
+
+            return _WithOwn(made, propagate_until=propagate_until)
 
         return _WithOwn(module, taylor_adaptive=taylor_adaptive)
 
@@ -212,9 +202,9 @@ def own_part(solver: str, run: Run, prepare: Callable[[Solver], Run], *, rounds:
     parts, clocked_run = [], prepare(own)
     for _ in range(rounds + 1):
         whole = timed(run)
-        own.clock.spent_s = 0.0
+        own.spent_s.clear()
         clocked_run()
-        parts.append(own.clock.spent_s / whole)
+        parts.append(sum(own.spent_s) / whole)
     return median(parts[1:]) or None  # an integrator that all modes share was made without the clock
 
 

@@ -23,6 +23,7 @@ from henon_ref.harness.rows import RunRow, read_rows
 from henon_ref.harness.studies.pairs import PairRow, TimedPair
 from henon_ref.harness.studies.price import compiling, effects
 from henon_ref.harness.studies.price.compiling import Ready, readiness, ready_table
+from henon_ref.harness.studies.price.contacts import ManyContacts, contact_table, many_contacts
 from henon_ref.harness.studies.price.growth import STICKS, Horizon, horizons
 from henon_ref.harness.studies.price.ladder import (
     ALONE,
@@ -245,6 +246,13 @@ def test_chains_of_every_length_agree() -> None:
     assert fitted(same, "a", "states", "ready_s", 16).power == pytest.approx(1.5)
 
 
+def test_many_contacts_have_the_transitions_of_a_run_by_hand() -> None:
+    (found,) = many_contacts((3,))
+    assert found.transitions > 20
+    assert found.by_hand_s is not None
+    assert contact_table([found, replace(found, by_hand_s=None)]).rows[1][-1] == "other answer"
+
+
 def test_compiling_is_paid_for_after_so_many_runs() -> None:
     fast = Ready("c", "default", "henon", 1e-9, wall_s=1.0, cold_s=5.0, kept_s=1.5)
     slow = Ready("c", "default", "heyoka", 1e-9, wall_s=3.0, cold_s=1.0, kept_s=1.0)
@@ -303,6 +311,7 @@ def prices() -> Prices:
         effects=[],
         growth=[Horizon("henon", until, 10, 1e-3, 0.0, 1e-13) for until in (1e3, 1e4)],
         sizes=[Size(2, solver, 5, 1.0, 1e-5, 1.0, 10, 1e-5, 1.0, True) for solver in ("henon", "heyoka")],
+        contacts=[ManyContacts(4, 56, 1e-2, 1e-3, 0.2)],
     )
 
 

@@ -14,6 +14,7 @@ from henon_ref.harness.rows import Row, RunRow, rows_text
 from henon_ref.harness.studies.page import write
 from henon_ref.harness.studies.pairs import PairRow, TimedPair, own_words
 from henon_ref.harness.studies.price.compiling import Ready, readiness, ready_table
+from henon_ref.harness.studies.price.contacts import ManyContacts, contact_table, many_contacts
 from henon_ref.harness.studies.price.effects import Step, effect_costs, effect_table
 from henon_ref.harness.studies.price.growth import Horizon, draw_growth, growth_table, horizons
 from henon_ref.harness.studies.price.ladder import (
@@ -45,6 +46,7 @@ PARTS: Mapping[str, tuple[str, type[Row], Callable[[Any], Table]]] = {
     "effects": ("effects.csv", Step, effect_table),
     "growth": ("horizons.csv", Horizon, growth_table),
     "sizes": ("states.csv", Size, size_table),
+    "contacts": ("contacts.csv", ManyContacts, contact_table),
 }
 """Measurement -> its file, the rows of it, and their table."""
 
@@ -63,6 +65,7 @@ class Prices:
     effects: Sequence[Step]
     growth: Sequence[Horizon]
     sizes: Sequence[Size]
+    contacts: Sequence[ManyContacts]
 
 
 def run_price(asked: Asked) -> Made:
@@ -84,6 +87,7 @@ def run_price(asked: Asked) -> Made:
         effects=effect_costs(),
         growth=horizons(orbit_problem()),
         sizes=chains,
+        contacts=many_contacts(),
     )
     return Made(write_page(found, asked.origin, asked.folder))
 
