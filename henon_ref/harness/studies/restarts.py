@@ -37,14 +37,6 @@ Ending = Literal["right", "wrong", "ended_early", "failed"]
 ENDINGS = get_args(Ending)
 """How a run may end: with the exact run's transitions, with others, before its time, or not at all."""
 COUNTED = (*ENDINGS, "missed", "spurious", "elsewhere")
-WHY = {
-    "event-free-step": "what happens within the event-free step is seen at its end, and a guard that stays at zero "
-    "behind it is watched with its rounding",
-    "offset": "the next root comes late by the lift over the guard's rate, and one that the lift covers does not come",
-    "direction": "a guard that starts one rounding below zero hides the first root of the first step",
-    "none": "the root at the start is an event again",
-}
-"""What a restart gets wrong where another one does not."""
 
 
 @dataclass(frozen=True)
@@ -151,7 +143,6 @@ def run_restarts(asked: Asked) -> Made:
         "quicker": round(100 * (1 - QUICKER)),
         "defaults": default_table(suite).markdown,
         "beaten": beaten_table(suite).markdown,
-        "why": WHY,
         "options": option_table(tried).markdown if tried else "",
         "origin": asked.origin,
     }
