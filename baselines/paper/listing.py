@@ -30,6 +30,8 @@ PARAMETERS = ("m", "k1", "k2", "mu0", "vp", "A", "w")
 _WIDTH, _ANGLES = 2 * math.sqrt(3) / 3, (math.cos(math.pi / 9), math.cos(2 * math.pi / 9), math.sin(math.pi / 18))
 EDGES = np.array([_WIDTH * v for v in (*_ANGLES, *(-v for v in reversed(_ANGLES)))])
 """Tangent points z of Eq. (24), highest first: the stick zones are [1, 0], [3, 2] and [5, 4]."""
+PRINTED_STEP = 1e-4
+"""The step of the appendix [s]."""
 MAX_STEPS = 200_000_000
 """Longest run."""
 MAX_CHANGES = 200_000

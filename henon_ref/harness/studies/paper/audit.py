@@ -15,15 +15,13 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.baselines.paper.listing import PARAMETERS
+from henon_ref.baselines.paper.listing import PRINTED_STEP
 from henon_ref.baselines.paper.listing_variants import DEFECTS, VariantRun, run_variant
 from henon_ref.figures import style
 from henon_ref.figures.motion import Motion, portrait
 from henon_ref.harness.rows import Row, rows_text
 from henon_ref.harness.studies.paper.fig8 import LATE, PUBLISHED_DURATIONS, T, limit_sticks
 from henon_ref.harness.studies.paper.systems import (
-    FIG8_VALUES,
-    LISTING_STEP,
     Findings,
     fig8_equations,
     fig8_listing_limit,
@@ -110,18 +108,6 @@ class Truth:
     Filippov's rule leaves at once, and the program by a release."""
 
 
-@cache
-def numbers() -> tuple[float, ...]:
-    """m, k1, k2, mu0, vp, A, w of Fig. 8, rounded."""
-    values = {symbol.name: value for symbol, value in FIG8_VALUES.items()}
-    return tuple(float(values[name]) for name in PARAMETERS)
-
-
-def variant(defects: Collection[str], step: float = LISTING_STEP, **given: Any) -> VariantRun:
-    """The paper's program with these mistakes on Fig. 8."""
-    return run_variant(defects, step=step, numbers=numbers(), **given)
-
-
 def limit_of(defects: Collection[str]) -> str:
     """What the program with these mistakes converges to for h -> 0."""
     if "aliased_steps" in defects:
@@ -170,7 +156,7 @@ def order_of(defects: Collection[str], start: tuple[float, float] | None = None)
         return float("nan")
     truth = truth_of(limit, start)
     until = float(truth.times[ORDER_TRANSITIONS]) - 0.05
-    runs = [(step, variant(defects, step, start=start, until=until)) for step in ORDER_STEPS]
+    runs = [(step, run_variant(defects, step=step, start=start, until=until)) for step in ORDER_STEPS]
     errors = [(step, rms(matched(run, truth, ORDER_TRANSITIONS))) for step, run in runs]
     found = [(step, error) for step, error in errors if error > ROUNDING]
     return float("nan") if len(found) < FITTED // 2 else fitted_order(*zip(*found[-FITTED:], strict=True))
@@ -206,9 +192,9 @@ def sets() -> Iterator[tuple[str, str, tuple[str, ...]]]:
 
 def audit_row(family: str, name: str, defects: Collection[str]) -> AuditRow:
     """Run one of the :func:`sets`; floats to 10 digits, as the file has them."""
-    run, limit = variant(defects), limit_of(defects)
+    run, limit = run_variant(defects), limit_of(defects)
     ended = run.status == "ok"
-    small = variant(defects, SMALL_STEP) if ended else run
+    small = run_variant(defects, step=SMALL_STEP) if ended else run
     errors = None if limit == "none" else matched(run, truth_of(limit))
     brief = (run.modes[:-1] == 0) & (run.times[:-1] > SETTLED) & (np.diff(run.times) <= SLIVER)
     counts = (len(run.times), len(durations(run)), int(brief.sum())) if ended else (None,) * 3
@@ -279,7 +265,7 @@ def draw_audit() -> Figure:
         figure.set_layout_engine("constrained")
         above, below = cast(Any, figure.subfigures(2, 1, height_ratios=(5, 7)))
         for ax, (title, defects) in zip(above.subplots(1, len(stages), sharey=True), stages.items(), strict=True):
-            run = variant(defects, until=LATE + 2 * T, path_from=LATE)
+            run = run_variant(defects, until=LATE + 2 * T, path_from=LATE)
             path = run.path[::EVERY]
             modes = run.modes[np.searchsorted(run.times, path[:, 0], side="right") - 1]
             motion = Motion(path[:, 0], path[:, 1:], tuple((mode,) for mode in modes.tolist()))
@@ -302,7 +288,7 @@ def _shifts(runs: Sequence[VariantRun], *, long: bool) -> list[Floats]:
 
 def _draw_added(ax: Axes) -> None:
     places = np.arange(2, len(ADDED) + 1)
-    runs = [variant(ADDED[:k]) for k in places]
+    runs = [run_variant(ADDED[:k]) for k in places]
     for label, colour, marker, long in KINDS:
         own = _shifts(runs, long=long)
         middle = np.array([d.mean() for d in own])
@@ -316,14 +302,14 @@ def _draw_added(ax: Axes) -> None:
 
 
 def _draw_over_step(ax: Axes) -> None:
-    runs = [variant(DEFECTS, step) for step in STEPS]
+    runs = [run_variant(DEFECTS, step=step) for step in STEPS]
     for (label, colour, marker, long), limit, printed in zip(KINDS, limit_sticks(), PUBLISHED_DURATIONS, strict=True):
         means = [own.mean() for own in _shifts(runs, long=long)]
         ax.plot(STEPS, means, marker=marker, color=colour, lw=0.8, label=label)
         shift, above = 1e3 * (printed - limit.duration), 9 if long else -9
         ax.axhspan(shift - 0.05, shift + 0.05, color=style.GREY, alpha=0.35, lw=0)
         ax.annotate(f"{printed} s", (STEPS[-1], shift), (0, above), textcoords="offset points", va="center")
-    ax.axvline(LISTING_STEP, color=style.GREY, lw=0.8, ls=":")
+    ax.axvline(PRINTED_STEP, color=style.GREY, lw=0.8, ls=":")
     ax.axhline(0, color=style.GREY, lw=0.8)
     ax.set(xscale="log", xlabel="$h$ [s]", ylabel="duration - limit [ms]", ylim=(-2.7, 2.7))
     ax.set_title("f   as printed, over the step")

@@ -11,13 +11,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.baselines.paper.listing import LISTING
+from henon_ref.baselines.paper.listing import LISTING, PRINTED_STEP
 from henon_ref.figures import style
 from henon_ref.figures.motion import Motion, plane_of, portrait
 from henon_ref.harness.studies.paper.systems import (
     FIG8_VALUES,
     INNER,
-    LISTING_STEP,
     MU0,
     PERIOD,
     VP,
@@ -68,7 +67,7 @@ def sticks(transitions: Iterable[Transition], after: float = 60.0) -> list[Stick
 
 def listing_run(problem: Problem) -> tuple[Transition, ...]:
     """Transitions of the appendix as printed, to 70 s."""
-    return LISTING.prepare(problem, step=LISTING_STEP)().transitions
+    return LISTING.prepare(problem, step=PRINTED_STEP)().transitions
 
 
 def on_orbit(problem: Problem) -> tuple[Transition, ...]:
@@ -141,7 +140,7 @@ def draw_fig8(limit: Motion, lowest: int, overload: float) -> Figure:
         grid = figure.add_gridspec(2, 3, height_ratios=(1, 1))
         for k, (title, motion) in enumerate(
             {
-                "a   listing as printed": sampled(fig8_listing_limit(), *window, LISTING.prepare, step=LISTING_STEP)[1],
+                "a   listing as printed": sampled(fig8_listing_limit(), *window, LISTING.prepare, step=PRINTED_STEP)[1],
                 "b   listing, $h \\to 0$": limit,
                 "c   Eqs. (17), (18)": sampled(fig8_equations(), *window)[1],
             }.items()

@@ -52,8 +52,6 @@ PERIOD = 2 * sp.pi / FIG8_VALUES[W]
 """Period T of the forcing of Fig. 8 [s]."""
 INNER = 2 * sp.sqrt(3) / 3 * sp.sin(sp.pi / 18)
 """z*, the upper end of the middle stick zone: x(3) of Eq. (24)."""
-LISTING_STEP = 1e-4
-"""The step of the listing [s]."""
 
 
 @dataclass(frozen=True)
