@@ -91,7 +91,9 @@ def test_section_5_holds() -> None:
 
 
 def test_the_moving_belt_settles_on_its_orbit() -> None:
-    assert section5.moving_belt().sticks == pytest.approx((5.744957024861, 13.075740440551), abs=1e-9)
+    found = section5.moving_belt()
+    assert found.holds == {"moving_belt": True}
+    assert found.values["settled"] == pytest.approx((5.744957024861, 13.075740440551), abs=1e-9)
 
 
 def test_expressions_are_compared_as_mathematics() -> None:

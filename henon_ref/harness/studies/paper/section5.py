@@ -23,7 +23,6 @@ from henon_ref.harness.studies.paper.timeseries import Settings, TimeSeriesSpect
 from henon_ref.harness.table import Table
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
-from henon_ref.trajectory import Status
 
 SETS = {
     "periodic": ("rig_periodic",),
@@ -93,6 +92,7 @@ def section() -> Findings:
     return Findings(
         {
             **equations.holds,
+            **belt.holds,
             "estimate": signs and abs(estimate / largest - 1) < 0.25,
             "samples": all(own.samples.shape == (SAMPLES, 4) for own in sets.values()),
             "periodic": periodic.zeros == 1
@@ -101,10 +101,10 @@ def section() -> Findings:
             "quasi_periodic": quasi_periodic.zeros == 2,
             "chaotic": largest > SIGNIFICANT * deviation and chaotic.zeros == 1,
             "lost": all(own.spectrum.lost == 1 for own in sets.values()),
-            "moving_belt": belt.status == "ok" and belt.apart < 1e-10 and belt.drift < 1e-12,
         },
         {
             **equations.values,
+            **belt.values,
             "exponents": exponent_table(sets).markdown,
             "periods": periods,
             "radius": SETTINGS.radius,
@@ -113,7 +113,6 @@ def section() -> Findings:
             "largest": largest,
             "deviation": deviation,
             "span": LONG,
-            "belt": belt,
         },
         {"section5_motions": draw_motions(sets), "section5_estimate": draw_estimate(chaotic)},
     )
@@ -243,22 +242,8 @@ def frictionless_eigenvalues(system: FilippovSystem) -> NDArray[np.complex128]:
     return values[np.argsort(-values.real, kind="stable")]
 
 
-@dataclass(frozen=True)
-class MovingBelt:
-    """What a run on the moving belt gives."""
-
-    status: Status
-    transitions: int
-    apart: float
-    """Greatest difference of a transition's time between two solvers [s]; infinite where they differ in sequence."""
-    drift: float
-    """Greatest difference of the block's velocity from the belt's in a stick [m/s]."""
-    sticks: tuple[float, float]
-    """The sticks of the settled motion, the shorter first [s]."""
-
-
-def moving_belt() -> MovingBelt:
-    """Run it with ``henon`` and ``heyoka``."""
+def moving_belt() -> Findings:
+    """Run the block on the moving belt with ``henon`` and ``heyoka``."""
     problem = shipped_problem("moving_belt")
     problem = replace(problem, until=SETTLED * problem.until)
     times = np.linspace(0.0, float(problem.until), 40001)[:-1]
@@ -271,10 +256,9 @@ def moving_belt() -> MovingBelt:
     starts = [t.time for t in run.transitions if t.kind == "stick"]
     ends = [t.time for t in run.transitions if t.kind == "release"]
     lengths = [next(end for end in ends if end > start) - start for start in starts if start < ends[-1]]
-    return MovingBelt(
-        status=run.status,
-        transitions=len(run.transitions),
-        apart=largest_time_difference(run, other),
-        drift=float(np.abs(run.samples[stuck, 1] - belt[stuck]).max()),
-        sticks=(min(lengths[-2:]), max(lengths[-2:])),
+    apart = largest_time_difference(run, other)
+    drift = float(np.abs(run.samples[stuck, 1] - belt[stuck]).max())
+    return Findings(
+        {"moving_belt": run.status == "ok" and apart < 1e-10 and drift < 1e-12},
+        {"belt_transitions": len(run.transitions), "apart": apart, "drift": drift, "settled": sorted(lengths[-2:])},
     )
