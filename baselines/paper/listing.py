@@ -1,6 +1,7 @@
-"""``henon-listing``: the program in the paper's appendix as it is printed, as a solver.
+"""``henon-listing``: the program in the paper's appendix as it is printed, mistakes and all, as a solver.
 
-The program itself is :mod:`henon_ref.baselines.paper.listing_program`.
+What it does, step by step and mistake by mistake, stands in ``listing.c``, at the lines that do it;
+:mod:`henon_ref.baselines.paper.listing_variants` has each mistake as a switch.
 """
 
 from __future__ import annotations
@@ -12,8 +13,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.baselines.paper.compiled import COMPILER
-from henon_ref.baselines.paper.listing_program import EDGES, effective_changes, run_listing
+from henon_ref.baselines.paper.compiled import COMPILER, ffi, lib, rows
 from henon_ref.errors import UnsupportedError
 from henon_ref.modes.algebra import simplified
 from henon_ref.modes.mode import Mode, transition_kind
@@ -27,6 +27,11 @@ Floats = NDArray[np.float64]
 
 PARAMETERS = ("m", "k1", "k2", "mu0", "vp", "A", "w")
 """Parameters that the listing reads, by name."""
+_WIDTH, _ANGLES = 2 * math.sqrt(3) / 3, (math.cos(math.pi / 9), math.cos(2 * math.pi / 9), math.sin(math.pi / 18))
+EDGES = np.array([_WIDTH * v for v in (*_ANGLES, *(-v for v in reversed(_ANGLES)))])
+"""Tangent points z of Eq. (24), highest first: the stick zones are [1, 0], [3, 2] and [5, 4]."""
+PRINTED_STEP = 1e-4
+"""The step of the appendix [s]."""
 MAX_STEPS = 200_000_000
 """Longest run."""
 MAX_CHANGES = 200_000
@@ -67,7 +72,7 @@ class Listing:
         rtol: float | None = None,
         atol: float | None = None,
         step: float | None = None,
-        sample_times: NDArray[np.float64] | None = None,
+        sample_times: Floats | None = None,
         deadline: float | None = None,
     ) -> Run:
         """Check the system (see :class:`henon_ref.solver.Solver`).
@@ -80,19 +85,21 @@ class Listing:
         if step is None or not step > 0:
             raise UnsupportedError(f"{self.name} needs a positive step, got {step}")
         numbers = listing_parameters(problem)
-        steps = round((float(problem.until) - float(problem.start)) / step)
+        until = float(problem.until)
+        steps = round((until - float(problem.start)) / step)
         if steps > MAX_STEPS:
             raise UnsupportedError(f"{self.name} keeps no clock and is not run for more than {MAX_STEPS:.0e} steps")
         start = _start(problem)
         start_mode = _start_mode(start, numbers[4])
-        wanted = None if sample_times is None else np.asarray(sample_times, dtype=float)
-        until = float(problem.until)
 
         def run() -> Trajectory:
             x = np.array([float(problem.start), *start])
             changes = np.empty((MAX_CHANGES, 5))
-            path = np.empty((0 if wanted is None else steps + 1, 3))
-            end = run_listing(x, step, steps, numbers, changes, path)
+            path = np.empty((0 if sample_times is None else steps + 1, 3))
+            end = lib.listing_run(
+                rows(x, "struct belt_state"), rows(EDGES), step, steps + 1, ffi.new("struct belt *", numbers),
+                rows(changes, "struct mode_change"), len(changes), rows(path, "struct belt_state"), len(path),
+            )  # fmt: skip
             status: Status = "ok" if np.isfinite(x).all() else "diverged"
             reason = "" if status == "ok" else "the state is no longer finite"
             if end.changes == MAX_CHANGES:
@@ -105,7 +112,7 @@ class Listing:
                 end_mode=(end.mode,),
                 reason=reason,
                 counts=Counts(steps + 1, 4 * (end.slips + end.landings), steps + 1),
-                samples=None if wanted is None else _sampled(wanted, path),
+                samples=None if sample_times is None else _sampled(np.asarray(sample_times, dtype=float), path),
             )
 
         return run
@@ -122,15 +129,12 @@ def listing_parameters(problem: Problem) -> tuple[float, ...]:
     UnsupportedError
         With what is different, for any other system.
     """
-    system = problem.system
-    named = {symbol.name: symbol for symbol in system.parameters}
+    named = {symbol.name: symbol for symbol in problem.system.parameters}
     missing = [name for name in PARAMETERS if name not in named]
-    if missing:
-        raise UnsupportedError(f"henon-listing runs the system of Fig. 8 only: no parameter {', '.join(missing)}")
-    difference = _difference(system, {name: named[name] for name in PARAMETERS})
-    if difference:
-        raise UnsupportedError(f"henon-listing runs the system of Fig. 8 only: {difference}")
-    return tuple(float(system.parameters[named[name]]) for name in PARAMETERS)
+    different = f"no parameter {', '.join(missing)}" if missing else _difference(problem.system, named)
+    if different:
+        raise UnsupportedError(f"henon-listing runs the system of Fig. 8 only: {different}")
+    return tuple(float(problem.system.parameters[named[name]]) for name in PARAMETERS)
 
 
 def _difference(system: FilippovSystem, p: Mapping[str, sp.Symbol]) -> str:
@@ -194,6 +198,31 @@ def _transitions(changes: Floats, start: Mode, until: float) -> tuple[Transition
             found.append(Transition(kind, 0, mode, new, time, (position, velocity), landing="listing"))
             mode = new
     return tuple(found)
+
+
+def effective_changes(changes: Floats, start: int) -> Floats:
+    """Changes of mode with the releases to a side that was never entered put right.
+
+    Such a release is undone by the very next step, which lands again and turns to the other side: one
+    release, at its own time, to that side.
+
+    Parameters
+    ----------
+    changes : ndarray, shape (k, 5)
+        Step, time, position, velocity and mode after each change.
+    start : int
+        Mode before the first.
+
+    Returns
+    -------
+    ndarray, shape (at most k, 5)
+    """
+    modes = changes[:, 4]
+    released = np.concatenate(([start], modes[:-1])) == 0
+    undone = np.flatnonzero(released[:-1] & (np.diff(changes[:, 0]) == 1) & (modes[1:] != 0))
+    kept = changes.copy()
+    kept[undone, 4] = modes[undone + 1]
+    return np.delete(kept, undone + 1, axis=0)
 
 
 def _sampled(wanted: Floats, path: Floats) -> Floats:

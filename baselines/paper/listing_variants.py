@@ -2,19 +2,22 @@
 
 It is for the audit of :mod:`henon_ref.harness.studies.paper.audit`. All switches off it is the method of Sec. 3
 done right on Eq. (18): order 4, Filippov's sliding. All on it is the appendix as printed, number for number
-(:mod:`henon_ref.baselines.paper.listing_program`).
+(:mod:`henon_ref.baselines.paper.listing`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.baselines.paper.compiled import ffi, lib, rows
-from henon_ref.baselines.paper.listing_program import EDGES, effective_changes
+from henon_ref.baselines.paper.listing import EDGES, PRINTED_STEP, effective_changes, listing_parameters
+from henon_ref.casefile.case import load_case
+from henon_ref.casefile.shipped import shipped_folder
 
 Floats = NDArray[np.float64]
 
@@ -50,11 +53,16 @@ class VariantRun:
     """(steps, 3) time, position and velocity after each step, as far as it was asked for."""
 
 
+@cache
+def fig8_numbers() -> tuple[float, ...]:
+    """m, k1, k2, mu0, vp, A, w of Fig. 8, rounded."""
+    return listing_parameters(load_case(shipped_folder() / "fig8.yaml").reading("listing_limit").problem)
+
+
 def run_variant(
     defects: Collection[str],
     *,
-    step: float,
-    numbers: tuple[float, ...],
+    step: float = PRINTED_STEP,
     start: tuple[float, float] | None = None,
     until: float = 70.0,
     path_from: float | None = None,
@@ -67,8 +75,6 @@ def run_variant(
         Names out of :data:`DEFECTS`.
     step : float
         Step h [s].
-    numbers : tuple of float
-        m, k1, k2, mu0, vp, A, w.
     start : tuple of float, optional
         Position and velocity at t = 0, in slip; the paper's start in stick, [z(4), vp], without it.
     until : float
@@ -83,6 +89,7 @@ def run_variant(
     """
     for name in defects:
         DEFECTS[name]  # raises where there is none
+    numbers = fig8_numbers()
     changes = np.empty((MAX_CHANGES, 5))
     path = np.empty((0 if path_from is None else int((until - path_from) / step) + 2 * MAX_CHANGES, 3))
     x = np.array([0.0, *((EDGES[3], numbers[4]) if start is None else start)])

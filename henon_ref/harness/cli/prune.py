@@ -23,7 +23,6 @@ from henon_ref.harness.report.folder import (
     INDEX,
     MANIFEST,
     ROWS,
-    RUNS,
     check_index,
     is_study,
     linked,
@@ -34,14 +33,9 @@ from henon_ref.harness.report.folder import (
 )
 from henon_ref.harness.report.folder_report import write_folder_report
 from henon_ref.harness.report.svg import shortened
-from henon_ref.harness.studies.atlas.page import FOLDER as ATLAS
-from henon_ref.harness.studies.paired_times.rows import FOLDER as PAIRED_TIMES
-from henon_ref.harness.studies.paired_times.rows import RATIOS
-from henon_ref.harness.studies.restart_tables import FOLDER as RESTARTS
+from henon_ref.harness.studies.study import STUDIES
 
-PAGE_ROWS = (
-    f"{ATLAS}/{RUNS}", f"{RESTARTS}/{RUNS}", f"{PAIRED_TIMES}/{RATIOS}", "price/price.csv", "price/samples.csv",
-)  # fmt: skip
+PAGE_ROWS = tuple(f"{study.folder}/{name}" for study in STUDIES.values() for name in study.every_run)
 """Files that hold every run behind a page."""
 
 

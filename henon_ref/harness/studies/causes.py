@@ -9,13 +9,11 @@ from henon_ref.harness.registry import program_versions
 from henon_ref.harness.studies.page import write
 from henon_ref.harness.studies.study import Asked, Made
 
-FOLDER = "causes"
-
 
 def run_causes(asked: Asked) -> Made:
     """Run every cause's check and write what was seen."""
     shown = [{"cause": cause, "version": _version(cause.package), "seen": _seen(cause)} for cause in CAUSES.values()]
-    return Made(write(asked.out / FOLDER, "causes", {"causes": shown}))
+    return Made(write(asked.folder, "causes", {"causes": shown}))
 
 
 def _version(package: str) -> str | None:

@@ -1,21 +1,54 @@
-"""One writer for the pages of all studies: files of numbers, figures, and a page that a template sets."""
+"""What studies share: the runs that they are made of, and one writer for their files of numbers, figures and pages."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from henon_ref.atomic_write import replace_file
+from henon_ref.casefile.case import Case, load_case
+from henon_ref.casefile.shipped import shipped_folder
+from henon_ref.harness.campaign.campaign import compare_all
+from henon_ref.harness.campaign.comparison import Comparison
+from henon_ref.harness.campaign.options import Options
+from henon_ref.harness.campaign.progress import Observer
 from henon_ref.harness.report.folder import INDEX
 from henon_ref.harness.report.svg import svg
 from henon_ref.harness.report.text.markdown import environment
+from henon_ref.harness.rows import RunRow
+from henon_ref.modes.problem import Problem
+from henon_ref.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 NONE: Mapping[str, Any] = MappingProxyType({})
+
+
+def rows_of(cases: Sequence[Case], options: Options, observer: Observer) -> dict[str, list[RunRow]]:
+    """Run the cases; the rows of each one's runs (columns of ``runs.csv``) by its name, in the order of the cases."""
+    found: dict[str, list[RunRow]] = {case.name: [] for case in cases}
+
+    def deliver(comparison: Comparison) -> None:
+        found[comparison.case.name] = comparison.run_rows
+
+    compare_all(cases, options, deliver, observer=observer)
+    return found
+
+
+def shipped_problem(case: str, reading: str = "default") -> Problem:
+    """The problem of a reading of a shipped case."""
+    return load_case(shipped_folder() / f"{case}.yaml").reading(reading).problem
+
+
+def largest_time_difference(one: Trajectory, other: Trajectory) -> float:
+    """Greatest difference of a transition's time in two runs [s]; infinite where their sequences differ."""
+    if [t.to_mode for t in one.transitions] != [t.to_mode for t in other.transitions]:
+        return math.inf
+    return max((abs(a.time - b.time) for a, b in zip(one.transitions, other.transitions, strict=True)), default=0.0)
 
 
 def write(

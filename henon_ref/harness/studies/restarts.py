@@ -5,9 +5,10 @@ The runs are a campaign's. The page says which default is beaten by another rest
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal, get_args
 
 from henon_ref.baselines.adapter import Adapter
 from henon_ref.baselines.heyoka_taylor import HEYOKA
@@ -15,35 +16,51 @@ from henon_ref.baselines.scipy_ivp import BDF, DOP853, LSODA, RADAU, RK45
 from henon_ref.casefile.case import Case
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.truth_job import stored_statement
-from henon_ref.harness.report.folder import RUNS
+from henon_ref.harness.report.folder import REPORT, RUNS
+from henon_ref.harness.report.text.ranking import LEVELS
 from henon_ref.harness.rows import NOT_RUN, Row, RunRow, earlier_rows, rows_text
-from henon_ref.harness.studies.page import write
-from henon_ref.harness.studies.restart_tables import (
-    ENDINGS,
-    FOLDER,
-    MOST,
-    QUICKER,
-    SUITE,
-    WHY,
-    SuiteRow,
-    beaten_table,
-    best_restart,
-    ending,
-    libraries_of,
-    merged,
-    merits,
-    read_suite,
-    suite_rows,
-    wrong_defaults,
-)
-from henon_ref.harness.studies.runs import rows_of
+from henon_ref.harness.score.errors import EARLY
+from henon_ref.harness.studies.page import rows_of, write
 from henon_ref.harness.studies.study import Asked, Made
 from henon_ref.harness.table import Table, duration
-from henon_ref.text import code
+from henon_ref.text import code, markdown
 
-OPTIONS = "options.csv"
+SUITE, OPTIONS = "suite.csv", "options.csv"
+MOST = LEVELS[-1]
+"""Digits that are counted: more are rounding."""
+QUICKER = 0.8
+"""Of as many right runs with as many digits those are better that take less than this part of the time: what the
+machine does meanwhile changes times by less."""
 TIGHTEST = 1e-300
 """Absolute tolerance of a root's time that leaves the relative one, 4 eps, alone [s]."""
+Ending = Literal["right", "wrong", "ended_early", "failed"]
+ENDINGS = get_args(Ending)
+"""How a run may end: with the exact run's transitions, with others, before its time, or not at all."""
+COUNTED = (*ENDINGS, "missed", "spurious", "elsewhere")
+
+
+@dataclass(frozen=True)
+class SuiteRow(Row):
+    """A library and restart on a case, over its readings and tolerances."""
+
+    case: str
+    solver: str
+    restart: str
+    runs: int
+    """Those that were made; then how many ended in each way (:data:`ENDINGS`)."""
+    right: int
+    wrong: int
+    ended_early: int
+    failed: int
+    missed: int
+    """Transitions, in all runs."""
+    spurious: int
+    elsewhere: int
+    """Runs that are not right though another restart of the library is, on the same reading and tolerance."""
+    digits: float
+    """Of the right runs, each counted up to MOST, in all."""
+    wall_s: float
+    """Of the right runs, in all [s]."""
 
 
 @dataclass(frozen=True)
@@ -65,28 +82,40 @@ class OptionRow(Row):
 
 
 @dataclass(frozen=True)
-class Option:
-    """What somebody who knows a library might set of its event handling."""
+class Merit:
+    """What the runs of one restart come to; a greater one is better."""
 
-    solver: Adapter
-    """The library with it."""
-    library: str
-    words: str
-    """What is set."""
+    right: int
+    digits: float
+    wall_s: float
+
+    def beats(self, other: Merit) -> bool:
+        """Whether it is right more often; else, as often, to more digits; else to as many in clearly less time."""
+        if self.right != other.right:
+            return self.right > other.right
+        if round(self.digits) != round(other.digits):
+            return self.digits > other.digits
+        return self.wall_s < QUICKER * other.wall_s
 
 
-def options_of(libraries: Sequence[str]) -> list[Option]:
-    """The options of these libraries; SUNDIALS has none beside the direction, which two of the restarts differ in."""
+def options_of(libraries: Sequence[str]) -> list[tuple[str, str, Adapter]]:
+    """What somebody who knows a library might set of its event handling: the library, what is set, the library with it.
+
+    SUNDIALS has no option beside the direction, which two of the restarts differ in.
+    """
     cooldown = replace(HEYOKA, name="heyoka (cooldown)", cooldown="automatic")
-    found = [Option(cooldown, "heyoka", "`cooldown`: heyoka's own")]
+    found: list[tuple[str, str, Adapter]] = [("heyoka", "`cooldown`: heyoka's own", cooldown)]
     for own in (RK45, DOP853, RADAU, BDF, LSODA):
         again = replace(own, name=f"{own.name} (root)", root_tolerance=TIGHTEST)
-        found.append(Option(again, own.name, f"the root located again, `xtol` {TIGHTEST:g}"))
-    return [option for option in found if option.library in libraries]
+        found.append((own.name, f"the root located again, `xtol` {TIGHTEST:g}", again))
+    return [option for option in found if option[0] in libraries]
 
 
 def run_restarts(asked: Asked) -> Made:
-    """Run the study on all readings that have a stored truth, and write its page; it tells defaults that are beaten."""
+    """Run the study on all readings that have a stored truth, and write its page; it tells defaults that are beaten.
+
+    Of cases and libraries that have not run the earlier rows are kept, so that the study can be made case by case.
+    """
     names = registry.expanded(asked.options.solvers or registry.default_names())
     libraries = list(
         dict.fromkeys(registry.base_name(name) for name in names if isinstance(name, str) and registry.restart_of(name))
@@ -96,15 +125,30 @@ def run_restarts(asked: Asked) -> Made:
         return Made(None)
     ways = [registry.with_restart(library, way) for library in libraries for way in registry.RESTARTS]
     options = options_of(libraries)
-    solvers: tuple[Any, ...] = (*ways, *(option.solver for option in options))
-    changed = replace(asked.options, solvers=solvers, timed=False, folder=asked.out / FOLDER)
-    rows = [row for own in rows_of(cases, changed, asked.observer).values() for row in own]
-    tried = option_rows(options, rows)
+    solvers: tuple[Any, ...] = (*ways, *(solver for *_, solver in options))
+    changed = replace(asked.options, solvers=solvers, timed=False, folder=asked.folder)
+    every = [row for own in rows_of(cases, changed, asked.observer).values() for row in own]
+    rows = [row for row in every if row.solver in ways]
+    suite = merged(suite_rows(rows), earlier_rows(SuiteRow, asked.folder / SUITE))
+    tried = option_rows(options, every)
     ran = {row.solver for row in tried}
-    return _written(
-        asked, changed.timeout, [row for row in rows if row.solver in ways],
-        [*tried, *(row for row in earlier_rows(OptionRow, asked.out / FOLDER / OPTIONS) if row.solver not in ran)],
-    )  # fmt: skip
+    tried += [row for row in earlier_rows(OptionRow, asked.folder / OPTIONS) if row.solver not in ran]
+    tried.sort(key=lambda row: _place(row.solver))
+    context = {
+        "runs": f"{sum(row.runs for row in suite)}",
+        "cases": len({row.case for row in suite}),
+        "limit": f"{changed.timeout:g}",
+        "summary": summary_table(suite).markdown,
+        "most": MOST,
+        "quicker": round(100 * (1 - QUICKER)),
+        "defaults": default_table(suite).markdown,
+        "beaten": beaten_table(suite).markdown,
+        "options": option_table(tried).markdown if tried else "",
+        "origin": asked.origin,
+    }
+    files = {RUNS: rows_text(RunRow, rows), SUITE: rows_text(SuiteRow, suite)}
+    files |= {OPTIONS: rows_text(OptionRow, tried)} if tried else {}
+    return Made(write(asked.folder, "restarts", context, files), wrong_defaults(suite))
 
 
 def _with_truths(case: Case, libraries: Sequence[str]) -> Case:
@@ -119,27 +163,103 @@ def _with_truths(case: Case, libraries: Sequence[str]) -> Case:
     return replace(case, readings=tuple(readings))
 
 
-def _written(asked: Asked, timeout: float, rows: Sequence[RunRow], tried: list[OptionRow]) -> Made:
-    """Write runs, suite, options and page; of cases and libraries that have not run the earlier rows are kept."""
-    suite = merged(suite_rows(rows), read_suite(asked.out))
-    order = {solver: place for place, solver in enumerate(registry.names())}
-    tried.sort(key=lambda row: order.get(row.solver, len(order)))
-    context = {
-        "runs": f"{sum(row.runs for row in suite)}",
-        "cases": len({row.case for row in suite}),
-        "limit": f"{timeout:g}",
-        "summary": summary_table(suite).markdown,
-        "most": MOST,
-        "quicker": round(100 * (1 - QUICKER)),
-        "defaults": default_table(suite).markdown,
-        "beaten": beaten_table(suite, "../").markdown,
-        "why": WHY,
-        "options": option_table(tried).markdown if tried else "",
-        "origin": asked.origin,
-    }
-    files = {RUNS: rows_text(RunRow, rows), SUITE: rows_text(SuiteRow, suite)}
-    files |= {OPTIONS: rows_text(OptionRow, tried)} if tried else {}
-    return Made(write(asked.out / FOLDER, "restarts", context, files), wrong_defaults(suite))
+def _place(solver: str) -> int:
+    """Place of a library in the registry's order."""
+    names = registry.names()
+    return names.index(solver) if solver in names else len(names)
+
+
+def suite_rows(runs: Iterable[RunRow]) -> list[SuiteRow]:
+    """Rows of the suite from rows of runs, whose solvers are named with their restarts."""
+    own: dict[tuple[str, str, str], list[RunRow]] = {}
+    solved: set[tuple[object, ...]] = set()
+    for row in runs:
+        if row.status not in NOT_RUN:
+            key = row.case, registry.base_name(row.solver), registry.restart_of(row.solver)
+            own.setdefault(key, []).append(row)
+            if row.verdict == "right":
+                solved.add(_problem(row))
+    found = []
+    for key, rows in own.items():
+        right = [row for row in rows if row.verdict == "right"]
+        ends = Counter(map(ending, rows))
+        found.append(
+            SuiteRow(
+                *key,
+                runs=len(rows),
+                right=ends["right"],
+                wrong=ends["wrong"],
+                ended_early=ends["ended_early"],
+                failed=ends["failed"],
+                missed=sum(row.missed or 0 for row in rows),
+                spurious=sum(row.spurious or 0 for row in rows),
+                elsewhere=sum(row.verdict != "right" and _problem(row) in solved for row in rows),
+                digits=round(sum(min(row.digits, MOST) for row in right if row.digits is not None), 2),
+                wall_s=float(f"{sum(row.wall_s or 0.0 for row in right):.4g}"),
+            )
+        )
+    return found
+
+
+def _problem(row: RunRow) -> tuple[object, ...]:
+    """What a library is to solve: reading and tolerance."""
+    return row.case, row.reading, row.rtol, registry.base_name(row.solver)
+
+
+def ending(row: RunRow) -> Ending:
+    """How a run that was made ended."""
+    if row.verdict == "right":
+        return "right"
+    if row.status in ("failed", "timeout") or row.missed is None:
+        return "failed"
+    return "ended_early" if row.status in EARLY else "wrong"
+
+
+def merged(fresh: Sequence[SuiteRow], earlier: Sequence[SuiteRow]) -> list[SuiteRow]:
+    """Fresh rows and, of cases and libraries that have none, earlier ones, by case and library."""
+    present = {(row.case, row.solver) for row in fresh}
+    rows = [*fresh, *(row for row in earlier if (row.case, row.solver) not in present)]
+    return sorted(rows, key=lambda row: (row.case, _place(row.solver)))
+
+
+def libraries_of(rows: Sequence[SuiteRow]) -> list[str]:
+    """Libraries of some rows, in the registry's order."""
+    present = {row.solver for row in rows}
+    return [library for library in registry.names() if library in present]
+
+
+def merits(rows: Sequence[SuiteRow], library: str) -> dict[str, Merit]:
+    """What each restart of a library comes to over some rows of the suite, the default first."""
+    found = {}
+    for restart in sorted(registry.RESTARTS, key=lambda restart: restart != registry.restart_of(library)):
+        own = [row for row in rows if (row.solver, row.restart) == (library, restart)]
+        if own:
+            digits, wall = sum(row.digits for row in own), sum(row.wall_s for row in own)
+            found[restart] = Merit(sum(row.right for row in own), digits, wall)
+    return found
+
+
+def best_restart(found: dict[str, Merit]) -> str:
+    """The first restart that no other one beats."""
+    return next(restart for restart, own in found.items() if not any(one.beats(own) for one in found.values()))
+
+
+def wrong_defaults(rows: Sequence[SuiteRow]) -> list[str]:
+    """A sentence for each library whose default is beaten over the suite by another of its restarts."""
+    found = []
+    for library in libraries_of(rows):
+        own, default = merits(rows, library), registry.restart_of(library)
+        if any(default not in own or merit.beats(own[default]) for merit in own.values()):
+            best = best_restart(own)
+            found.append(
+                f"{library}: its default is {default or 'none at all'} ({_said(own.get(default))}), "
+                f"better is {best} ({_said(own[best])})"
+            )
+    return found
+
+
+def _said(merit: Merit | None) -> str:
+    return "not run" if merit is None else f"right in {merit.right}, {merit.digits:.1f} digits, {merit.wall_s:.3g} s"
 
 
 def summary_table(suite: Sequence[SuiteRow]) -> Table:
@@ -147,18 +267,16 @@ def summary_table(suite: Sequence[SuiteRow]) -> Table:
 
     The last column counts the runs that are not right although another way of restarting the library is.
     """
-    columns = (*ENDINGS, "missed", "spurious", "elsewhere")
     lines = []
     for library in libraries_of(suite):
         for restart in registry.RESTARTS:
             own = [row for row in suite if (row.solver, row.restart) == (library, restart)]
-            label = code(restart)
-            label = f"**{label}**" if restart == registry.restart_of(library) else label
-            counts = map(sum, zip(*(row.values(columns) for row in own), strict=True)) if own else [0] * len(columns)
+            label = f"**{code(restart)}**" if restart == registry.restart_of(library) else code(restart)
+            counts = (sum(getattr(row, name) for row in own) for name in COUNTED)
             lines.append((code(library), label, *(f"{n or ''}" for n in counts)))
     ends = (end.replace("_", " ") for end in ENDINGS)
     headings = ("library", "restart", *ends, "transitions missed", "spurious", "right by another restart")
-    return Table(headings, "ll" + "r" * len(columns), lines)
+    return Table(headings, "ll" + "r" * len(COUNTED), lines)
 
 
 def default_table(suite: Sequence[SuiteRow]) -> Table:
@@ -167,34 +285,71 @@ def default_table(suite: Sequence[SuiteRow]) -> Table:
     for library in libraries_of(suite):
         found, own = merits(suite, library), registry.restart_of(library)
         others = {restart: merit for restart, merit in found.items() if restart != own}
-        if own not in found or not others:
-            continue
-        cells = [
-            (code(restart), f"{found[restart].right}", f"{found[restart].digits:.0f}", duration(found[restart].wall_s))
-            for restart in (own, best_restart(others))
-        ]
-        cases = len({row.case for row in suite if row.solver == library})
-        lines.append((code(library), f"{cases}", *cells[0], *cells[1]))
+        if own in found and others:
+            cells = [f"{len({row.case for row in suite if row.solver == library})}"]
+            for restart in (own, best_restart(others)):
+                merit = found[restart]
+                cells += [code(restart), f"{merit.right}", f"{merit.digits:.0f}", duration(merit.wall_s)]
+            lines.append((code(library), *cells))
     side = ("right", "digits", "time")
     return Table(("library", "cases", "default", *side, "best other", *side), "lrlrrrlrrr", lines)
 
 
-def option_rows(options: Sequence[Option], runs: Sequence[RunRow]) -> list[OptionRow]:
+def beaten_table(rows: Sequence[SuiteRow]) -> Table:
+    """Cases in which another restart is right more often than a library's default: both side by side."""
+    cases: dict[str, list[SuiteRow]] = {}
+    for row in rows:
+        cases.setdefault(row.case, []).append(row)
+    lines = []
+    for case, own in cases.items():
+        groups: dict[tuple[str, ...], list[str]] = {}
+        for library in libraries_of(own):
+            if cells := _beaten(own, library):
+                groups.setdefault(cells, []).append(library)
+        link = f"[{markdown(case)}](../{case}/{REPORT})"
+        lines += [(link, ", ".join(map(code, libraries)), *cells) for cells, libraries in groups.items()]
+    headings = ("case", "library", "default", "right", "best", "right", "what goes wrong by default")
+    return Table(headings, "lllrlrl", lines)
+
+
+def _beaten(rows: Sequence[SuiteRow], library: str) -> tuple[str, ...] | None:
+    """Default and best in one case, where they differ in how many runs they get right."""
+    found, default = merits(rows, library), registry.restart_of(library)
+    most = max(merit.right for merit in found.values())
+    if default not in found or found[default].right == most:
+        return None
+    best = ", ".join(code(restart) for restart, merit in found.items() if merit.right == most)
+    mine = next(row for row in rows if (row.solver, row.restart) == (library, default))
+    names = (name for name in COUNTED[1:-1] if getattr(mine, name))
+    wrong = ", ".join(f"{getattr(mine, name)} {name.replace('_', ' ')}" for name in names)
+    return code(default), f"{mine.right} of {mine.runs}", best, f"{most} of {mine.runs}", wrong
+
+
+def option_rows(options: Sequence[tuple[str, str, Adapter]], runs: Sequence[RunRow]) -> list[OptionRow]:
     """What each option comes to, from the runs of its library without (in its default restart) and with it."""
     found = []
-    for option in options:
-        default = registry.with_restart(option.library, registry.restart_of(option.library))
+    for library, words, solver in options:
+        default = registry.with_restart(library, registry.restart_of(library))
         without, with_it = (
-            {(row.case, row.reading, row.rtol): row for row in runs
-             if row.solver == name and row.status not in NOT_RUN}
-            for name in (default, option.solver.name)
-        )  # fmt: skip
+            {_problem(row)[:3]: row for row in runs if row.solver == name and row.status not in NOT_RUN}
+            for name in (default, solver.name)
+        )
         pairs = [(without[problem], with_it[problem]) for problem in without.keys() & with_it.keys()]
-        right = [tuple(ending(row) == "right" for row in pair) for pair in pairs]
-        both = [pair for pair, ends in zip(pairs, right, strict=True) if all(ends) and pair[0].digits is not None]
-        digits = (round(sum(min(pair[side].digits or 0.0, MOST) for pair in both), 1) for side in (0, 1))
-        counts = [sum(map(bool, column)) for column in zip(*((a, b, a > b, b > a) for a, b in right), strict=True)]
-        found.append(OptionRow(option.library, option.words, len(pairs), *(counts or [0] * 4), *digits))
+        right = Counter((a.verdict == "right", b.verdict == "right") for a, b in pairs)
+        both = [pair for pair in pairs if pair[0].verdict == pair[1].verdict == "right" and pair[0].digits is not None]
+        found.append(
+            OptionRow(
+                library,
+                words,
+                len(pairs),
+                right_without=right[True, True] + right[True, False],
+                right_with=right[True, True] + right[False, True],
+                without_alone=right[True, False],
+                with_alone=right[False, True],
+                digits_without=round(sum(min(a.digits or 0.0, MOST) for a, _ in both), 1),
+                digits_with=round(sum(min(b.digits or 0.0, MOST) for _, b in both), 1),
+            )
+        )
     return found
 
 

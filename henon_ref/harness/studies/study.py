@@ -29,11 +29,11 @@ class Asked:
     options: Options
     """Solvers (None: the study's own), deadline, processes, resuming."""
     origin: Provenance
-    out: Path
-    """Folder of reports, in which the study has a folder of its own."""
+    folder: Path
+    """The study's own, in a folder of reports."""
     observer: Observer = field(default_factory=_silent)
     rows: Path | None = None
-    """Folder of the reports whose rows a study starts from; None: ``out``."""
+    """Folder of the reports whose rows a study starts from; None: that of the study's own folder."""
     tell: Callable[[str], None] = lambda words: None
     """Told what a study without runs is at."""
 
@@ -66,6 +66,8 @@ class Study:
     """Runs at work at once, where nothing is asked for: one where times are compared."""
     nothing: str = ""
     """Said where there is no page."""
+    every_run: tuple[str, ...] = ()
+    """Files beside the page that hold every run behind it: too long to be kept in a repository."""
 
     def make(self, asked: Asked) -> Made:
         """Import it, and make its page.
@@ -83,22 +85,23 @@ class Study:
 STUDIES = {
     "price": Study(
         "price", "price.page:run_price", "Times of every solver at every tolerance; what the parts of a run cost.",
-        ("cases", "solvers", "jobs", "resume"), jobs=1,
+        ("cases", "solvers", "jobs", "resume"), jobs=1, every_run=("price.csv", "samples.csv"),
     ),
     "paired-times": Study(
-        "rivals", "paired_times.page:run_paired_times", "Times of henon, in turn with the cheapest other solvers.",
+        "rivals", "paired_times:run_paired_times", "Times of henon, in turn with the cheapest other solvers.",
         ("cases", "rows", "timeout", "jobs"), jobs=1,
-        nothing="no reading in which henon and another solver get to 3 digits",
+        nothing="no reading in which henon and another solver get to 3 digits", every_run=("ratios.csv",),
     ),
     "atlas": Study(
-        "atlas", "atlas.page:run_atlas", "Ever closer grazes and pairs of roots, at tolerances from 1e-3 to 1e-13.",
+        "atlas", "atlas:run_atlas", "Ever closer grazes and pairs of roots, at tolerances from 1e-3 to 1e-13.",
         ("cases", "solvers", "timeout", "jobs", "resume"),
         nothing="no case whose readings differ in a distance alone, or no solver that has a tolerance",
+        every_run=("runs.csv",),
     ),
     "restarts": Study(
         "restarts", "restarts:run_restarts", "Every library in every restart; which default another one beats.",
         ("cases", "solvers", "timeout", "jobs", "resume"),
-        nothing="no library to restart, or no reading with a stored truth",
+        nothing="no library to restart, or no reading with a stored truth", every_run=("runs.csv",),
     ),
     "causes": Study("causes", "causes:run_causes", "What libraries do by themselves, shown by each library alone."),
     "paper": Study("paper", "paper.page:run_paper", "Everything that the paper computes, set against the paper."),

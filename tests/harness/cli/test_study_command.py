@@ -11,8 +11,8 @@ from henon_ref.harness.campaign.campaign import compare
 from henon_ref.harness.campaign.journal import FILE
 from henon_ref.harness.cli import study
 from henon_ref.harness.rows import RunRow, read_rows, rows_text
-from henon_ref.harness.studies.atlas.family import TOLERANCES
-from henon_ref.harness.studies.paired_times.rows import PairRow
+from henon_ref.harness.studies.atlas import TOLERANCES
+from henon_ref.harness.studies.pairs import PairRow
 
 CASES = Path(__file__).parents[3] / "cases"
 FAMILY = CASES / "hard/grazing_ballistic.yaml"

@@ -14,7 +14,6 @@ from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.campaign.progress import Observer
 from henon_ref.harness.report.manifest import provenance
 from henon_ref.harness.studies import page
-from henon_ref.harness.studies.runs import rows_of
 
 CONTEXT = {"sections": [], "runs": 3, "loosest": "1e-3", "tightest": "1e-9", "origin": provenance("make it again")}
 
@@ -43,6 +42,6 @@ def test_a_page_stays_as_it_is_where_its_new_files_cannot_be_made(tmp_path: Path
 def test_rows_are_given_by_case_in_the_order_of_the_cases(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(truth_job, "statement_of", statement)
     cases = [case("b"), case("a")]
-    found = rows_of(cases, Options(solvers=(Fake("one"), Fake("two")), processes=1, timed=False), Observer())
+    found = page.rows_of(cases, Options(solvers=(Fake("one"), Fake("two")), processes=1, timed=False), Observer())
     assert list(found) == ["b", "a"]
     assert all({(row.case, row.solver) for row in found[c]} == {(c, "one"), (c, "two")} for c in found)

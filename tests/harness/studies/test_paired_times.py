@@ -14,22 +14,22 @@ from fakes import Fake, case, trajectory
 
 from henon_ref.harness import registry
 from henon_ref.harness.campaign import timing
-from henon_ref.harness.campaign.options import Options, Setting
+from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.report.folder import RUNS
 from henon_ref.harness.report.folder_report import write_folder_report
 from henon_ref.harness.report.manifest import provenance
 from henon_ref.harness.rows import RunRow, read_rows, rows_text
-from henon_ref.harness.studies.paired_times import page as report_pairs
-from henon_ref.harness.studies.paired_times.page import run_paired_times, timings_of
-from henon_ref.harness.studies.paired_times.rows import (
+from henon_ref.harness.studies import paired_times
+from henon_ref.harness.studies.paired_times import (
     FROM_C,
     OTHERS,
     RATIOS,
-    PairRow,
+    run_paired_times,
     slower_table,
     spread_table,
+    timings_of,
 )
-from henon_ref.harness.studies.paired_times.timing import TURN, PairedTiming
+from henon_ref.harness.studies.pairs import TURN, PairedTiming, PairRow
 from henon_ref.harness.studies.study import Asked
 
 CASE = case()
@@ -68,8 +68,8 @@ def chosen(rows: list[RunRow]) -> list[tuple[int | None, str, list[object], list
         (
             pair.digits,
             pair.against,
-            [own.setting.rtol for own in pair.own],
-            [(rival.solver, rival.setting.rtol) for rival in pair.rival],
+            [own.rtol for own in pair.own],
+            [(rival.solver, rival.rtol) for rival in pair.rival],
         )
         for pair in timing.pairs
     ]  # fmt: skip
@@ -89,8 +89,7 @@ def test_the_cheapest_settings_for_the_same_digits_are_timed() -> None:
     ]
     timing = made(ROWS)
     assert timing is not None
-    assert timing.pairs[1].rival[0].setting == Setting(None, None, 1e-3)
-    assert [entry.wall_s for entry in timing.candidates] == [1e-5, 2e-5, 3e-5, 4e-5, 2.5e-5, 1e-3]
+    assert [entry.wall_s for entry in timing.candidates.values()] == [1e-5, 2e-5, 3e-5, 4e-5, 2.5e-5, 1e-3]
     assert timing.round_s == pytest.approx(6 * TURN)
     assert timing.rounds == 166
 
@@ -151,12 +150,12 @@ def test_the_runs_of_a_reading_are_timed_in_turn(tmp_path: Path, monkeypatch: py
     log = tmp_path / "log"
     speeds = {"henon": 0.004, "heyoka": 0.002, "henon-rk4": 0.008}
     movers = {name: Mover(name, log=str(log), seconds=seconds) for name, seconds in speeds.items()}
-    monkeypatch.setattr(report_pairs, "SECONDS", 0.4)
+    monkeypatch.setattr(paired_times, "SECONDS", 0.4)
     monkeypatch.setattr(registry, "solver", movers.__getitem__)
     monkeypatch.setattr(timing, "time", SimpleNamespace(perf_counter_ns=lambda: CLOCK.now))
     rows = [entry for entry in ROWS if entry.solver != "scipy-dop853"]
     reported(tmp_path, rows)
-    page = run_paired_times(Asked([CASE], Options(), provenance("again"), tmp_path)).page
+    page = run_paired_times(Asked([CASE], Options(), provenance("again"), tmp_path / "rivals")).page
     rows = read_rows(PairRow, tmp_path / "rivals" / RATIOS)
     assert [(row.digits, row.against, row.rival) for row in rows] == [
         (digits, against, "heyoka") for digits in (3, 6, 9) for against in ("heyoka", OTHERS)
@@ -177,7 +176,7 @@ def test_a_reading_that_cannot_be_timed_is_named(tmp_path: Path, monkeypatch: py
     movers = {name: Mover(name, log=str(tmp_path / "log")) for name in ("henon", "henon-rk4")}
     monkeypatch.setattr(registry, "solver", (movers | {"heyoka": Mover("heyoka", "dies")}).__getitem__)
     reported(tmp_path, ROWS)
-    page = run_paired_times(Asked([CASE], Options(), provenance("again"), tmp_path)).page
+    page = run_paired_times(Asked([CASE], Options(), provenance("again"), tmp_path / "rivals")).page
     assert page is not None
     assert (
         f"- {CASE.name}, {READING.name}, against heyoka, {OTHERS}: the library was ended by signal SIGABRT"
@@ -194,9 +193,9 @@ def test_readings_with_nobody_to_time_are_named(tmp_path: Path, monkeypatch: pyt
     others = [replace(entry, reading=reading) for reading, entries in kinds.items() for entry in entries]
     movers = {name: Mover(name, log=str(tmp_path / "log")) for name in ("henon", "heyoka", "henon-rk4")}
     monkeypatch.setattr(registry, "solver", movers.__getitem__)
-    monkeypatch.setattr(report_pairs, "SECONDS", 0.01)
+    monkeypatch.setattr(paired_times, "SECONDS", 0.01)
     reported(tmp_path, [*ROWS[:5], *others])
-    page = run_paired_times(Asked([CASE], Options(), provenance("again"), tmp_path)).page
+    page = run_paired_times(Asked([CASE], Options(), provenance("again"), tmp_path / "rivals")).page
     assert page is not None
     text = page.read_text()
     left = text.partition("## Left out")[2].partition("##")[0]
@@ -208,7 +207,7 @@ def test_readings_with_nobody_to_time_are_named(tmp_path: Path, monkeypatch: pyt
 
 def test_no_rival_no_page(tmp_path: Path) -> None:
     reported(tmp_path, ROWS[:3])
-    assert run_paired_times(Asked([CASE], Options(), provenance("again"), tmp_path)).page is None
+    assert run_paired_times(Asked([CASE], Options(), provenance("again"), tmp_path / "rivals")).page is None
     assert not (tmp_path / "rivals").exists()
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -18,13 +19,17 @@ from henon_ref.harness.campaign import timing
 from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.campaign.progress import Observer
 from henon_ref.harness.campaign.timing import MOST, Turns, interleaved
-from henon_ref.harness.rows import RunRow
-from henon_ref.harness.studies.paired_times.rows import PairRow
+from henon_ref.harness.report.manifest import provenance
+from henon_ref.harness.rows import RunRow, read_rows
+from henon_ref.harness.studies.pairs import PairRow, TimedPair
 from henon_ref.harness.studies.price import compiling, effects
-from henon_ref.harness.studies.price.compiling import Ready, paid_after, readiness, ready_table
+from henon_ref.harness.studies.price.compiling import Ready, readiness, ready_table
+from henon_ref.harness.studies.price.contacts import ManyContacts, contact_table, many_contacts
 from henon_ref.harness.studies.price.growth import STICKS, Horizon, horizons
 from henon_ref.harness.studies.price.ladder import (
+    ALONE,
     WHEN_NAMED,
+    SampleRow,
     mean_costs,
     rival_table,
     samples_of,
@@ -32,52 +37,35 @@ from henon_ref.harness.studies.price.ladder import (
     time_ladder_pairs,
     why_not,
 )
-from henon_ref.harness.studies.price.landings import crest_crossings, landing_table, landings
+from henon_ref.harness.studies.price.landings import Landed, crest_crossings, landing_table, landings
 from henon_ref.harness.studies.price.measure import fitted, orbit_problem, power
-from henon_ref.harness.studies.price.operations import count, work
+from henon_ref.harness.studies.price.operations import Work, count, work
+from henon_ref.harness.studies.price.page import Prices, write_page
 from henon_ref.harness.studies.price.states import Size, sizes
 from henon_ref.jit.cache_folder import VARIABLE
 from henon_ref.modes.problem import Problem
 
 CASES = Path(__file__).parents[3] / "cases"
-ADDITIONS = [
-    pytest.param(own, carried, id=f"{body.name}: {effect}")
-    for body in effects.BODIES
-    for effect, own, carried in effects.additions(body)
-]
 
 
-@pytest.mark.parametrize(("problem", "carried"), ADDITIONS)
-def test_effects_that_are_named_cost_operations_even_at_zero(problem: Problem, carried: Problem) -> None:
-    last = {effects.operations(body_last(body).system) for body in effects.BODIES}
-    assert effects.operations(carried.system) in last
-    assert effects.operations(problem.system) <= effects.operations(carried.system)
-
-
-def body_last(body: effects.Body) -> Problem:
-    *_, (_, problem, _) = effects.additions(body)
-    return problem
+@pytest.mark.parametrize("body", effects.BODIES, ids=lambda body: body.name)
+def test_effects_that_are_named_cost_operations_even_at_zero(body: effects.Body) -> None:
+    *added, _ = effects.additions(body)
+    every = effects.operations(added[-1][1].system)
+    for _, own, carried in added:
+        assert effects.operations(own.system) <= effects.operations(carried.system) == every
 
 
 def test_runs_of_added_effects_have_no_transition_and_those_that_stick_have() -> None:
     for body in effects.BODIES:
         problems = [own for _, own, _ in effects.additions(body)]
-        counts = [len(HENON_SOLVER.prepare(p, rtol=1e-6)().transitions) for p in (*problems, effects.sticking(body))]
+        counts = [len(HENON_SOLVER.prepare(problem, rtol=1e-6)().transitions) for problem in problems]
         assert not any(counts[:-1])
         assert counts[-1] > 10
 
 
 def test_no_dense_output_is_made_unless_samples_are_asked_for() -> None:
     assert HENON_SOLVER.prepare(orbit_problem(), rtol=1e-9)().samples is None
-
-
-def test_the_orbit_of_long_runs_is_that_of_the_case_file() -> None:
-    (reading,) = [r for r in load_case(CASES / "fig8.yaml").readings if r.name == "listing_limit"]
-    theirs, ours = reading.problem, orbit_problem()
-    for mode in ((-1,), (0,), (1,)):
-        fields = [p.system.equations(mode).field for p in (theirs, ours)]
-        for a, b in zip(*fields, strict=True):
-            assert (theirs.system.numeric(a) - ours.system.numeric(b)).simplify() == 0
 
 
 def test_long_runs_hand_out_every_transition_and_keep_their_sticks() -> None:
@@ -132,6 +120,9 @@ def test_mean_costs_are_over_all_readings_and_in_turn() -> None:
     ]  # fmt: skip
     assert mean_costs(found, 6) == pytest.approx({"henon": 1.0, "b": 6.0})
     assert mean_costs(found, 9) == pytest.approx({"henon": 1.0, "b": 2.0, "c": 0.5})
+    own = mean_costs([pair("heyoka", 1 / 4, rival_own_s=0.5), pair("heyoka", 1 / 4, case="d", rival_own_s=2.0)], 6)
+    assert own == pytest.approx({"henon": 1.0, "heyoka": 4.0, ALONE: 4.0})
+    assert ALONE not in mean_costs([pair("heyoka", 1 / 4, rival_own_s=0.5), pair("heyoka", 1 / 4, case="d")], 6)
     rows = [row("henon", 1.0, 12), row("c", 1.0, 12), row("henon", 1.0, 12, case="d"), row("c", 1.0, 3, case="d")]
     assert why_not(rows, "c", 6) == "not reached"
     rows[-1] = replace(rows[-1], status="timeout")
@@ -256,11 +247,17 @@ def test_chains_of_every_length_agree() -> None:
     assert fitted(same, "a", "states", "ready_s", 16).power == pytest.approx(1.5)
 
 
+def test_many_contacts_have_the_transitions_of_a_run_by_hand() -> None:
+    (found,) = many_contacts((3,))
+    assert found.transitions > 20
+    assert found.by_hand_s is not None
+    assert contact_table([found, replace(found, by_hand_s=None)]).rows[1][-1] == "other answer"
+
+
 def test_compiling_is_paid_for_after_so_many_runs() -> None:
     fast = Ready("c", "default", "henon", 1e-9, wall_s=1.0, cold_s=5.0, kept_s=1.5)
     slow = Ready("c", "default", "heyoka", 1e-9, wall_s=3.0, cold_s=1.0, kept_s=1.0)
-    assert (paid_after(fast, slow, cold=True), paid_after(fast, slow, cold=False)) == (2, 1)
-    assert paid_after(slow, fast, cold=True) == math.inf
+    assert (fast.paid_after(slow), slow.paid_after(fast)) == ("2 / 1", "never / never")
     assert ready_table([fast, slow]).rows[0][-1] == "2 / 1 against `heyoka`"
 
 
@@ -268,7 +265,7 @@ def test_getting_ready_is_measured_twice_in_new_processes(monkeypatch: pytest.Mo
     """With an empty folder of compiled code, and with what the first process has left there."""
     seen: list[tuple[str, Path]] = []
 
-    def measured(function: object, problem: Problem, solver: str, setting: object) -> float:
+    def measured(function: object, problem: Problem, solver: str, rtol: float) -> float:
         seen.append((solver, Path(os.environ[VARIABLE])))
         return float(len(seen))
 
@@ -290,3 +287,47 @@ def test_getting_ready_is_timed_in_new_processes() -> None:
     assert (own.solver, own.rtol, own.wall_s) == ("heyoka", 1e-8, 1.0)
     assert (first.solver, first.rtol) == ("henon", 1e-9)
     assert min(first.cold_s, first.kept_s, own.cold_s, own.kept_s) > 0
+
+
+def timed_run(solver: str, wall: float, iqr: float | None) -> RunRow:
+    own = {"case": "c", "reading": "late", "solver": solver, "rtol": 1e-9, "verdict": "right", "status": "ok"}
+    counts = {"digits": 9.5, "max_time_error_s": 3e-10, "rhs_evaluations": 50, "steps": 10, "wall_s": wall}
+    return RunRow(**own | counts, wall_s_iqr=iqr)
+
+
+def prices() -> Prices:
+    timed = TimedPair(
+        "c", "late", 9, "heyoka", rtol=1e-9, rival="heyoka", rival_rtol=1e-9, rival_step_s=None, wall_s=1e-5,
+        rival_wall_s=4e-5, ratio=0.25, ratio_low=0.2, ratio_high=0.3, rounds=3, rival_own_s=2e-5,
+        samples_s=(1e-5,) * 3, rival_samples_s=(4e-5,) * 3,
+    )  # fmt: skip
+    ways = ("henon", "henon-newton", "henon-brent")
+    return Prices(
+        rows=[timed_run("henon", 1e-5, 1e-7), timed_run("heyoka", 4e-5, 1e-5), timed_run("scipy-dop853", 1e-2, None)],
+        pairs=[timed],
+        failed=["c, late, against ida: it *died*"],
+        ready=[Ready("c", "late", "henon", 1e-9, 1e-5, 4.0, 1.0)],
+        landings=[Landed("c", "late", solver, 5, 2.0, 1e-5, 0.75, 1e-15) for solver in ways],
+        work=Work(100, 50, 10, 20, 20, 4, 6, 30, 1e-5, 1e10),
+        effects=[],
+        growth=[Horizon("henon", until, 10, 1e-3, 0.0, 1e-13) for until in (1e3, 1e4)],
+        sizes=[Size(2, solver, 5, 1.0, 1e-5, 1.0, 10, 1e-5, 1.0, True) for solver in ("henon", "heyoka")],
+        contacts=[ManyContacts(4, 56, 1e-2, 1e-3, 0.2)],
+    )
+
+
+def test_the_page_shows_what_was_measured_and_every_link_leads_to_a_file(tmp_path: Path) -> None:
+    text = write_page(prices(), provenance("make it again"), tmp_path).read_text(encoding="utf-8")
+    links = {link for link in re.findall(r"\]\(([^)]+)\)", text) if not link.startswith(("#", "../"))}
+    assert {path.name for path in tmp_path.iterdir()} == links | {"README.md"}
+    assert len(read_rows(RunRow, tmp_path / "price.csv")) == 3
+    assert len(read_rows(SampleRow, tmp_path / "samples.csv")) == 2
+    assert "## c, late" in text
+    assert "| 4 (3.3 to 5) | 2 |" in text
+    assert "| `heyoka`, its own calls alone |  |  | 2 |  |" in text
+    assert "its own calls of `propagate_until` are 50%" in text
+    assert "Times in the figure: 3; 1 scatter" in text
+    assert "1 rest on one or two runs" in text
+    assert "| 0.75 |  |\n" in text
+    assert "Not timed: c, late, against ida: it \\*died\\*" in text
+    assert "    make it again\n" in text

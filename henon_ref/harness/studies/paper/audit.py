@@ -1,31 +1,46 @@
-"""The audit of the paper's listing: what each of its mistakes does, alone and together.
+"""The appendix: an audit of Listing 1, what each of its mistakes does, alone and together.
 
-:func:`audit` runs the paper's program with any set of its mistakes switched on, from the method done right
-to the appendix as printed, and measures against the truth of the system that the set converges to.
+The paper's program is run with any set of its mistakes switched on, from the method done right to the appendix as
+printed, and measured against the truth of the system that the set converges to.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
-import pandas as pd
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.baselines.paper.listing import PARAMETERS
+from henon_ref.baselines.paper.listing import PRINTED_STEP
 from henon_ref.baselines.paper.listing_variants import DEFECTS, VariantRun, run_variant
-from henon_ref.harness.registry import solver
-from henon_ref.harness.studies.paper.systems import FIG8_VALUES, fig8_equations, one_sided
+from henon_ref.figures import style
+from henon_ref.figures.motion import Motion, portrait
+from henon_ref.harness.rows import Row, rows_text
+from henon_ref.harness.studies.paper.fig8 import LATE, PUBLISHED_DURATIONS, T, limit_sticks
+from henon_ref.harness.studies.paper.systems import (
+    Findings,
+    fig8_equations,
+    fig8_listing_limit,
+    fitted_order,
+    reference,
+)
+from henon_ref.harness.table import Table
+from henon_ref.text import code
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 Floats = NDArray[np.float64]
 
-PRINTED_STEP = 1e-4
-"""The step of the listing [s]."""
 SMALL_STEP = 1e-5
-"""A step ten times smaller, to see which way the durations go [s]."""
+"""A step ten times smaller than the listing's, to see which way the durations go [s]."""
+STEPS = tuple(1e-3 / 10 ** (k / 6) for k in range(13))
+"""Steps at which the listing as printed is drawn [s]."""
 ORDER_STEPS = tuple(0.03 / 1.3**k for k in range(20))
 """Steps over which orders are fitted [s]; their ratios are no whole numbers, so no grid repeats."""
 FITTED = 10
@@ -36,16 +51,50 @@ ROUNDING = 1e-11
 """Errors below it [s] are rounding and are left out of the fit."""
 CROSSING_START = (-0.0541, -1.0667)
 """Position and velocity at t = 0 on the orbit of Eq. (18) that only crosses, to four digits."""
-LATE = 40.0
+SETTLED = 40.0
 """Sticks that start later [s] are on the attractor."""
 SLIVER = 0.1
 """Sticks shorter than this [s] are not counted among the sticks of an orbit."""
+EVERY = 80
+"""Of the steps of a run so many are one that is drawn."""
+KINDS = (("longer stick", style.VERMILLION, "o", True), ("shorter stick", style.BLUE, "s", False))
 
 ADDED = (
     "aliased_steps", "one_sided_release", "quantised_release", "frozen_forcing", "frozen_tangent",
     "rounded_sixth", "landing_sign", "exit_side",
 )  # fmt: skip
-"""The order in which :func:`audit` adds the mistakes up: first the two that make the orbit."""
+"""The order in which the mistakes are added up: first the two that make the orbit."""
+
+
+@dataclass(frozen=True)
+class AuditRow(Row):
+    """The program with a set of its mistakes, run from the paper's start to t = 70 s."""
+
+    set: str
+    """correct, alone, added, left out."""
+    defect: str
+    """The mistake that the row is about."""
+    limit: str
+    """What the set converges to for h -> 0."""
+    status: str
+    """ok, chatters, diverged."""
+    transitions: int | None
+    """At h = 1e-4, as what follows."""
+    sticks: int | None
+    """On the attractor, slivers apart."""
+    slivers: int | None
+    long_s: float
+    """Mean durations of the two kinds of stick; NaN where there is none."""
+    short_s: float
+    long_s_small: float
+    """The same at h = 1e-5."""
+    short_s_small: float
+    rms_error_s: float
+    """Of all transitions against the limit's truth; NaN where the sequence is another."""
+    order: float
+    """Of the transition times in h from the paper's start."""
+    order_crossings: float
+    """The same from a start after which nothing sticks."""
 
 
 @dataclass(frozen=True)
@@ -59,12 +108,6 @@ class Truth:
     Filippov's rule leaves at once, and the program by a release."""
 
 
-def numbers() -> tuple[float, ...]:
-    """m, k1, k2, mu0, vp, A, w of Fig. 8, rounded."""
-    values = {symbol.name: value for symbol, value in FIG8_VALUES.items()}
-    return tuple(float(values[name]) for name in PARAMETERS)
-
-
 def limit_of(defects: Collection[str]) -> str:
     """What the program with these mistakes converges to for h -> 0."""
     if "aliased_steps" in defects:
@@ -75,11 +118,14 @@ def limit_of(defects: Collection[str]) -> str:
 @cache
 def truth_of(limit: str, start: tuple[float, float] | None = None) -> Truth:
     """Transitions of a limit system from the paper's start, or from another one in slip."""
-    problem = {"equations": fig8_equations(), "f, one-sided": one_sided(1), "3 f, one-sided": one_sided(3)}[limit]
+    problem = fig8_equations() if limit == "equations" else fig8_listing_limit()
+    if limit == "f, one-sided":
+        system = problem.system
+        problem = replace(problem, system=replace(system, field=tuple(f / 3 for f in system.field)))
     if start is not None:
         exact = tuple(sp.Float(v, 17) for v in start)
         problem = replace(problem, initial=exact, initial_mode={})
-    found = solver("henon").prepare(problem, rtol=1e-13)().transitions
+    found = reference(problem).transitions
     skip = int(start is None and limit == "equations")
     return Truth(np.array([t.time for t in found]), np.array([t.to_mode[0] for t in found]), skip)
 
@@ -95,6 +141,11 @@ def matched(run: VariantRun, truth: Truth, count: int | None = None) -> Floats |
     return np.asarray(times[:want] - truth.times[:want])
 
 
+def rms(errors: Floats | None) -> float:
+    """Root-mean-square error; NaN where there is none."""
+    return float("nan") if errors is None else float(np.sqrt(np.mean(errors**2)))
+
+
 def order_of(defects: Collection[str], start: tuple[float, float] | None = None) -> float:
     """Order in h of the first transition times, fitted to their rms error against the limit's truth.
 
@@ -103,28 +154,23 @@ def order_of(defects: Collection[str], start: tuple[float, float] | None = None)
     limit = limit_of(defects)
     if limit == "none":
         return float("nan")
-    truth, found = truth_of(limit, start), []
+    truth = truth_of(limit, start)
     until = float(truth.times[ORDER_TRANSITIONS]) - 0.05
-    for step in ORDER_STEPS:
-        run = run_variant(defects, step=step, numbers=numbers(), start=start, until=until)
-        errors = matched(run, truth, ORDER_TRANSITIONS)
-        if errors is not None and (rms := float(np.sqrt(np.mean(errors**2)))) > ROUNDING:
-            found.append((step, rms))
-    if len(found) < FITTED // 2:
-        return float("nan")
-    steps, errors_of = zip(*found[-FITTED:], strict=True)
-    return float(np.polyfit(np.log(steps), np.log(errors_of), 1)[0])
+    runs = [(step, run_variant(defects, step=step, start=start, until=until)) for step in ORDER_STEPS]
+    errors = [(step, rms(matched(run, truth, ORDER_TRANSITIONS))) for step, run in runs]
+    found = [(step, error) for step, error in errors if error > ROUNDING]
+    return float("nan") if len(found) < FITTED // 2 else fitted_order(*zip(*found[-FITTED:], strict=True))
 
 
 def durations(run: VariantRun) -> Floats:
-    """Durations of the sticks on the attractor, slivers left out [s]."""
+    """Durations of the sticks on the attractor, slivers left out [s]; none of a run that did not end well."""
     lasting = np.diff(run.times)
-    return np.asarray(lasting[(run.modes[:-1] == 0) & (run.times[:-1] > LATE) & (lasting > SLIVER)])
+    found = lasting[(run.modes[:-1] == 0) & (run.times[:-1] > SETTLED) & (lasting > SLIVER)]
+    return np.asarray(found if run.status == "ok" else found[:0])
 
 
-def _long_and_short(run: VariantRun) -> tuple[float, float]:
+def long_and_short(found: Floats) -> tuple[float, float]:
     """Mean duration of the longer and of the shorter kind of stick; NaN where there is none."""
-    found = durations(run) if run.status == "ok" else np.empty(0)
     if not found.size:
         return float("nan"), float("nan")
     long = found > found.mean()
@@ -144,50 +190,127 @@ def sets() -> Iterator[tuple[str, str, tuple[str, ...]]]:
         yield "left out", name, tuple(d for d in DEFECTS if d != name)
 
 
-def audit(rows: Sequence[tuple[str, str, tuple[str, ...]]] | None = None) -> pd.DataFrame:
-    """Run every row of :func:`sets` from the paper's start to t = 70 s.
+def audit_row(family: str, name: str, defects: Collection[str]) -> AuditRow:
+    """Run one of the :func:`sets`; floats to 10 digits, as the file has them."""
+    run, limit = run_variant(defects), limit_of(defects)
+    ended = run.status == "ok"
+    small = run_variant(defects, step=SMALL_STEP) if ended else run
+    errors = None if limit == "none" else matched(run, truth_of(limit))
+    brief = (run.modes[:-1] == 0) & (run.times[:-1] > SETTLED) & (np.diff(run.times) <= SLIVER)
+    counts = (len(run.times), len(durations(run)), int(brief.sum())) if ended else (None,) * 3
+    measured = (
+        *long_and_short(durations(run)), *long_and_short(durations(small)), rms(errors), order_of(defects),
+        order_of(defects, CROSSING_START),
+    )  # fmt: skip
+    return AuditRow(family, name, limit, run.status, *counts, *(float(f"{value:.10g}") for value in measured))
 
-    Parameters
-    ----------
-    rows : sequence, optional
-        Some of the rows of :func:`sets`; all without it.
 
-    Returns
-    -------
-    DataFrame
-        ``set`` (correct, alone, added, left out), ``defect``, ``limit`` (what it converges to),
-        ``status`` (ok, chatters, diverged), ``transitions`` and ``sticks`` (after t = 40 s, slivers
-        under 0.1 s apart, in ``slivers``) at h = 1e-4, ``long_s`` and ``short_s`` (mean durations of the two
-        kinds of stick) at h = 1e-4 and, ``_small``, at h = 1e-5, ``rms_error_s`` of all transitions at
-        h = 1e-4 against the limit's truth (NaN where the sequence is another), ``order`` of the transition
-        times in h from the paper's start, ``order_crossings`` from a start after which nothing sticks.
-    """
-    table = []
-    for family, name, defects in rows if rows is not None else list(sets()):
-        run = run_variant(defects, step=PRINTED_STEP, numbers=numbers())
-        small = run_variant(defects, step=SMALL_STEP, numbers=numbers()) if run.status == "ok" else run
-        limit = limit_of(defects)
-        errors = None if limit == "none" else matched(run, truth_of(limit))
-        sticking = (run.modes[:-1] == 0) & (run.times[:-1] > LATE)
-        ended = run.status != "ok"
-        long_s, short_s = _long_and_short(run)
-        long_small, short_small = _long_and_short(small)
-        table.append(
-            {
-                "set": family,
-                "defect": name,
-                "limit": limit,
-                "status": run.status,
-                "transitions": pd.NA if ended else len(run.times),
-                "sticks": pd.NA if ended else len(durations(run)),
-                "slivers": pd.NA if ended else int((sticking & (np.diff(run.times) <= SLIVER)).sum()),
-                "long_s": long_s,
-                "short_s": short_s,
-                "long_s_small": long_small,
-                "short_s_small": short_small,
-                "rms_error_s": float("nan") if errors is None else float(np.sqrt(np.mean(errors**2))),
-                "order": order_of(defects),
-                "order_crossings": order_of(defects, CROSSING_START),
-            }
-        )
-    return pd.DataFrame(table)
+def section() -> Findings:
+    """The audit: tables, figure and claims."""
+    rows = [audit_row(*own) for own in sets()]
+    correct, last = rows[0], next(row for row in reversed(rows) if row.set == "added")
+    frozen = next(row.order_crossings for row in rows if (row.set, row.defect) == ("alone", "frozen_forcing"))
+    added = [(row.long_s, row.short_s) for row in rows if row.set == "added"]
+    shift = max(float(np.ptp([value for value in own[1:] if value == value])) for own in zip(*added, strict=True))
+    matches = (round(last.long_s, 4), round(last.short_s, 4)) == PUBLISHED_DURATIONS
+    return Findings(
+        {
+            "as_printed": matches and abs(last.order - 1) < 0.3,
+            "orders": abs(correct.order - 4) < 0.3 and abs(frozen - 1) < 0.1,
+        },
+        {
+            "printed_order": last.order,
+            "right": correct.order,
+            "frozen": frozen,
+            "shift": 1e3 * shift,
+            "limit": [stick.duration for stick in limit_sticks()],
+            "defects": Table(
+                ("name", "mistake"), "ll", [(code(name), what) for name, what in DEFECTS.items()]
+            ).markdown,
+            "alone": audit_table([row for row in rows if row.set in ("correct", "alone")]).markdown,
+            "added": audit_table([row for row in rows if row.set in ("correct", "added")], "+ ").markdown,
+            "left_out": audit_table([row for row in rows if row.set == "left out"], "without ").markdown,
+        },
+        {"audit": draw_audit()},
+        {"audit.csv": rows_text(AuditRow, rows)},
+    )
+
+
+def audit_table(rows: Iterable[AuditRow], beginning: str = "") -> Table:
+    """Rows of the audit; how a mistake's name begins."""
+    lines = []
+    for row in rows:
+        numbers = [(row.long_s, ".5f"), (row.short_s, ".5f"), (row.long_s_small, ".5f"), (row.short_s_small, ".5f")]
+        numbers += [(row.rms_error_s, ".1e"), (row.order, ".2f"), (row.order_crossings, ".2f")]
+        name = f"{beginning}{code(row.defect)}" if row.defect else "none"
+        counts = ["" if value is None else f"{value}" for value in (row.transitions, row.sticks)]
+        cells = ["" if np.isnan(value) else format(value, form) for value, form in numbers]
+        lines.append((name, row.limit, row.status, *counts, *cells))
+    headings = (
+        "mistake", "converges to", "status", "transitions", "sticks", "long [s]", "short [s]", "long, h/10",
+        "short, h/10", "rms error [s]", "order", "order, crossings",
+    )  # fmt: skip
+    return Table(headings, "lll" + "r" * 9, lines)
+
+
+def draw_audit() -> Figure:
+    """Portraits as the mistakes add up, durations as they add up, and durations over the step."""
+    stages = {
+        "a   done right": (),
+        "b   aliased": ADDED[:1],
+        "c   and one-sided": ADDED[:2],
+        "d   as printed": ADDED,
+    }
+    with style.figure(6.6) as figure:
+        figure.set_layout_engine("constrained")
+        above, below = cast(Any, figure.subfigures(2, 1, height_ratios=(5, 7)))
+        for ax, (title, defects) in zip(above.subplots(1, len(stages), sharey=True), stages.items(), strict=True):
+            run = run_variant(defects, until=LATE + 2 * T, path_from=LATE)
+            path = run.path[::EVERY]
+            modes = run.modes[np.searchsorted(run.times, path[:, 0], side="right") - 1]
+            motion = Motion(path[:, 0], path[:, 1:], tuple((mode,) for mode in modes.tolist()))
+            portrait(ax, fig8_equations().system, motion, (0, 1), label="_")
+            ax.set(xlabel="$x_1$ [m]", ylabel="", xlim=(-0.95, 0.75), ylim=(-1.9, 1.5))
+            ax.set_title(title)
+        above.axes[0].set_ylabel("$x_2$ [m/s]")
+        left, right = below.subplots(1, 2)
+        _draw_added(left)
+        _draw_over_step(right)
+    return figure
+
+
+def _shifts(runs: Sequence[VariantRun], *, long: bool) -> list[Floats]:
+    """Durations of a kind of stick less that of the limit's [ms]."""
+    limit = limit_sticks()[0 if long else 1].duration
+    found = [durations(run) for run in runs]
+    return [1e3 * (own[(own > own.mean()) == long] - limit) for own in found]
+
+
+def _draw_added(ax: Axes) -> None:
+    places = np.arange(2, len(ADDED) + 1)
+    runs = [run_variant(ADDED[:k]) for k in places]
+    for label, colour, marker, long in KINDS:
+        own = _shifts(runs, long=long)
+        middle = np.array([d.mean() for d in own])
+        spread = np.array([[m - d.min(), d.max() - m] for m, d in zip(middle, own, strict=True)]).T
+        ax.errorbar(places, middle, yerr=spread, fmt=marker, color=colour, label=label, capsize=2, lw=1)
+    ax.axhline(0, color=style.GREY, lw=0.8)
+    ax.set_xticks(places, [name.replace("_", " ") for name in ADDED[1:]], rotation=40, ha="right")
+    ax.set(ylabel="duration - limit [ms]", ylim=(-1.6, 1.25))
+    ax.set_title("e   mistakes added, $h = 10^{-4}$ s")
+    ax.legend(loc="upper left", ncols=2)
+
+
+def _draw_over_step(ax: Axes) -> None:
+    runs = [run_variant(DEFECTS, step=step) for step in STEPS]
+    for (label, colour, marker, long), limit, printed in zip(KINDS, limit_sticks(), PUBLISHED_DURATIONS, strict=True):
+        means = [own.mean() for own in _shifts(runs, long=long)]
+        ax.plot(STEPS, means, marker=marker, color=colour, lw=0.8, label=label)
+        shift, above = 1e3 * (printed - limit.duration), 9 if long else -9
+        ax.axhspan(shift - 0.05, shift + 0.05, color=style.GREY, alpha=0.35, lw=0)
+        ax.annotate(f"{printed} s", (STEPS[-1], shift), (0, above), textcoords="offset points", va="center")
+    ax.axvline(PRINTED_STEP, color=style.GREY, lw=0.8, ls=":")
+    ax.axhline(0, color=style.GREY, lw=0.8)
+    ax.set(xscale="log", xlabel="$h$ [s]", ylabel="duration - limit [ms]", ylim=(-2.7, 2.7))
+    ax.set_title("f   as printed, over the step")
+    ax.legend(loc="lower left")

@@ -1,58 +1,92 @@
-"""The page: every section computed, drawn and written, and the table of all claims in front.
+"""The page: every section computed, its claims checked, and the table of all claims in front.
 
-A section is a module with ``section(folder) -> Section`` that saves its figures in the folder.
+What the page says is in ``paper.yaml``, what it rests on is computed by the functions of :data:`SECTIONS`.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, Literal
 
-from henon_ref.harness.report.manifest import Provenance
+from matplotlib.figure import Figure
+from ruamel.yaml import YAML
+
 from henon_ref.harness.studies.page import write
-from henon_ref.harness.studies.paper import appendix, fig8, section2, section3, section4, section5
-from henon_ref.harness.studies.paper.claims import Section
+from henon_ref.harness.studies.paper import audit, fig8, section3, section5, tangents
+from henon_ref.harness.studies.paper.systems import Findings
 from henon_ref.harness.studies.study import Asked, Made
 from henon_ref.harness.table import Table
 
-FOLDER = "paper"
-SECTIONS: dict[str, Callable[[Path], Section]] = {
-    "Section 2": lambda folder: section2.section(),
-    "Section 3": section3.section,
-    "Section 4.1": section4.section,
-    "Section 4.2, Fig. 8": fig8.section,
-    "Section 5, Lyapunov exponents": section5.section,
-    "Appendix": appendix.section,
+SECTIONS: Mapping[str, Callable[[], Findings]] = {
+    "section_2": tangents.section_2,
+    "section_3": section3.section,
+    "section_4": tangents.section_4,
+    "fig_8": fig8.section,
+    "section_5": section5.section,
+    "appendix": audit.section,
 }
-"""What the page is made of, in the paper's order."""
+"""What computes the sections of ``paper.yaml``."""
 
-_VERDICTS = ("reproduced", "corrected", "not reproducible", "fails")
+Verdict = Literal["reproduced", "corrected", "not reproducible", "fails"]
+VERDICTS: tuple[Verdict, ...] = ("reproduced", "corrected", "not reproducible", "fails")
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One number, equation, figure or statement of the paper, and what became of it."""
+
+    where: str
+    says: str
+    verdict: Verdict
+    """``fails`` where the check does not hold, whatever it should be."""
+    how: str
+
+
+def read_sections() -> list[dict[str, Any]]:
+    """The sections of ``paper.yaml``."""
+    sections: list[dict[str, Any]] = YAML(typ="safe").load(Path(__file__).with_name("paper.yaml"))
+    return sections
+
+
+def claims_of(section: Mapping[str, Any], found: Findings) -> Iterator[Claim]:
+    """The claims of a section, checked; KeyError for a check that was not made, or a value that is not known."""
+    for claim in section["claims"]:
+        verdict: Verdict = claim.get("verdict", "reproduced")
+        holds = "check" not in claim or found.holds[claim["check"]]
+        yield Claim(claim["where"], claim["says"], verdict if holds else "fails", claim["how"].format_map(found.values))
+
+
+def text_of(section: Mapping[str, Any], found: Findings) -> str:
+    """The text of a section, with its figures."""
+    captions = section.get("captions", {})
+    pictures = {name: f"![{captions[name]}]({name}.svg)\n\n*{captions[name]}*" for name in found.figures}
+    return str(section["text"].format_map({**found.values, **pictures}))
 
 
 def run_paper(asked: Asked) -> Made:
     """Compute everything and write the page and its figures."""
-    folder = asked.out / FOLDER
-    folder.mkdir(parents=True, exist_ok=True)
-    made = []
-    for name, section in SECTIONS.items():
-        asked.tell(name)
-        made.append(section(folder))
-    failed = [claim for section in made for claim in section.claims if claim.verdict == "fails"]
-    page = write_sections(made, asked.origin, folder)
-    return Made(page, [f"fails: {claim.where}: {claim.says}" for claim in failed], holds=not failed)
-
-
-def write_sections(sections: Sequence[Section], origin: Provenance, folder: Path) -> Path:
-    """Write the page of sections whose figures are in the folder."""
-    claims = [claim for section in sections for claim in section.claims]
-    counts = Counter[str](claim.verdict for claim in claims)
-    rows: list[tuple[str, ...]] = [(claim.where, claim.says, f"**{claim.verdict}**", claim.how) for claim in claims]
+    shown: list[dict[str, str]] = []
+    claims: list[Claim] = []
+    figures: dict[str, Figure] = {}
+    files: dict[str, str] = {}
+    for section in read_sections():
+        asked.tell(section["title"])
+        found = SECTIONS[section["of"]]()
+        claims += claims_of(section, found)
+        shown.append({"title": section["title"], "text": text_of(section, found)})
+        figures |= {f"{name}.svg": figure for name, figure in found.figures.items()}
+        files |= found.files
+    counts = Counter(claim.verdict for claim in claims)
+    rows = [(claim.where, claim.says, f"**{claim.verdict}**", claim.how) for claim in claims]
     context = {
         "claims": len(claims),
-        "tally": ", ".join(f"{counts[verdict]} {verdict}" for verdict in _VERDICTS if counts[verdict]),
+        "tally": ", ".join(f"{counts[verdict]} {verdict}" for verdict in VERDICTS if counts[verdict]),
         "table": Table(("where", "what it says", "verdict", "evidence"), "llll", rows).markdown,
-        "sections": sections,
-        "origin": origin,
+        "sections": shown,
+        "origin": asked.origin,
     }
-    return write(folder, "paper", context)
+    failed = [f"fails: {claim.where}: {claim.says}" for claim in claims if claim.verdict == "fails"]
+    return Made(write(asked.folder, "paper", context, files, figures), failed, holds=not failed)

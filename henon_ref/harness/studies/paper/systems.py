@@ -1,25 +1,34 @@
-"""The paper's one-degree-of-freedom systems, in its own symbols and exact numbers.
+"""What the sections share: the paper's one-degree-of-freedom systems in exact numbers, runs of them, and findings.
 
-The readings of Fig. 8 are those of ``cases/fig8.yaml``; a test holds the two together.
+What Fig. 8 is run with are the readings of ``cases/fig8.yaml``; a test holds the systems here against them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import sympy as sp
 
 from henon_ref.analysis.tangent import SurfaceCoordinate
+from henon_ref.baselines.henon import HENON_SOLVER
+from henon_ref.figures.motion import Motion, motion_of
+from henon_ref.harness.studies.page import shipped_problem
 from henon_ref.modes.problem import Problem
-from henon_ref.modes.switched_field import Release, SlidingOverride
 from henon_ref.modes.system import FilippovSystem
+from henon_ref.solver import Run
 from henon_ref.taylor.tape import TIME
+from henon_ref.trajectory import Samples, Trajectory
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+RTOL = 1e-13
+"""Of all reference runs."""
 X1, X2, S, Z = sp.symbols("x1 x2 s z", real=True)
-M, K1, K2, MU0, VP, A, W, DELTA = (
-    sp.Symbol(name, real=True) for name in ("m", "k1", "k2", "mu0", "vp", "A", "w", "delta")
-)
+M, K1, K2, MU0, VP, A, W, DELTA = sp.symbols("m k1 k2 mu0 vp A w delta", real=True)
 V = X2 - VP
 BASE = A * sp.sin(W * TIME)
 POSITION = SurfaceCoordinate(Z, X1)
@@ -27,12 +36,9 @@ POSITION = SurfaceCoordinate(Z, X1)
 STRETCH = SurfaceCoordinate(Z, X1 - BASE)
 """Sec. 4: it is z, the spring's stretch."""
 
-FIG4_VALUES: Mapping[sp.Symbol, sp.Expr] = {
-    MU0: 1 / (3 * sp.sqrt(3)),
-    VP: sp.Integer(1),
-    DELTA: sp.Integer(1),
-}
-FIG8_VALUES: Mapping[sp.Symbol, sp.Expr] = {
+Values = Mapping[sp.Symbol, sp.Expr]
+FIG4_VALUES: Values = {MU0: 1 / (3 * sp.sqrt(3)), VP: sp.Integer(1), DELTA: sp.Integer(1)}
+FIG8_VALUES: Values = {
     M: sp.Rational(1, 10),
     K1: sp.Integer(1),
     K2: sp.Integer(1),
@@ -48,6 +54,19 @@ INNER = 2 * sp.sqrt(3) / 3 * sp.sin(sp.pi / 18)
 """z*, the upper end of the middle stick zone: x(3) of Eq. (24)."""
 
 
+@dataclass(frozen=True)
+class Findings:
+    """What becomes of a section when it is computed again, by the names that ``paper.yaml`` has for it."""
+
+    holds: Mapping[str, object]
+    """Check -> whether it holds."""
+    values: Mapping[str, Any] = field(default_factory=dict)
+    """What stands in braces in the section's text and evidence: numbers, and tables as markdown."""
+    figures: Mapping[str, Figure] = field(default_factory=dict)
+    files: Mapping[str, str] = field(default_factory=dict)
+    """Tables in full: CSV text by file name."""
+
+
 def printed_points() -> tuple[sp.Expr, ...]:
     """Eqs. (16) and (24), highest first."""
     c = sp.pi / 9
@@ -60,60 +79,69 @@ def stribeck(v: sp.Expr) -> sp.Expr:
     return S * MU0 / (1 + DELTA * S * v)
 
 
-def belt_oscillator(
-    force: Callable[[sp.Expr], sp.Expr],
-    *,
-    stretch: sp.Expr = X1,
-    mass: sp.Expr = M,
-    friction: Callable[[sp.Expr], sp.Expr] = stribeck,
-    values: Mapping[sp.Symbol, sp.Expr] | None = None,
-) -> FilippovSystem:
-    """``x1' = x2, m x2' = force(stretch) - T(x2 - vp)`` with any force and friction law.
-
-    Parameters
-    ----------
-    force : callable
-        Force on the mass as a function of the spring's stretch.
-    stretch : Expr
-        The stretch, in time and states.
-    mass : Expr
-    friction : callable
-        T as a function of v = x2 - vp, with the symbol ``s`` for sgn(v).
-    values : mapping, optional
-        Numbers of the parameters.
-    """
-    field = (X2, (force(stretch) - friction(V)) / mass)
-    return FilippovSystem((X1, X2), (S,), (V,), field, values or {})
+def belt_oscillator(force: sp.Expr, mass: sp.Expr, values: Values | None = None) -> FilippovSystem:
+    """``x1' = x2, mass x2' = force`` on the belt; the force has the friction's sign symbol ``s``."""
+    return FilippovSystem((X1, X2), (S,), (V,), (X2, force / mass), values or {})
 
 
-def section_2(values: Mapping[sp.Symbol, sp.Expr] | None = None) -> FilippovSystem:
+def section_2(values: Values | None = None) -> FilippovSystem:
     """Eqs. (4) and (5): m = k1 = k2 = 1, the spring's force as Eq. (1) has it."""
-    return belt_oscillator(lambda x: x - x**3, mass=sp.Integer(1), values=values)
+    return belt_oscillator(X1 - X1**3 - stribeck(V), sp.Integer(1), values)
 
 
-def section_4(values: Mapping[sp.Symbol, sp.Expr] | None = None) -> FilippovSystem:
+def section_4(values: Values | None = None) -> FilippovSystem:
     """Eq. (18), and Eq. (17) with friction opposing the sliding velocity."""
-    return belt_oscillator(lambda z: -K1 * z + K2 * z**3, stretch=X1 - BASE, values=values)
+    z = X1 - BASE
+    return belt_oscillator(-K1 * z + K2 * z**3 - stribeck(V), M, values)
 
 
 def fig8_equations() -> Problem:
     """Reading ``equations``: Eq. (18) with Filippov's sliding, from the start of the listing."""
-    start = (-INNER, FIG8_VALUES[VP])
-    return Problem(section_4(FIG8_VALUES), sp.Integer(0), start, sp.Integer(70))
-
-
-def one_sided(factor: int) -> Problem:
-    """Fig. 8 with slip ``factor`` f and a stick that ends at the upper tangent point only.
-
-    With factor 3 it is the reading ``listing_limit``, what the appendix is a step method for.
-    """
-    equations = fig8_equations()
-    override = SlidingOverride((VP, sp.Integer(0)), (Release(X1 - BASE - INNER, "rising", -1),))
-    field = tuple(factor * f for f in equations.system.field)
-    system = replace(equations.system, field=field, overrides={0: override})
-    return replace(equations, system=system, initial_mode={0: 0})
+    return shipped_problem("fig8", "equations")
 
 
 def fig8_listing_limit() -> Problem:
-    """Reading ``listing_limit``."""
-    return one_sided(3)
+    """Reading ``listing_limit``: slip 3 f, and a stick that ends at the upper tangent point only."""
+    return shipped_problem("fig8", "listing_limit")
+
+
+_POSITIVE = {symbol: sp.Symbol(symbol.name, positive=True) for symbol in (M, K1, K2, MU0)}
+
+
+def same(one: sp.Expr, other: sp.Expr) -> bool:
+    """Whether two expressions are equal as mathematics, masses, stiffnesses and friction being positive."""
+    difference = sp.simplify((sp.sympify(one) - other).xreplace(_POSITIVE))
+    # Cosines of parts of pi: SymPy proves these by their minimal polynomial.
+    return bool(difference == 0 or (not difference.free_symbols and difference.equals(0)))
+
+
+def same_all(found: Sequence[sp.Expr], printed: Sequence[sp.Expr]) -> bool:
+    """Whether expressions are equal one by one."""
+    return len(found) == len(printed) and all(map(same, found, printed))
+
+
+def same_set(found: Collection[sp.Expr], printed: Collection[sp.Expr]) -> bool:
+    """Whether two sets of expressions are equal."""
+    return len(found) == len(printed) and all(any(same(a, b) for a in found) for b in printed)
+
+
+def reference(problem: Problem) -> Trajectory:
+    """The run by the Taylor reference."""
+    return HENON_SOLVER.prepare(problem, rtol=RTOL)()
+
+
+def sampled(
+    problem: Problem, after: float, until: float, prepare: Callable[..., Run] = HENON_SOLVER.prepare, **setting: float
+) -> tuple[Trajectory, Motion]:
+    """A run, by the Taylor reference or by another solver at its setting, and its motion between two times."""
+    wanted = np.linspace(after, until, 800)
+    run = prepare(problem, sample_times=wanted, **(setting or {"rtol": RTOL}))()
+    assert run.samples is not None
+    motion = motion_of(Samples(wanted, run.samples, run.sample_modes), run.transitions)
+    assert motion is not None
+    return run, motion
+
+
+def fitted_order(steps: Sequence[float], errors: Sequence[float]) -> float:
+    """Order of a method: slope of its errors over the steps, both in logarithms."""
+    return float(np.polyfit(np.log(steps), np.log(errors), 1)[0])

@@ -13,7 +13,6 @@ for the missing directions is rounding noise, and :attr:`TimeSeriesSpectrum.dire
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,15 +50,6 @@ class TimeSeriesSpectrum:
     """n of them [1/s], in the order of the basis vectors (largest first up to statistical noise)."""
     directions: float
     """Mean number of directions that the neighbours span: how many exponents the samples can say anything about."""
-    neighbours: float
-    """Median number of neighbours in a ball."""
-    widened: float
-    """Share of the balls that had to be widened."""
-    maps: int
-    """Number n_j of linear maps in the product."""
-    size: float
-    """The set's size, the unit of the radius."""
-    settings: Settings
 
 
 def time_series_spectrum(samples: Matrix, interval: float, settings: Settings) -> TimeSeriesSpectrum:
@@ -84,21 +74,13 @@ def time_series_spectrum(samples: Matrix, interval: float, settings: Settings) -
     count, n = samples.shape
     if count - settings.delay < 2 * settings.theiler + 1 + settings.least or settings.least <= n:
         raise ModelError(f"{count} samples are too few for {settings}, or 'least' is not above {n} states")
-    size = float(np.sqrt(((samples - samples.mean(axis=0)) ** 2).sum(axis=1).mean()))
-    spread, moved, found, widened = _moments(samples, settings, settings.radius * size)
+    spread, moved = _moments(samples, settings)
     values, axes = np.linalg.eigh(spread)
     kept = values > settings.cutoff**2 * values[:, -1:]
     inverse = np.where(kept, 1.0 / np.where(kept, values, 1.0), 0.0)
     maps = moved @ (axes * inverse[:, None, :]) @ axes.transpose(0, 2, 1)
-    return TimeSeriesSpectrum(
-        exponents=tuple((_growth(maps) / (settings.delay * interval)).tolist()),
-        directions=float(kept.sum(axis=1).mean()),
-        neighbours=float(np.median(found)),
-        widened=widened,
-        maps=len(maps),
-        size=size,
-        settings=settings,
-    )
+    exponents = _growth(maps) / (settings.delay * interval)
+    return TimeSeriesSpectrum(tuple(exponents.tolist()), float(kept.sum(axis=1).mean()))
 
 
 def _growth(maps: Matrix) -> Matrix:
@@ -112,54 +94,30 @@ def _growth(maps: Matrix) -> Matrix:
         return np.log(np.abs(diagonals)).mean(axis=0)
 
 
-def _moments(samples: Matrix, settings: Settings, radius: float) -> tuple[Matrix, Matrix, NDArray[np.int64], float]:
-    """Both sums of Eq. (25) for every reference point, neighbours found, share of balls widened."""
+def _moments(samples: Matrix, settings: Settings) -> tuple[Matrix, Matrix]:
+    """Both sums of Eq. (25), sum y_k y_k^T and sum y_{k+d} y_k^T, for every reference point, each (r, n, n)."""
+    radius = settings.radius * float(np.sqrt(((samples - samples.mean(axis=0)) ** 2).sum(axis=1).mean()))
     last = len(samples) - settings.delay
     references = np.arange(0, last, settings.delay)
     tree = cKDTree(samples[:last])
-    spread, moved, found = [], [], []
-    widened = 0
+    sums = []
     for some in np.array_split(references, -(-len(references) // _CHUNK)):
-        neighbours = list(_neighbours(tree, samples, some, settings, radius))
-        counts = np.array([len(near) for near in neighbours])
-        narrow = np.flatnonzero(counts < settings.least)
-        widened += len(narrow)
-        for at, near in zip(narrow, _nearest(tree, samples, some[narrow], settings), strict=True):
-            neighbours[at] = near
-            counts[at] = len(near)
-        both = _sums(samples, some, np.concatenate(neighbours), counts, settings.delay)
-        spread.append(both[0])
-        moved.append(both[1])
-        found.append(counts)
-    return np.concatenate(spread), np.concatenate(moved), np.concatenate(found), widened / len(references)
+        near = tree.query_ball_point(samples[some], radius)
+        neighbours = [_apart(found, at, settings) for found, at in zip(near, some.tolist(), strict=True)]
+        narrow = [j for j, found in enumerate(neighbours) if len(found) < settings.least]
+        if narrow:
+            _, ranked = tree.query(samples[some[narrow]], k=settings.least + 2 * settings.theiler + 1)
+            for j, found in zip(narrow, ranked, strict=True):
+                neighbours[j] = _apart(found, some[j], settings)[: settings.least]
+        which = np.repeat(np.arange(len(some)), list(map(len, neighbours)))
+        index, at = np.concatenate(neighbours), some[which]
+        y, z = ((samples[index + k] - samples[at + k]).T for k in (0, settings.delay))
+        sums.append([[[np.bincount(which, u * v) for v in y] for u in left] for left in (y, z)])
+    spread, moved = np.concatenate(sums, axis=-1).transpose(0, 3, 1, 2)
+    return spread, moved
 
 
-def _neighbours(
-    tree: cKDTree, samples: Matrix, references: NDArray[np.int64], settings: Settings, radius: float
-) -> Iterator[NDArray[np.int64]]:
-    """Samples in the ball around each reference point, those close in time left out."""
-    for at, near in zip(references, tree.query_ball_point(samples[references], radius), strict=True):
-        index = np.array(near, dtype=np.int64)
-        yield index[np.abs(index - at) > settings.theiler]
-
-
-def _nearest(
-    tree: cKDTree, samples: Matrix, references: NDArray[np.int64], settings: Settings
-) -> Iterator[NDArray[np.int64]]:
-    """The nearest samples that are not close in time, as many as are wanted."""
-    if not len(references):
-        return
-    _, ranked = tree.query(samples[references], k=settings.least + 2 * settings.theiler + 1)
-    for at, index in zip(references, ranked, strict=True):
-        yield index[np.abs(index - at) > settings.theiler][: settings.least].astype(np.int64)
-
-
-def _sums(
-    samples: Matrix, references: NDArray[np.int64], neighbours: NDArray[np.int64], counts: NDArray[np.int64], delay: int
-) -> tuple[Matrix, Matrix]:
-    """sum y_k y_k^T and sum y_{k+d} y_k^T over the neighbours of each reference point, each (r, n, n)."""
-    which = np.repeat(np.arange(len(references)), counts)
-    at = references[which]
-    y, z = ((samples[neighbours + k] - samples[at + k]).T for k in (0, delay))
-    spread, moved = (np.array([[np.bincount(which, u * v) for v in y] for u in left]) for left in (y, z))
-    return spread.transpose(2, 0, 1), moved.transpose(2, 0, 1)
+def _apart(found: list[int] | NDArray[np.intp], at: int, settings: Settings) -> NDArray[np.int64]:
+    """Of some samples those that are not close in time to a reference point."""
+    index = np.asarray(found, dtype=np.int64)
+    return index[np.abs(index - at) > settings.theiler]

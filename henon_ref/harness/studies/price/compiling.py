@@ -7,17 +7,16 @@ import tempfile
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 from henon_ref.casefile.case import Case
 from henon_ref.harness import registry
-from henon_ref.harness.campaign.options import Setting
 from henon_ref.harness.rows import Row, number
-from henon_ref.harness.studies.paired_times.rows import FIRST, PairRow
+from henon_ref.harness.studies.pairs import FIRST, PairRow
 from henon_ref.harness.studies.price.ladder import TIMEOUT
 from henon_ref.harness.studies.price.measure import caches_in, in_fresh_process, title
 from henon_ref.harness.table import Table, duration, significant
 from henon_ref.modes.problem import Problem
+from henon_ref.text import code
 
 DIGITS = 9
 """Digits of the worst transition for which runs are counted."""
@@ -50,45 +49,35 @@ class Ready(Row):
     kept_s: float
     """The same with the compiled code that the first process left on disk [s]."""
 
+    def paid_after(self, other: Ready) -> str:
+        """Runs after which it has taken less time in all than one ready sooner: with nothing / with code on disk."""
+        gain = other.wall_s - self.wall_s
+        extra = self.cold_s - other.cold_s, self.kept_s - other.kept_s
+        return " / ".join("never" if gain <= 0 else significant(max(math.ceil(own / gain), 0), 2) for own in extra)
+
 
 def readiness(cases: Sequence[Case], pairs: Iterable[PairRow]) -> list[Ready]:
     """Measure it on every reading, at the settings that the pairs were timed at for :data:`DIGITS` digits."""
     problems = {(case.name, reading.name): reading.problem for case in cases for reading in case.readings}
-    own = [row for row in pairs if row.digits == DIGITS]
     named = {*AGAINST, *(other for others in AGAINST.values() for other in others)}
+    settings: dict[tuple[str, str, str], tuple[float, float]] = {}
+    for row in pairs:
+        if row.digits == DIGITS:
+            settings.setdefault((*row.problem, FIRST), (number(row.rtol), row.wall_s))
+            if row.rival in named:
+                settings[(*row.problem, row.rival)] = number(row.rival_rtol), row.rival_wall_s
     found = []
-    for (case, reading), problem in problems.items():
-        rows = [row for row in own if row.problem == (case, reading)]
-        settings: dict[str, tuple[float, float]] = {}
-        if rows:
-            settings[FIRST] = number(rows[0].rtol), rows[0].wall_s
-        settings |= {row.rival: (number(row.rival_rtol), row.rival_wall_s) for row in rows}
-        for solver, (rtol, wall) in settings.items():
-            if solver in named:
-                cold, kept = _twice(problem, solver, Setting(rtol, rtol, None))
-                found.append(Ready(case, reading, solver, rtol, wall, cold, kept))
+    for (case, reading, solver), (rtol, wall) in settings.items():
+        with tempfile.TemporaryDirectory() as folder, caches_in(folder):
+            cold, kept = (in_fresh_process(getting_ready, problems[case, reading], solver, rtol) for _ in range(2))
+        found.append(Ready(case, reading, solver, rtol, wall, cold, kept))
     return found
 
 
-def paid_after(own: Ready, other: Ready, *, cold: bool) -> float:
-    """Runs after which a solver that is slower to get ready has taken less time in all; infinite where it never has."""
-    gain = other.wall_s - own.wall_s
-    extra = own.cold_s - other.cold_s if cold else own.kept_s - other.kept_s
-    return math.inf if gain <= 0 else max(math.ceil(extra / gain), 0)
-
-
-def _twice(problem: Problem, solver: str, setting: Setting) -> tuple[float, float]:
-    with tempfile.TemporaryDirectory() as folder, caches_in(Path(folder)):
-        cold, kept = (in_fresh_process(getting_ready, problem, solver, setting) for _ in range(2))
-    return cold, kept
-
-
-def getting_ready(problem: Problem, solver: str, setting: Setting) -> float:
+def getting_ready(problem: Problem, solver: str, rtol: float) -> float:
     """Time to the end of a first run, less the time of a later one [s]."""
     began = time.perf_counter()
-    run = registry.solver(solver).prepare(
-        problem, rtol=setting.rtol, atol=setting.atol, step=setting.step, deadline=TIMEOUT
-    )
+    run = registry.solver(solver).prepare(problem, rtol=rtol, atol=rtol, deadline=TIMEOUT)
     run()
     first = time.perf_counter() - began
     later = []
@@ -104,28 +93,12 @@ def ready_table(found: Sequence[Ready]) -> Table:
     lines: list[tuple[str, ...]] = []
     for own in found:
         others = {o.solver: o for o in found if (o.case, o.reading) == (own.case, own.reading)}
-        paid = [
-            f"{_runs(paid_after(own, others[rival], cold=True))} / {_runs(paid_after(own, others[rival], cold=False))}"
-            f" against `{rival}`"
-            for rival in AGAINST.get(own.solver, ())
-            if rival in others
-        ]
-        lines.append(
-            (
-                title(own.case, own.reading),
-                f"`{own.solver}`",
-                duration(own.wall_s),
-                duration(own.cold_s),
-                duration(own.kept_s),
-                "; ".join(paid),
-            )
-        )
+        rivals = [rival for rival in AGAINST.get(own.solver, ()) if rival in others]
+        paid = "; ".join(f"{own.paid_after(others[rival])} against {code(rival)}" for rival in rivals)
+        times = map(duration, (own.wall_s, own.cold_s, own.kept_s))
+        lines.append((title(own.case, own.reading), code(own.solver), *times, paid))
     headings = (
         "reading", "solver", "a run", "ready, nothing on disk", "ready, code on disk",
         "paid for after runs (nothing on disk / code on disk)",
     )  # fmt: skip
     return Table(headings, "llrrrl", lines)
-
-
-def _runs(runs: float) -> str:
-    return "never" if math.isinf(runs) else significant(runs, 2)

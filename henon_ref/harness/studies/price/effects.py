@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from henon_ref.baselines.henon import HENON_SOLVER
-from henon_ref.casefile.case import parse_case
 from henon_ref.harness.campaign.timing import interleaved
 from henon_ref.harness.rows import Row
+from henon_ref.harness.studies.price.measure import problem_of
 from henon_ref.harness.table import Table
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem
+from henon_ref.simulation.scene import Scene
 from henon_ref.taylor.tape import build_tape
 
 RTOL = 1e-12
@@ -19,34 +20,10 @@ ROUNDS = 60
 """Rounds run in turn: medians of 60 tell apart steps that differ by some percent."""
 UNTIL = 600
 """Horizon of all runs [s]."""
-SCENE = """\
-schema: 1
-name: effects
-title: Effects
-scene:
-  parameters: {parameters}
-  bodies: {bodies}
-  connections:
-{connections}
-initial: {initial}
-until: {until}
-"""
-_COEFFICIENT = "VALUE"
-_SPRING = "spring: {between: [block, wall], stiffness: 1}"
-_FALLING = "friction: {between: [block, belt], law: stribeck, force: 0.4, slope: VALUE, name: s}"
-
-
-@dataclass(frozen=True)
-class Added:
-    """An effect that is added to those before it."""
-
-    name: str
-    connection: str
-    """As in a case file, with :data:`_COEFFICIENT` for what may be zero; it replaces one of the same ``key``."""
-    value: str
-    zero: str
-    """A parameter that happens to be zero: with it the effect is compiled in, and does nothing."""
-    key: str = ""
+FAST, SLOW = 9, 0.3
+"""Velocity of a belt that the block never sticks to, and of one that it does [m/s]."""
+Values = Mapping[str, str]
+"""Effect -> its coefficient: a number, or a parameter that happens to be zero, with which it does nothing."""
 
 
 @dataclass(frozen=True)
@@ -54,50 +31,75 @@ class Body:
     """Bodies between which effects are added one by one."""
 
     name: str
-    bodies: str
-    """On a belt of the velocity :data:`_COEFFICIENT`: one that the block never sticks to, and one that it does."""
-    parameters: str
-    initial: str
-    first: tuple[str, Mapping[str, str]]
-    """What no scene can do without: its name, and the connections by key."""
-    added: tuple[Added, ...]
+    scene: Callable[[Values, float], Problem]
+    """Of the effects and the belt's velocity [m/s]."""
+    first: str
+    """What no scene can do without."""
+    added: Mapping[str, tuple[str, str]]
+    """Effect -> its coefficient, and that of an effect that does nothing."""
     stuck: tuple[str, ...]
-    """Connections of a motion that sticks."""
+    """Effects of a motion that sticks."""
+
+    def with_effects(self, effects: Sequence[str], *, carried: bool = False, belt: float = FAST) -> Problem:
+        """The scene with some effects; ``carried``: with all others compiled in, doing nothing."""
+        values = {name: value if name in effects else zero for name, (value, zero) in self.added.items()}
+        return self.scene({name: own for name, own in values.items() if carried or name in effects}, belt)
 
 
-OSCILLATOR = Body(
-    name="belt oscillator",
-    bodies="{block: {mass: m, states: [x1, x2]}, belt: {velocity: VALUE}, wall: fixed}",
-    parameters="{m: 1, z: 0}",
-    initial="{t: 0, x1: 1, x2: 0}",
-    first=(
+def oscillator(values: Values, velocity: float) -> Problem:
+    """A block on a belt and a spring."""
+    scene = Scene(parameters={"m": 1, "z": 0})
+    block, belt = scene.body("block", "m", ["x1", "x2"]), scene.prescribed("belt", velocity=velocity)
+    scene.spring(block, scene.wall, stiffness=1, cubic=values.get("cubic spring"))
+    slope = values.get("friction that falls (Stribeck)")
+    scene.friction(block, belt, law="stribeck" if slope else "coulomb", force=0.4, slope=slope, name="s")
+    if "damper" in values:
+        scene.damper(block, scene.wall, coefficient=values["damper"])
+    if "force" in values:
+        scene.force(block, f"{values['force']}*sin(1.7*t)")
+    return problem_of(scene.system(), {"x1": 1, "x2": 0}, UNTIL)
+
+
+def two_blocks(values: Values, velocity: float) -> Problem:
+    """A block on a belt and a spring, with falling friction, and another one that follows it."""
+    scene = Scene(parameters={"m": 1, "M": 2, "k": 0.5, "kf": 2, "c": 0.01, "z": 0, "y": 0, "w": 0})
+    block, follower = scene.body("block", "m", ["x1", "x2"]), scene.body("follower", "M", ["x3", "x4"])
+    scene.spring(block, scene.wall, stiffness=1)
+    scene.friction(block, scene.prescribed("belt", velocity=velocity), law="stribeck", force=0.4, slope=3, name="s")
+    if "spring between the blocks" in values:
+        scene.spring(block, follower, stiffness=values["spring between the blocks"])
+    if "spring of the follower" in values:
+        scene.spring(follower, scene.wall, stiffness=values["spring of the follower"])
+    if "damper between the blocks" in values:
+        scene.damper(block, follower, coefficient=values["damper between the blocks"])
+    return problem_of(scene.system(), {"x1": 0, "x2": 0.4, "x3": 0.1, "x4": 0}, UNTIL)
+
+
+BODIES = (
+    Body(
+        "belt oscillator",
+        oscillator,
         "spring, Coulomb friction",
-        {"spring": _SPRING, "friction": "friction: {between: [block, belt], law: coulomb, force: 0.4, name: s}"},
+        {
+            "friction that falls (Stribeck)": ("3", "z"),
+            "cubic spring": ("0.3", "z"),
+            "damper": ("0.05", "z"),
+            "force": ("0.2", "z"),
+        },
+        ("friction that falls (Stribeck)",),
     ),
-    added=(
-        Added("friction that falls (Stribeck)", _FALLING, "3", "z", "friction"),
-        Added("cubic spring", _SPRING.replace("1}", "1, cubic: VALUE}"), "0.3", "z", "spring"),
-        Added("damper", "damper: {between: [block, wall], coefficient: VALUE}", "0.05", "z"),
-        Added("force", "force: {on: block, value: VALUE*sin(1.7*t)}", "0.2", "z"),
+    Body(
+        "two blocks",
+        two_blocks,
+        "spring, friction",
+        {
+            "spring between the blocks": ("k", "z"),
+            "spring of the follower": ("kf", "y"),
+            "damper between the blocks": ("c", "w"),
+        },
+        ("spring between the blocks",),
     ),
-    stuck=(_SPRING, _FALLING.replace(_COEFFICIENT, "3")),
 )
-_COUPLING = "spring: {between: [block, follower], stiffness: VALUE}"
-TWO_BLOCKS = Body(
-    name="two blocks",
-    bodies="{block: {mass: m, states: [x1, x2]}, follower: {mass: M, states: [x3, x4]}, belt: {velocity: VALUE}, "
-    "wall: fixed}",
-    parameters="{m: 1, M: 2, k: 0.5, kf: 2, c: 0.01, z: 0, y: 0, w: 0}",
-    initial="{t: 0, x1: 0, x2: 0.4, x3: 0.1, x4: 0}",
-    first=("spring, friction", {"spring": _SPRING, "friction": _FALLING.replace(_COEFFICIENT, "3")}),
-    added=(
-        Added("spring between the blocks", _COUPLING, "k", "z"),
-        Added("spring of the follower", "spring: {between: [follower, wall], stiffness: VALUE}", "kf", "y"),
-        Added("damper between the blocks", "damper: {between: [block, follower], coefficient: VALUE}", "c", "w"),
-    ),
-    stuck=(_SPRING, _COUPLING.replace(_COEFFICIENT, "k"), _FALLING.replace(_COEFFICIENT, "3")),
-)
-BODIES = (OSCILLATOR, TWO_BLOCKS)
 
 
 @dataclass(frozen=True)
@@ -119,34 +121,12 @@ class Step(Row):
     """Time of a run over that with all other effects at zero, median over the rounds."""
 
 
-def scene(body: Body, connections: Iterable[str], *, belt: str = "9") -> Problem:
-    """A body with these connections."""
-    text = SCENE.format(
-        bodies=body.bodies.replace(_COEFFICIENT, belt),
-        parameters=body.parameters,
-        connections="\n".join(f"    - {connection}" for connection in connections),
-        initial=body.initial,
-        until=UNTIL,
-    )
-    return parse_case(text).readings[0].problem
-
-
-def sticking(body: Body) -> Problem:
-    """A body whose motion sticks."""
-    return scene(body, body.stuck, belt="0.3")
-
-
-def additions(body: Body) -> Iterator[tuple[str, Problem, Problem]]:
-    """Effect added; the scene up to it, and with all others carried at zero."""
-    name, first = body.first
-    given = dict(first)
-    for count in range(len(body.added) + 1):
-        if count:
-            added = body.added[count - 1]
-            name = added.name
-            given[added.key or name] = added.connection.replace(_COEFFICIENT, added.value)
-        off = {own.key or own.name: own.connection.replace(_COEFFICIENT, own.zero) for own in body.added[count:]}
-        yield name, scene(body, given.values()), scene(body, {**given, **off}.values())
+def additions(body: Body) -> Iterator[tuple[str, Problem, Problem | None]]:
+    """Effect added; the scene up to it, and with all others carried at zero; last a motion that sticks."""
+    for count, effect in enumerate((body.first, *body.added)):
+        effects = tuple(body.added)[:count]
+        yield effect, body.with_effects(effects), body.with_effects(effects, carried=True)
+    yield "", body.with_effects(body.stuck, belt=SLOW), None
 
 
 def operations(system: FilippovSystem) -> int:
@@ -158,15 +138,11 @@ def operations(system: FilippovSystem) -> int:
 
 def effect_costs() -> list[Step]:
     """Add one effect after the other, for both bodies; time all ways in turn."""
-    found = []
-    for body in BODIES:
-        for effect, own, carried in additions(body):
-            found.append(_timed(body.name, effect, {"own": own, "carried": carried}))
-        found.append(_timed(body.name, "", {"own": sticking(body)}))
-    return found
+    return [_timed(body.name, *own) for body in BODIES for own in additions(body)]
 
 
-def _timed(body: str, effect: str, problems: Mapping[str, Problem]) -> Step:
+def _timed(body: str, effect: str, own: Problem, carried: Problem | None) -> Step:
+    problems = {"own": own} | ({} if carried is None else {"carried": carried})
     runs = {key: HENON_SOLVER.prepare(problem, rtol=RTOL) for key, problem in problems.items()}
     ends = {key: run() for key, run in runs.items()}
     times = interleaved(runs, rounds=ROUNDS)
@@ -180,7 +156,7 @@ def _timed(body: str, effect: str, problems: Mapping[str, Problem]) -> Step:
         transitions=len(ends["own"].transitions),
         per_step_s=per_step["own"],
         carried_per_step_s=per_step.get("carried"),
-        to_carried=times.ratio("own", "carried") if "carried" in problems else None,
+        to_carried=times.ratio("own", "carried") if carried else None,
     )
 
 

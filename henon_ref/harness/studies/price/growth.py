@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import resource
-import time
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -12,16 +11,20 @@ from statistics import median
 
 import numpy as np
 import sympy as sp
+from matplotlib.figure import Figure
 
+from henon_ref.figures import style
 from henon_ref.harness import registry
+from henon_ref.harness.campaign.timing import timed
 from henon_ref.harness.rows import Row
-from henon_ref.harness.studies.price.measure import in_fresh_process
+from henon_ref.harness.studies.price.measure import draw_line, finish, fitted, in_fresh_process
 from henon_ref.harness.table import Table, duration, error
 from henon_ref.integrator.integrator import Integrator
 from henon_ref.integrator.prepared_run import order_for
 from henon_ref.integrator.records import HENON
 from henon_ref.integrator.run import Run
 from henon_ref.modes.problem import Problem
+from henon_ref.text import code
 
 HORIZONS: Mapping[str, tuple[float, ...]] = {
     "henon": (1e2, 1e3, 1e4, 1e5, 1e6),
@@ -38,6 +41,8 @@ SHORT = 5.0
 """Runs below this [s] are made three times."""
 LONG = 1e3
 """The power of the growth is fitted from this horizon on [s]."""
+BOUND = 1e-11
+"""Error of a stick [s] that a run of a million seconds must not exceed."""
 LAST = 20
 """The last sticks that are compared with the certified ones."""
 SEEN = 400
@@ -45,8 +50,6 @@ SEEN = 400
 _STICK, _RELEASE = 0, 1
 _Transition = tuple[tuple[float, float], int | None]
 """Time, in two parts [s], and kind."""
-_Run = Callable[[], tuple[int, list[float]]]
-"""A run: how many transitions there were, and how long the last sticks were [s]."""
 
 
 @dataclass(frozen=True)
@@ -82,72 +85,63 @@ def horizons_of(solver: str, problem: Problem, horizons: Sequence[float]) -> lis
     return [_measured(solver, until, prepare(until)) for until in horizons]
 
 
-def _measured(solver: str, until: float, run: _Run) -> Horizon:
+def _measured(solver: str, until: float, run: Callable[[], tuple[int, Iterable[_Transition]]]) -> Horizon:
+    """Of a run that returns how many transitions there were, and the last of them."""
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    ends: list[tuple[int, Iterable[_Transition]]] = []
     times: list[float] = []
     while len(times) < 3 and (not times or times[0] < SHORT):
-        began = time.perf_counter()
-        transitions, last = run()
-        times.append(time.perf_counter() - began)
+        times.append(timed(lambda: ends.append(run())))
     grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024
-    found = np.array(last)
-    error = np.min([np.abs(found - exact) for exact in STICKS], axis=0).max() if until >= SETTLED else np.nan
-    return Horizon(solver, until, transitions, median(times), grown, float(error))
-
-
-def _streamed(problem: Problem) -> Callable[[float], _Run]:
-    """Runs of the reference, by its stream of transitions."""
-    integrator = Integrator(problem.system, order_for(TOLERANCE))
-    start = integrator.start(problem, tolerance=TOLERANCE, landing=HENON)
-
-    def prepare(until: float) -> _Run:
-        def run() -> tuple[int, list[float]]:
-            count, last = 0, deque[_Transition](maxlen=SEEN)
-            for block in Run(integrator, replace(start, until=(until, 0.0))).stream():
-                count += len(block)
-                last.extend(zip(block.times[-SEEN:], block.kinds[-SEEN:], strict=True))
-            return count, _last_sticks(last)
-
-        return run
-
-    return prepare
-
-
-def _whole(solver: str, problem: Problem) -> Callable[[float], _Run]:
-    """Runs of a solver that returns all transitions at its end."""
-    codes = {"stick": _STICK, "release": _RELEASE}
-
-    def prepare(until: float) -> _Run:
-        longer = replace(problem, until=sp.Rational(until))
-        prepared = registry.solver(solver).prepare(longer, rtol=TOLERANCE, atol=TOLERANCE)
-
-        def run() -> tuple[int, list[float]]:
-            transitions = prepared().transitions
-            return len(transitions), _last_sticks(
-                ((t.time, t.time_low), codes.get(t.kind)) for t in transitions[-SEEN:]
-            )
-
-        return run
-
-    return prepare
-
-
-def _last_sticks(transitions: Iterable[_Transition]) -> list[float]:
-    """How long the last sticks were [s]."""
+    transitions, last = ends[-1]
     sticks, since = [], None
-    for (high, low), kind in transitions:
+    for (high, low), kind in last:
         if kind == _STICK:
             since = high, low
         elif kind == _RELEASE and since is not None:
             sticks.append((high - since[0]) + (low - since[1]))
-    return sticks[-LAST:]
+    found = np.array(sticks[-LAST:])
+    error = np.min([np.abs(found - exact) for exact in STICKS], axis=0).max() if until >= SETTLED else np.nan
+    return Horizon(solver, until, transitions, median(times), grown, float(error))
+
+
+def _streamed(problem: Problem) -> Callable[[float], Callable[[], tuple[int, Iterable[_Transition]]]]:
+    """Runs of the reference, by its stream of transitions."""
+    integrator = Integrator(problem.system, order_for(TOLERANCE))
+    start = integrator.start(problem, tolerance=TOLERANCE, landing=HENON)
+
+    def run(until: float) -> tuple[int, Iterable[_Transition]]:
+        count, last = 0, deque[_Transition](maxlen=SEEN)
+        for block in Run(integrator, replace(start, until=(until, 0.0))).stream():
+            count += len(block)
+            last.extend(zip(block.times[-SEEN:], block.kinds[-SEEN:], strict=True))
+        return count, last
+
+    return lambda until: lambda: run(until)
+
+
+def _whole(solver: str, problem: Problem) -> Callable[[float], Callable[[], tuple[int, Iterable[_Transition]]]]:
+    """Runs of a solver that returns all transitions at its end."""
+    codes = {"stick": _STICK, "release": _RELEASE}
+
+    def prepare(until: float) -> Callable[[], tuple[int, Iterable[_Transition]]]:
+        longer = replace(problem, until=sp.Rational(until))
+        prepared = registry.solver(solver).prepare(longer, rtol=TOLERANCE, atol=TOLERANCE)
+
+        def run() -> tuple[int, Iterable[_Transition]]:
+            transitions = prepared().transitions
+            return len(transitions), [((t.time, t.time_low), codes.get(t.kind)) for t in transitions[-SEEN:]]
+
+        return run
+
+    return prepare
 
 
 def growth_table(found: Sequence[Horizon]) -> Table:
     """Cost, memory and accuracy over the horizon."""
     lines: list[tuple[str, ...]] = [
         (
-            f"`{own.solver}`",
+            code(own.solver),
             f"{own.until:.0e} s",
             f"{own.transitions}",
             duration(own.wall_s),
@@ -161,3 +155,33 @@ def growth_table(found: Sequence[Horizon]) -> Table:
         "solver", "horizon", "transitions", "wall time", "a transition", "growth of peak memory", "last sticks' error",
     )  # fmt: skip
     return Table(headings, "lrrrrrr", lines)
+
+
+def draw_growth(found: Sequence[Horizon]) -> Figure:
+    """Time of a transition and error of the last sticks over the horizon, for every solver."""
+    solvers = dict.fromkeys(own.solver for own in found)
+    powers = {solver: fitted(found, solver, "until", "wall_s", LONG) for solver in solvers}
+    with style.figure(3.0) as figure:
+        times, errors = figure.subplots(1, 2, sharex=True)
+        for solver, fit in powers.items():
+            own = [run for run in found if run.solver == solver]
+            settled = [(run.until, max(run.stick_error_s, 1e-16)) for run in own if not math.isnan(run.stick_error_s)]
+            points, look = [(run.until, 1e6 * run.per_transition_s) for run in own], style.line_of(solver)
+            draw_line(times, look, points, f"{solver}: run ~ horizon^({fit})")
+            draw_line(errors, look, settled, solver)
+        errors.axhline(BOUND, color=style.GREY, ls="--", lw=0.9)
+        errors.annotate(
+            f"bound: {BOUND:.0e} s", (max(run.until for run in found), BOUND), (0, -11),
+            textcoords="offset points", fontsize=8.0, color=style.GREY, ha="right",
+        )  # fmt: skip
+        times.set(xlabel="horizon [s]", ylabel="wall time a transition [µs]")
+        errors.set(xlabel="horizon [s]", ylabel="worst error of the last sticks [s]")
+        finish(
+            figure,
+            "Time of a transition, and error of the last sticks, over the horizon",
+            "Two panels with logarithmic axes. Time of a run grows with a power of the horizon: "
+            + "; ".join(f"{solver} {fit}" for solver, fit in powers.items())
+            + f". In the second panel a dashed line is the bound of {BOUND:.0e} s on the error of the last sticks.",
+            (times,),
+        )
+    return figure

@@ -5,18 +5,24 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from statistics import geometric_mean
+
+from matplotlib.figure import Figure
 
 from henon_ref.casefile.case import Case
+from henon_ref.figures import style
+from henon_ref.figures.description import describe
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.campaign.progress import Observer
-from henon_ref.harness.report.text.ranking import LEVELS, by_solver, reaching, readings_of
+from henon_ref.harness.figures.labels import label_column
+from henon_ref.harness.report.text.ranking import LEVELS, by_solver, reaching, readings_of, right
 from henon_ref.harness.rows import Row, RunRow, number
-from henon_ref.harness.studies.paired_times.rows import FIRST, SECOND, PairRow, bound
-from henon_ref.harness.studies.paired_times.timing import PairedTiming, TimedPair, pairs_of, time_pairs
-from henon_ref.harness.studies.price.measure import title
-from henon_ref.harness.studies.runs import rows_of
+from henon_ref.harness.studies.page import rows_of
+from henon_ref.harness.studies.pairs import FIRST, SECOND, PairedTiming, PairRow, TimedPair, bound, pairs_of, time_pairs
+from henon_ref.harness.studies.price.measure import draw_line, title
 from henon_ref.harness.table import Table, duration, significant
+from henon_ref.text import code
 
 LISTED = (
     SECOND, "cvode-c-adams", "cvode-adams", "scipy-dop853", "diffrax-dopri8", "diffrax-kvaerno5", "diffsol-tsit45",
@@ -31,6 +37,13 @@ TIMEOUT = 4.0
 """Seconds that one run may take: a slower one is never the cheapest where any other gets there."""
 WHEN_NAMED = ("cvode-c-adams", "cvode-c-bdf", "octave-ode45")
 """Solvers that run when named elsewhere, which belong here all the same."""
+ALONE = f"{code(SECOND)}, its own calls alone"
+COUNTS = {
+    "wall_s": "wall time of one run, median",
+    "rhs_evaluations": "right-hand sides (of henon and heyoka: whole Taylor expansions)",
+    "steps": "steps",
+}
+"""What may stand on the axis of cost."""
 
 
 def solvers(chosen: Sequence[str] = ()) -> tuple[str, ...]:
@@ -56,15 +69,13 @@ def solvers(chosen: Sequence[str] = ()) -> tuple[str, ...]:
 
 
 def run_ladder(cases: Sequence[Case], options: Options, observer: Observer) -> list[RunRow]:
-    """Rows of the ladder on the cases' readings; tolerances and deadline are its own."""
-    changed = replace(options, solvers=options.solvers or solvers(), tolerances=LADDER, timeout=TIMEOUT)
-    by_case = rows_of([_without_listings(case) for case in cases], changed, observer)
-    return [row for own in by_case.values() for row in own]
+    """Rows of the ladder on the cases' readings, but for those tied to a solver of their own (Listing 1 as printed).
 
-
-def _without_listings(case: Case) -> Case:
-    """The readings that are not tied to a solver of their own (Listing 1 as printed)."""
-    return replace(case, readings=tuple(reading for reading in case.readings if reading.solvers is None))
+    Tolerances and deadline are its own.
+    """
+    changed = replace(options, tolerances=LADDER, timeout=TIMEOUT)
+    open_to_all = [replace(case, readings=tuple(r for r in case.readings if r.solvers is None)) for case in cases]
+    return [row for own in rows_of(open_to_all, changed, observer).values() for row in own]
 
 
 def time_ladder_pairs(
@@ -113,22 +124,48 @@ def samples_of(found: Sequence[TimedPair]) -> list[SampleRow]:
     return rows
 
 
+def mean_costs(found: Sequence[PairRow], digits: int) -> dict[str, float]:
+    """Geometric mean of each solver's time over that of ``henon``, for so many digits.
+
+    Over all readings that another solver gets to so many digits, too; solvers that do not get there in every one are
+    left out. heyoka's own calls, where they are known in all, are one more entry, :data:`ALONE`.
+    """
+    own = [row for row in found if row.digits == digits]
+    readings = {row.problem for row in own}
+    costs: dict[str, list[float]] = {FIRST: [1.0] * len(readings)} if own else {}
+    for row in own:
+        costs.setdefault(row.rival, []).append(row.times_as_long)
+        if row.rival == SECOND and row.own_times_as_long is not None:
+            costs.setdefault(ALONE, []).append(row.own_times_as_long)
+    return {solver: geometric_mean(ratios) for solver, ratios in costs.items() if len(ratios) == len(readings)}
+
+
 def whole_table(rows: Sequence[RunRow], pairs: Sequence[PairRow]) -> Table:
     """Solvers by their geometric mean cost over all readings, for every level."""
     means = {level: mean_costs(pairs, level) for level in LEVELS}
-    solvers = list(by_solver(rows))
-    solvers.sort(key=lambda solver: min(own.get(solver, math.inf) for own in means.values()))
+    solvers = sorted(by_solver(rows), key=lambda solver: min(own.get(solver, math.inf) for own in means.values()))
     lines = []
     for solver in solvers:
         cells = [
             significant(own[solver], 2) if solver in own else f"*{why_not(rows, solver, level)}*"
             for level, own in means.items()
         ]
-        lines.append((f"`{solver}`", *cells))
-        if solver == SECOND and any(alone := [mean_own_cost(pairs, level) for level in LEVELS]):
-            words = (significant(cost, 2) if cost else "" for cost in alone)
-            lines.append((f"`{SECOND}`, its own calls alone", *words))
+        lines.append((code(solver), *cells))
+        if solver == SECOND and any(ALONE in own for own in means.values()):
+            lines.append((ALONE, *(significant(own[ALONE], 2) if ALONE in own else "" for own in means.values())))
     return Table(("solver", *(f"{level} digits" for level in LEVELS)), "l" + "r" * len(LEVELS), lines)
+
+
+def why_not(rows: Sequence[RunRow], solver: str, digits: int) -> str:
+    """Why a solver has no mean cost for so many digits: what keeps it from them in the first reading where it fails."""
+    for own in readings_of(rows).values():
+        ladder = [row for row in own if row.solver == solver]
+        if reaching([row for row in own if row.solver != solver], digits) and not reaching(ladder, digits):
+            ends = {"unsupported": "unsupported", "unavailable": "not installed"}
+            if any(row.status == "timeout" for row in ladder):
+                return f"over {TIMEOUT:g} s"
+            return next((ends[row.status] for row in ladder if row.status in ends), "not reached")
+    return ""
 
 
 def own_times(pairs: Sequence[PairRow]) -> str:
@@ -137,35 +174,27 @@ def own_times(pairs: Sequence[PairRow]) -> str:
     for level in LEVELS:
         times = {row.problem: row.wall_s for row in pairs if row.digits == level}
         if times:
-            mean = math.exp(sum(math.log(time) for time in times.values()) / len(times))
-            cells.append(f"{duration(mean)} for {level} digits")
+            cells.append(f"{duration(geometric_mean(times.values()))} for {level} digits")
     return ", ".join(cells)
 
 
 def rival_table(found: Sequence[PairRow]) -> Table:
-    """How many times as long as `henon` others take, for the same digits, reading by reading."""
+    """How many times as long as `henon` others take, for the same digits, by reading, and heyoka's own calls."""
     ran = {row.rival for row in found}
-    listed = [SECOND, *(rival for rival in LISTED[1:] if rival in ran)]
-    ratios: dict[tuple[str, str, str], dict[str, PairRow]] = {}
+    listed = [rival for rival in LISTED if rival == SECOND or rival in ran]
+    columns = [SECOND, ALONE, *listed[1:]]
+    cells: dict[tuple[str, str], dict[str, str]] = {}
     for row in found:
         if row.rival in listed:
-            key = (*row.problem, bound(row.digits))
-            ratios.setdefault(key, {})[row.rival] = row
-    lines = []
-    for (case, reading, digits), own in ratios.items():
-        cells = [_times_as_long(own[rival]) if rival in own else "" for rival in listed]
-        ratio = own[SECOND].own_ratio() if SECOND in own else None
-        alone = "" if ratio is None else significant(ratio, 2)
-        lines.append((title(case, reading), digits, *cells[:1], alone, *cells[1:]))
-    headings = [f"`{rival}`" for rival in listed]
-    headings.insert(1, f"`{SECOND}`, its own calls alone")
+            own = cells.setdefault((title(*row.problem), bound(row.digits)), {})
+            # A row has henon's time over the other's: the ends of its interval change places.
+            times, low, high = (significant(1.0 / ratio, 2) for ratio in (row.ratio, row.ratio_high, row.ratio_low))
+            own[row.rival] = f"{times} ({low} to {high})"
+            if row.rival == SECOND and row.own_times_as_long is not None:
+                own[ALONE] = significant(row.own_times_as_long, 2)
+    lines = [(*key, *(own.get(column, "") for column in columns)) for key, own in cells.items()]
+    headings = [column if column == ALONE else code(column) for column in columns]
     return Table(("reading", "digits", *headings), "lr" + "r" * len(headings), lines)
-
-
-def _times_as_long(row: PairRow) -> str:
-    """How many times as long as ``henon`` a solver takes, and the interval: a row has ``henon``'s time over its own."""
-    times, low, high = (significant(1.0 / ratio, 2) for ratio in (row.ratio, row.ratio_high, row.ratio_low))
-    return f"{times} ({low} to {high})"
 
 
 def scatter(rows: Sequence[RunRow]) -> dict[str, int]:
@@ -178,44 +207,39 @@ def scatter(rows: Sequence[RunRow]) -> dict[str, int]:
     }
 
 
-def costs(found: Sequence[PairRow], reading: tuple[str, str], digits: int) -> dict[str, float]:
-    """Each solver's time over that of ``henon``, for so many digits in one reading."""
-    rows = [row for row in found if row.problem == reading and row.digits == digits]
-    return {row.rival: 1.0 / row.ratio for row in rows} | ({FIRST: 1.0} if rows else {})
+def draw_ladder(rows: Sequence[RunRow], count: str) -> Figure:
+    """Worst error of a transition's time against a cost, one line a solver, for one reading.
 
-
-def mean_costs(found: Sequence[PairRow], digits: int) -> dict[str, float]:
-    """Geometric mean of these over all readings that another solver gets to so many digits, too.
-
-    Solvers that do not get there in every one are left out.
+    Times have bars, the 95 % intervals of the medians.
     """
-    readings = dict.fromkeys(row.problem for row in found if row.digits == digits)
-    each = [costs(found, reading, digits) for reading in readings]
-    common = [solver for solver in dict.fromkeys(s for own in each for s in own) if all(solver in own for own in each)]
-    return {solver: math.exp(sum(math.log(own[solver]) for own in each) / len(each)) for solver in common}
-
-
-def mean_own_cost(found: Sequence[PairRow], digits: int) -> float | None:
-    """The same mean for heyoka's own calls alone; None where they are not known in every reading of its mean."""
-    own = [row.own_ratio() for row in found if (row.rival, row.digits) == (SECOND, digits)]
-    known = [ratio for ratio in own if ratio]
-    if not known or len(known) < len(own) or SECOND not in mean_costs(found, digits):
-        return None
-    return math.exp(sum(map(math.log, known)) / len(known))
-
-
-def why_not(rows: Sequence[RunRow], solver: str, digits: int) -> str:
-    """Why a solver has no mean cost for so many digits: what keeps it from them in the first reading where it fails."""
-    for own in readings_of(rows).values():
-        if reaching([row for row in own if row.solver != solver], digits):
-            ladder = [row for row in own if row.solver == solver]
-            if not reaching(ladder, digits):
-                return _failure(ladder)
-    return ""
-
-
-def _failure(ladder: Sequence[RunRow]) -> str:
-    ends = {"unsupported": "unsupported", "unavailable": "not installed"}
-    if any(row.status == "timeout" for row in ladder):
-        return f"over {TIMEOUT:g} s"
-    return next((ends[row.status] for row in ladder if row.status in ends), "not reached")
+    is_time = count == "wall_s"
+    ladders = by_solver(row for row in right(rows) if row.max_time_error_s is not None and getattr(row, count))
+    lines = style.lines_of(by_solver(right(rows)))
+    tips = {}
+    with style.figure(4.4) as figure:
+        axes = figure.add_axes((0.1, 0.12, 0.645, 0.8))
+        axes.set(xscale="log", yscale="log")
+        for solver, ladder in ladders.items():
+            errors = [max(number(row.max_time_error_s), 1e-16) for row in ladder]
+            points = [(getattr(row, count), error) for row, error in zip(ladder, errors, strict=True)]
+            draw_line(axes, lines[solver], points, "", ms=3.5)
+            if is_time:
+                low, high = ([number(getattr(row, end)) for row in ladder] for end in ("wall_s_low", "wall_s_high"))
+                axes.hlines(errors, low, high, color=lines[solver].colour, lw=0.8)
+            tips[solver] = min(errors)
+        style.decades(axes.xaxis, style.time_text if is_time else style.power_of_ten)
+        style.decades(axes.yaxis)
+        ordered = sorted(tips, key=lambda solver: -tips[solver])
+        label_column(axes, [(solver, lines[solver]) for solver in ordered], x=1.045, gap=0.05)
+        if is_time:
+            axes.plot([], [], color=style.GREY, lw=0.8, label="95 % interval of the median")
+            axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
+        axes.set(xlabel=COUNTS[count], ylabel="worst error of a transition time [s]")
+        least = "; ".join(f"{solver} {tips[solver]:.1e} s" for solver in ordered)
+        describe(
+            figure,
+            f"Accuracy against {'time' if is_time else count.replace('_', ' ')}",
+            f"Across, {COUNTS[count]}; upward, the worst error of a transition time; both axes are logarithmic. "
+            f"Least error of each solver: {least}.",
+        )
+    return figure

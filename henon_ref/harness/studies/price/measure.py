@@ -1,49 +1,41 @@
-"""What the measurements of the price list share: the orbit of Fig. 8, new interpreters, fitted powers, titles."""
+"""What the measurements of the price list share: new interpreters, systems from Python, fitted powers, drawing."""
 
 from __future__ import annotations
 
 import math
 import multiprocessing
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
+import sympy as sp
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-from henon_ref.casefile.case import parse_case
+from henon_ref.figures import style
+from henon_ref.figures.description import describe
+from henon_ref.harness.studies.page import shipped_problem
 from henon_ref.jit.cache_folder import VARIABLE
 from henon_ref.modes.problem import Problem
+from henon_ref.simulation.system import System
 
 P = ParamSpec("P")
 T = TypeVar("T")
-FIG8 = """\
-schema: 1
-name: fig8_orbit
-title: The motion of Fig. 8's `listing_limit`
-system:
-  state: [x1, x2]
-  parameters: {m: 0.1, vp: 0.4, mu0: sqrt(3)/9, A: 4*sqrt(3)/3*sin(pi/18), w: 3*pi/2/1.2364, zs: 2*sqrt(3)/3*sin(pi/18)}
-  surfaces: {s: x2 - vp}
-  field:
-    - 3*x2
-    - 3*(-(x1 - A*sin(w*t)) + (x1 - A*sin(w*t))^3 - s*mu0/(1 + s*(x2 - vp)))/m
-sliding:
-  s:
-    field: [vp, 0]
-    release: [{when: x1 - A*sin(w*t) - zs, direction: rising, to: -1}]
-initial: {t: 0, x1: -zs, x2: vp, mode: {s: 0}}
-until: 70
-"""
-"""Fig. 8's `listing_limit`, independent of the cases on the command line (a test compares it with the case file)."""
 
 
 def orbit_problem() -> Problem:
     """The problem whose motion is periodic: Fig. 8's `listing_limit`."""
-    return parse_case(FIG8).readings[0].problem
+    return shipped_problem("fig8", "listing_limit")
+
+
+def problem_of(system: System, initial: Mapping[str, float | str], until: float | str) -> Problem:
+    """The problem of a system from Python, from t = 0; numbers as decimals."""
+    start = tuple(system.number(initial[name]) for name in system.state)
+    return Problem(system.model, sp.Integer(0), start, system.number(until))
 
 
 def in_fresh_process(function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
@@ -53,10 +45,10 @@ def in_fresh_process(function: Callable[P, T], *args: P.args, **kwargs: P.kwargs
 
 
 @contextmanager
-def caches_in(folder: Path) -> Iterator[None]:
+def caches_in(folder: str) -> Iterator[None]:
     """Processes begun here keep compiled code in a folder."""
     before = os.environ.get(VARIABLE)
-    os.environ[VARIABLE] = str(folder)
+    os.environ[VARIABLE] = folder
     try:
         yield
     finally:
@@ -104,3 +96,19 @@ def fitted(rows: Sequence[Any], solver: str, x: str, y: str, since: float) -> Fi
 def title(case: str, reading: str) -> str:
     """What a reading is called."""
     return case if reading == "default" else f"{case}, {reading}"
+
+
+def draw_line(axes: Axes, look: style.Line, points: Sequence[tuple[float, float]], label: str, **more: float) -> None:
+    """A solver's points on logarithmic axes."""
+    axes.loglog(
+        [x for x, _ in points], [y for _, y in points], ls=look.dashes, marker=look.marker, color=look.colour,
+        lw=look.width, label=label, **more,
+    )  # fmt: skip
+
+
+def finish(figure: Figure, heading: str, words: str, with_legend: Iterable[Axes]) -> None:
+    """Legends above axes, the layout, and what the figure shows."""
+    for axes in with_legend:
+        axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
+    figure.set_layout_engine("constrained")
+    describe(figure, heading, words)

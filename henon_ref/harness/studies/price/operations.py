@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.harness.campaign.timing import interleaved
 from henon_ref.harness.rows import Row
 from henon_ref.integrator.integrator import Integrator
@@ -15,15 +13,17 @@ from henon_ref.integrator.prepared_run import order_for
 from henon_ref.integrator.records import HENON
 from henon_ref.integrator.run import Run
 from henon_ref.modes.problem import Problem
-from henon_ref.taylor.llvm.count import count as count
+from henon_ref.taylor.llvm.count import count
 from henon_ref.taylor.llvm.expansion import expansion_ir
 from henon_ref.taylor.llvm.step_end import step_end_ir
 from henon_ref.taylor.tape import build_tape
+from henon_ref.trajectory import Trajectory
 
 RTOL = 1e-12
 ROUNDS = 60
-SIZE = 60
-"""Rows of the square matrices whose product measures the peak rate: three of them stay within the first cache level."""
+SIZE, PRODUCTS = 60, 20
+"""Rows of the square matrices whose product measures the peak rate: three of them stay within the first cache level.
+Products that are timed together."""
 
 
 @dataclass(frozen=True)
@@ -65,8 +65,7 @@ class Work(Row):
 def work(problem: Problem) -> Work:
     """Count and time a run of a problem with one surface at tolerance 1e-12."""
     tolerance = 0.1 * RTOL
-    order = order_for(tolerance)
-    system = problem.system
+    order, system = order_for(tolerance), problem.system
     n = len(system.states)
     counts = []
     for sliding in (frozenset[int](), frozenset({0})):
@@ -76,41 +75,29 @@ def work(problem: Problem) -> Work:
     integrator = Integrator(system, order)
     start = integrator.start(problem, tolerance=tolerance, landing=HENON)
 
-    def run():  # type: ignore[no-untyped-def]
-        return Run(integrator, start).to_horizon()
+    def run(until: float = float(problem.until)) -> Trajectory:
+        return Run(integrator, replace(start, until=(until, 0.0))).to_horizon()
 
     a = np.linspace(0, 1, SIZE * SIZE).reshape(SIZE, SIZE)
     out = np.empty_like(a)
 
     def product() -> None:
-        for _ in range(20):
+        for _ in range(PRODUCTS):
             np.matmul(a, a, out=out)
 
     times = interleaved({"run": run, "product": product}, rounds=ROUNDS)
-    made = run().counts
-    in_stick = _while_stuck(
-        problem, lambda until: Run(integrator, replace(start, until=(until, 0.0))).to_horizon().counts.rhs_evaluations
-    )
+    whole = run()
+    spent = [0, *(run(t.time).counts.rhs_evaluations for t in whole.transitions), whole.counts.rhs_evaluations]
+    stuck = [mode == (0,) for mode in (whole.transitions[0].from_mode, *(t.to_mode for t in whole.transitions))]
     return Work(
         expansion=counts[0],
         stick=counts[1],
         closing=count(step_end_ir(n, 1, order, "closing")),
-        steps=made.steps,
-        expansions=made.rhs_evaluations,
-        in_stick=in_stick,
-        landed=made.event_evaluations,
+        steps=whole.counts.steps,
+        expansions=whole.counts.rhs_evaluations,
+        in_stick=int(np.diff(spent)[stuck].sum()),
+        landed=whole.counts.event_evaluations,
         order=order,
         wall_s=times.median("run"),
-        peak=20 * 2 * SIZE**3 / times.median("product"),
+        peak=PRODUCTS * 2 * SIZE**3 / times.median("product"),
     )
-
-
-def _while_stuck(problem: Problem, expansions: Callable[[float], int]) -> int:
-    """Expansions made while a motion with one surface sticks; ``expansions(until)`` counts those up to a time."""
-    run = HENON_SOLVER.prepare(problem, rtol=RTOL)()
-    spent, total, stuck = 0, 0, run.transitions[0].from_mode == (0,)
-    for transition in run.transitions:
-        before, spent = spent, expansions(transition.time)
-        total += (spent - before) * stuck
-        stuck = transition.to_mode == (0,)
-    return total + (run.counts.rhs_evaluations - spent) * stuck

@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 from henon_ref.harness.report.manifest import Provenance
 from henon_ref.harness.report.text.ranking import readings_of
 from henon_ref.harness.rows import Row, RunRow, rows_text
 from henon_ref.harness.studies.page import write
-from henon_ref.harness.studies.paired_times.rows import PairRow, own_words
-from henon_ref.harness.studies.paired_times.timing import TimedPair
+from henon_ref.harness.studies.pairs import PairRow, TimedPair, own_words
 from henon_ref.harness.studies.price.compiling import Ready, readiness, ready_table
+from henon_ref.harness.studies.price.contacts import ManyContacts, contact_table, many_contacts
 from henon_ref.harness.studies.price.effects import Step, effect_costs, effect_table
-from henon_ref.harness.studies.price.figures import COUNTS, draw_growth, draw_ladder, draw_sizes
-from henon_ref.harness.studies.price.growth import Horizon, growth_table, horizons
+from henon_ref.harness.studies.price.growth import Horizon, draw_growth, growth_table, horizons
 from henon_ref.harness.studies.price.ladder import (
+    COUNTS,
     FEWEST,
     TIMEOUT,
     SampleRow,
+    draw_ladder,
     own_times,
     rival_table,
     run_ladder,
@@ -33,12 +35,20 @@ from henon_ref.harness.studies.price.ladder import (
 from henon_ref.harness.studies.price.landings import Landed, crest_crossings, landing_table, landings
 from henon_ref.harness.studies.price.measure import caches_in, in_fresh_process, orbit_problem, title
 from henon_ref.harness.studies.price.operations import Work, work
-from henon_ref.harness.studies.price.states import Size, size_table, sizes
+from henon_ref.harness.studies.price.states import Size, draw_sizes, size_table, sizes
 from henon_ref.harness.studies.study import Asked, Made
-from henon_ref.harness.table import duration
+from henon_ref.harness.table import Table, duration
 from henon_ref.text import markdown
 
-FOLDER = "price"
+PARTS: Mapping[str, tuple[str, type[Row], Callable[[Any], Table]]] = {
+    "ready": ("compiling.csv", Ready, ready_table),
+    "landings": ("landings.csv", Landed, landing_table),
+    "effects": ("effects.csv", Step, effect_table),
+    "growth": ("horizons.csv", Horizon, growth_table),
+    "sizes": ("states.csv", Size, size_table),
+    "contacts": ("contacts.csv", ManyContacts, contact_table),
+}
+"""Measurement -> its file, the rows of it, and their table."""
 
 
 @dataclass(frozen=True)
@@ -49,36 +59,37 @@ class Prices:
     pairs: Sequence[TimedPair]
     failed: Sequence[str]
     """Pairs that could not be timed, and why."""
+    work: Work
     ready: Sequence[Ready]
     landings: Sequence[Landed]
-    work: Work
     effects: Sequence[Step]
     growth: Sequence[Horizon]
     sizes: Sequence[Size]
+    contacts: Sequence[ManyContacts]
 
 
 def run_price(asked: Asked) -> Made:
     """Measure everything and write the page; with ``all`` among the solvers of the ladder the peers, too."""
-    folder, named = asked.out / FOLDER, asked.options.solvers or ()
-    options = replace(asked.options, solvers=solvers([str(name) for name in named]), folder=folder)
+    named = asked.options.solvers or ()
+    options = replace(asked.options, solvers=solvers([str(name) for name in named]), folder=asked.folder)
     rows = run_ladder(asked.cases, options, asked.observer)
     timed, failed = time_ladder_pairs(asked.cases, rows, options, asked.observer)
     # The measurements below run one at a time, in this process or a new one, with no worker busy.
-    orbit = orbit_problem()
-    with TemporaryDirectory() as empty, caches_in(Path(empty)):
+    with TemporaryDirectory() as empty, caches_in(empty):
         chains = in_fresh_process(sizes)
     found = Prices(
         rows=rows,
         pairs=timed,
         failed=failed,
+        work=work(orbit_problem()),
         ready=readiness(asked.cases, timed),
         landings=[*landings(asked.cases), *crest_crossings()],
-        work=work(orbit),
         effects=effect_costs(),
-        growth=horizons(orbit),
+        growth=horizons(orbit_problem()),
         sizes=chains,
+        contacts=many_contacts(),
     )
-    return Made(write_page(found, asked.origin, folder))
+    return Made(write_page(found, asked.origin, asked.folder))
 
 
 def write_page(found: Prices, origin: Provenance, folder: Path) -> Path:
@@ -96,16 +107,9 @@ def write_page(found: Prices, origin: Provenance, folder: Path) -> Path:
         shown = [(COUNTS[count], file) for file, count in own.items()]
         sections.append({"title": title(case, reading), "figures": shown, "scatter": scatter(rows)})
     work = found.work
-    tables = {
-        "whole": whole_table(found.rows, found.pairs),
-        "rivals": rival_table(found.pairs),
-        "ready": ready_table(found.ready),
-        "landings": landing_table(found.landings),
-        "effects": effect_table(found.effects),
-        "growth": growth_table(found.growth),
-        "sizes": size_table(found.sizes),
-    }
-    context = {name: table.markdown for name, table in tables.items()} | {
+    context = {name: table(getattr(found, name)).markdown for name, (_, _, table) in PARTS.items()} | {
+        "whole": whole_table(found.rows, found.pairs).markdown,
+        "rivals": rival_table(found.pairs).markdown,
         "own_times": own_times(found.pairs),
         "deadline": f"{TIMEOUT:g}",
         "fewest": FEWEST,
@@ -119,17 +123,10 @@ def write_page(found: Prices, origin: Provenance, folder: Path) -> Path:
         "peak": f"{work.peak / 1e9:.2g}",
         "origin": origin,
     }
-    files: dict[str, tuple[type[Row], Sequence[Row]]] = {
-        "price.csv": (RunRow, found.rows),
-        "pairs.csv": (PairRow, found.pairs),
-        "samples.csv": (SampleRow, samples_of(found.pairs)),
-        "compiling.csv": (Ready, found.ready),
-        "landings.csv": (Landed, found.landings),
-        "effects.csv": (Step, found.effects),
-        "horizons.csv": (Horizon, found.growth),
-        "states.csv": (Size, found.sizes),
-        "operations.csv": (Work, [work]),
+    files = {file: rows_text(kind, getattr(found, name)) for name, (file, kind, _) in PARTS.items()} | {
+        "price.csv": rows_text(RunRow, found.rows),
+        "pairs.csv": rows_text(PairRow, found.pairs),
+        "samples.csv": rows_text(SampleRow, samples_of(found.pairs)),
+        "operations.csv": rows_text(Work, [work]),
     }
-    return write(
-        folder, "price", context, {name: rows_text(kind, rows) for name, (kind, rows) in files.items()}, figures
-    )
+    return write(folder, "price", context, files, figures)

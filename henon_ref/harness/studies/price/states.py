@@ -6,18 +6,22 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
-from henon_ref.casefile.case import parse_case
+from matplotlib.figure import Figure
+
+from henon_ref.figures import style
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.timing import Turns, interleaved
 from henon_ref.harness.rows import Row
-from henon_ref.harness.studies.paired_times.own_calls import clocked, own_part
-from henon_ref.harness.studies.paired_times.rows import FIRST
-from henon_ref.harness.studies.price.measure import orbit_problem
-from henon_ref.harness.studies.runs import largest_time_difference
+from henon_ref.harness.studies.page import largest_time_difference
+from henon_ref.harness.studies.pairs import FIRST, own_part
+from henon_ref.harness.studies.price.measure import draw_line, finish, fitted, orbit_problem, problem_of
 from henon_ref.harness.table import Table, duration
 from henon_ref.modes.problem import Problem
-from henon_ref.solver import Run
+from henon_ref.simulation.system import System
+from henon_ref.solver import Run, Solver
+from henon_ref.text import code
 from henon_ref.trajectory import Trajectory
 
 BLOCKS = (1, 2, 4, 8, 16, 32, 64)
@@ -56,8 +60,8 @@ class Size(Row):
     smooth_ratio: float
     agrees: bool
     """Whether its transitions and last states are those of the first solver."""
-    own_s: float = math.nan
-    """What of the run with transitions its library's own calls take [s]; NaN where that is not known."""
+    own_s: float | None = None
+    """What of the run with transitions its library's own calls take [s]; None where that is not known."""
 
     @property
     def per_second(self) -> float:
@@ -65,60 +69,49 @@ class Size(Row):
         return self.smooth_s / SMOOTH_S
 
 
-def horizon(blocks: int) -> float:
-    """Horizon of a chain with transitions [s]: seven to sixteen of them, each leading to a mode of its own."""
-    return 40.0 * blocks**-1.4
-
-
-def chain(blocks: int, *, belt: float = BELT, until: float | None = None) -> Problem:
+def chain(blocks: int, belt: float) -> System:
     """Blocks in a row, each on a spring to the wall, joined by springs, with falling friction on a belt.
 
     ``xi'' + xi + kc (2 xi - xi-1 - xi+1) = -F sgn(vi) / (1 + delta abs(vi))`` after Burridge and Knopoff, Bull.
-    Seismol. Soc. Am. 57 (1967) 341-371; the blocks start at rest at places that never repeat.
-
-    Parameters
-    ----------
-    blocks : int
-    belt : float
-        Velocity of the belt [m/s].
-    until : float, optional
-        Horizon [s]; :func:`horizon` where it is not given.
+    Seismol. Soc. Am. 57 (1967) 341-371; ``belt``: its velocity [m/s].
     """
     numbers = range(1, blocks + 1)
-    field, initial = [], ["t: 0"]
-    for i in numbers:
-        springs = "".join(f" - kc*(x{i} - x{j})" for j in (i - 1, i + 1) if j in numbers)
-        field += [f"v{i}", f"-x{i}{springs} - F*s{i}/(1 + delta*s{i}*(v{i} - vp))"]
-        initial += [f"x{i}: {i * GOLDEN % 1:.6f}", f"v{i}: 0"]
-    lines = [
-        "schema: 1",
-        "name: chain",
-        f"title: A chain of {blocks} blocks",
-        "system:",
-        f"  state: [{', '.join(f'x{i}, v{i}' for i in numbers)}]",
-        f"  parameters: {{kc: 1.2, F: 1, delta: 3, vp: {belt}}}",
-        f"  surfaces: {{{', '.join(f's{i}: v{i} - vp' for i in numbers)}}}",
-        "  field:",
-        *(f"    - {rate}" for rate in field),
-        f"initial: {{{', '.join(initial)}}}",
-        f"until: {horizon(blocks) if until is None else until:.6f}",
-    ]
-    return parse_case("\n".join(lines) + "\n").readings[0].problem
+    pulls = {i: "".join(f" - kc*(x{i} - x{j})" for j in (i - 1, i + 1) if j in numbers) for i in numbers}
+    return System(
+        state=[name for i in numbers for name in (f"x{i}", f"v{i}")],
+        parameters={"kc": 1.2, "F": 1, "delta": 3, "vp": belt},
+        surfaces={f"s{i}": f"v{i} - vp" for i in numbers},
+        field=[rate for i in numbers for rate in (f"v{i}", f"-x{i}{pulls[i]} - F*s{i}/(1 + delta*s{i}*(v{i} - vp))")],
+    )
+
+
+def chain_problem(blocks: int, *, belt: float = BELT, until: float | None = None) -> Problem:
+    """A chain that starts at rest at places that never repeat.
+
+    ``until``: its horizon [s]; if left out one with seven to sixteen transitions, each leading to a mode of its own.
+    """
+    initial = {name: value for i in range(1, blocks + 1) for name, value in ((f"x{i}", i * GOLDEN % 1), (f"v{i}", 0))}
+    horizon = 40.0 * blocks**-1.4 if until is None else until
+    return problem_of(chain(blocks, belt), {name: f"{x:.6f}" for name, x in initial.items()}, f"{horizon:.6f}")
 
 
 def sizes(blocks: Sequence[int] = BLOCKS, solvers: Sequence[str] = SOLVERS) -> list[Size]:
     """Run every solver on every chain, with and without transitions, timed in turn."""
     found = []
-    for problem in (orbit_problem(), chain(3)):  # what chains of all lengths share is imported and compiled here
+    for problem in (
+        orbit_problem(),
+        chain_problem(3),
+    ):  # what chains of all lengths share is imported and compiled here
         for name in solvers:
             registry.solver(name).prepare(problem, rtol=RTOL)()
     first = solvers[0]
     for count in blocks:
-        problem = chain(count)
+        problem = chain_problem(count)
         ready, runs, times = _timed(problem, solvers)
-        _, smooth_runs, smooth_times = _timed(chain(count, belt=FAST, until=SMOOTH_S), solvers)
+        _, smooth_runs, smooth_times = _timed(chain_problem(count, belt=FAST, until=SMOOTH_S), solvers)
         ends, smooth_ends = ({name: run() for name, run in own.items()} for own in (runs, smooth_runs))
         for name in solvers:
+            part = own_part(name, runs[name], partial(_prepared, problem=problem), rounds=ROUNDS)
             found.append(
                 Size(
                     states=2 * count,
@@ -133,10 +126,14 @@ def sizes(blocks: Sequence[int] = BLOCKS, solvers: Sequence[str] = SOLVERS) -> l
                     agrees=_agree(ends[first], ends[name])
                     and _agree(smooth_ends[first], smooth_ends[name])
                     and not smooth_ends[name].transitions,
-                    own_s=_own_part(problem, name, runs[name]) * times.median(name),
+                    own_s=None if part is None else part * times.median(name),
                 )
             )
     return found
+
+
+def _prepared(solver: Solver, problem: Problem) -> Run:
+    return solver.prepare(problem, rtol=RTOL)
 
 
 def _timed(problem: Problem, solvers: Sequence[str]) -> tuple[dict[str, float], dict[str, Run], Turns[str]]:
@@ -145,18 +142,10 @@ def _timed(problem: Problem, solvers: Sequence[str]) -> tuple[dict[str, float], 
     ready: dict[str, float] = {}
     for name in solvers:
         began = time.perf_counter()
-        runs[name] = registry.solver(name).prepare(problem, rtol=RTOL)
+        runs[name] = _prepared(registry.solver(name), problem)
         runs[name]()  # modes are made ready where they are first met
         ready[name] = time.perf_counter() - began
     return ready, runs, interleaved(runs, rounds=ROUNDS)
-
-
-def _own_part(problem: Problem, name: str, run: Run) -> float:
-    """What part of a run its library's own calls are; NaN where that is not known."""
-    solver = clocked(registry.solver(name))
-    if solver is None:
-        return math.nan
-    return own_part(run, solver.prepare(problem, rtol=RTOL), solver.clock, rounds=ROUNDS)
 
 
 def _agree(first: Trajectory, other: Trajectory) -> bool:
@@ -171,16 +160,51 @@ def size_table(found: Sequence[Size]) -> Table:
     for states in dict.fromkeys(own.states for own in found):
         own = {size.solver: size for size in found if size.states == states}
         runs, smooth, ready = (
-            [duration(value(own[s])) if own[s].agrees else "other answer" for s in solvers]
-            for value in (lambda s: s.wall_s, lambda s: s.smooth_s, lambda s: s.ready_s)
+            [duration(getattr(own[s], column)) if own[s].agrees else "other answer" for s in solvers]
+            for column in ("wall_s", "smooth_s", "ready_s")
         )
-        ratios = [f"{value:.2g}" for value in (own["heyoka"].ratio, own["heyoka"].smooth_ratio)]
-        first, alone = own[FIRST], own["heyoka"].own_s
-        calls = "" if math.isnan(alone) else duration(alone)
-        lines.append((f"{states}", f"{first.transitions}", *runs, ratios[0], calls, *smooth, ratios[1], *ready))
-    names = [f"`{solver}`" for solver in solvers]
+        first, heyoka = own[FIRST], own["heyoka"]
+        lines.append(
+            (
+                f"{states}", f"{first.transitions}", *runs, f"{heyoka.ratio:.2g}", duration(heyoka.own_s),
+                *smooth, f"{heyoka.smooth_ratio:.2g}", *ready,
+            )
+        )  # fmt: skip
+    names = list(map(code, solvers))
     headings = (
         "states", "transitions", *(f"run, {n}" for n in names), "`henon` / `heyoka`", "run, `heyoka`'s own calls alone",
         *(f"without transitions, {n}" for n in names), "`henon` / `heyoka`", *(f"ready, {n}" for n in names),
     )  # fmt: skip
     return Table(headings, "r" * len(headings), lines)
+
+
+def draw_sizes(found: Sequence[Size]) -> Figure:
+    """Time of a simulated second and of getting ready over the number of states, for every solver."""
+    columns = {
+        "per_second": (1e3, "wall time of a simulated second [ms]"),
+        "ready_s": (1.0, "wall time of making ready [s]"),
+    }
+    powers = {
+        solver: [str(fitted(found, solver, "states", column, MANY)) for column in columns]
+        for solver in dict.fromkeys(own.solver for own in found)
+    }
+    ticks = sorted({size.states for size in found})
+    with style.figure(3.2) as figure:
+        panels = figure.subplots(1, 2)
+        for k, (column, (unit, words)) in enumerate(columns.items()):
+            for solver, fits in powers.items():
+                own = [size for size in found if size.solver == solver and size.agrees]
+                points = [(size.states, unit * getattr(size, column)) for size in own]
+                draw_line(panels[k], style.line_of(solver), points, f"{solver}: ~ states^({fits[k]})")
+            panels[k].set_xticks(ticks, [str(tick) for tick in ticks], minor=False)
+            panels[k].set_xticks([], minor=True)
+            panels[k].set(xlabel="states", ylabel=words)
+        finish(
+            figure,
+            "Time of a simulated second, and of making ready, over the number of states",
+            "Two panels with logarithmic axes, a line a solver. Times grow with a power of the number of states: "
+            + "; ".join(f"{solver} {', '.join(fits)}" for solver, fits in powers.items())
+            + ".",
+            panels,
+        )
+    return figure

@@ -8,11 +8,10 @@ import pytest
 
 from henon_ref.casefile.case import load_case
 from henon_ref.harness import registry
-from henon_ref.harness.campaign.options import Setting
-from henon_ref.harness.studies.paired_times import own_calls
-from henon_ref.harness.studies.paired_times.own_calls import Clock, clocked, own_part
-from henon_ref.harness.studies.paired_times.rows import PairRow, own_words, spread_table
-from henon_ref.harness.studies.paired_times.timing import Candidate, Pair, PairedTiming
+from henon_ref.harness.rows import RunRow
+from henon_ref.harness.studies import pairs
+from henon_ref.harness.studies.paired_times import spread_table
+from henon_ref.harness.studies.pairs import Pair, PairedTiming, PairRow, clocked, own_part, own_words
 from henon_ref.workers.worker import WorkerState
 
 CASES = Path(__file__).parents[3] / "cases"
@@ -26,36 +25,45 @@ def test_a_clocked_run_is_the_same_run_and_its_calls_take_a_part_of_it() -> None
     assert own is not None
     assert (own.name, own.restart) == ("heyoka", solver.restart)
     run, again = (each.prepare(problem, rtol=1e-9) for each in (solver, own))
-    own.clock.spent_s = 0.0
+    own.spent_s.clear()
     first, second = run(), again()
     assert list(first.transitions) == list(second.transitions)
     assert first.counts == second.counts
-    assert own.clock.spent_s > 0.0
-    assert own_part(run, again, own.clock, rounds=5) > 0.0
+    assert sum(own.spent_s) > 0.0
+    part = own_part("heyoka", run, lambda solver: solver.prepare(problem, rtol=1e-9), rounds=5)
+    assert part is not None
+    assert part > 0.0
 
 
 def test_other_solvers_are_not_clocked() -> None:
     assert clocked(registry.solver("scipy-rk45")) is None
-    assert clocked(registry.solver("henon")) is None
+    assert own_part("henon", lambda: None, lambda solver: None, rounds=3) is None
 
 
 def test_the_part_is_the_calls_of_one_run_over_a_whole_one(monkeypatch: pytest.MonkeyPatch) -> None:
     """The median over rounds behind the first, and what was clocked before a run does not count."""
-    clock, wholes, owns = Clock(spent_s=100.0), iter([1.0, 8.0, 4.0, 2.0]), iter([1.0, 1.0, 1.0, 1.0])
-    monkeypatch.setattr(own_calls, "timed", lambda run: next(wholes))
+    wholes = iter([1.0, 8.0, 4.0, 2.0])
+    monkeypatch.setattr(pairs, "timed", lambda run: next(wholes))
 
-    def clocked_run() -> None:
-        clock.spent_s += next(owns)
+    def prepare(solver):
+        solver.spent_s.append(100.0)
 
-    assert own_part(lambda: None, clocked_run, clock, rounds=3) == 0.25
+        def clocked_run() -> None:
+            solver.spent_s.extend([0.25, 0.75])
+
+        return clocked_run
+
+    assert own_part("heyoka", lambda: None, prepare, rounds=3) == 0.25
 
 
 def test_a_pair_with_heyoka_is_timed_with_its_own_calls_and_no_other_one_is() -> None:
     pytest.importorskip("heyoka")
     problem = load_case(CASES / "free_coulomb.yaml").readings[0].problem
-    fast, own, slow = (Candidate(name, Setting(1e-9, 1e-9), 1e-3) for name in ("scipy-rk45", "heyoka", "scipy-dop853"))
-    pairs = (Pair(6, "heyoka", (fast,), (own,)), Pair(6, "scipy-dop853", (fast,), (slow,)))
-    rows = PairedTiming("c", "r", problem, pairs, 0.01, 20.0, fewest=3).run(WorkerState(lambda *_: None))
+    fast, own, slow = (
+        RunRow("c", "r", name, rtol=1e-9, atol=1e-9, wall_s=1e-3) for name in ("scipy-rk45", "heyoka", "scipy-dop853")
+    )
+    found = (Pair(6, "heyoka", (fast,), (own,)), Pair(6, "scipy-dop853", (fast,), (slow,)))
+    rows = PairedTiming("c", "r", problem, found, 0.01, 20.0, fewest=3).run(WorkerState(lambda *_: None))
     assert rows[0].rival_own_s > 0.0
     assert rows[1].rival_own_s is None
 

@@ -1,0 +1,152 @@
+"""Paired timing over a folder of reports: ``henon`` against the cheapest other solvers of every reading."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from urllib.parse import quote
+
+import numpy as np
+
+from henon_ref.casefile.case import Case
+from henon_ref.errors import CaseError
+from henon_ref.harness.report.folder import REPORT, RUNS
+from henon_ref.harness.report.text.ranking import LEVELS, readings_of
+from henon_ref.harness.rows import RunRow, read_rows, rows_text
+from henon_ref.harness.studies.page import write
+from henon_ref.harness.studies.pairs import (
+    FIRST,
+    SECOND,
+    PairedTiming,
+    PairRow,
+    able_rows,
+    bound,
+    own_words,
+    pairs_of,
+    time_pairs,
+)
+from henon_ref.harness.studies.study import Asked, Made
+from henon_ref.harness.table import Table, duration, setting, significant
+from henon_ref.harness.table import digits as shown_digits
+from henon_ref.text import code, markdown
+
+SECONDS = 1.0
+"""Time that the runs of a reading may take in all."""
+RATIOS = "ratios.csv"
+OTHERS, FROM_C = "the cheapest other", "CVODE from C"
+"""What the reference is set against on every reading beside the next best: whichever of all others is the cheapest, and
+the library that is called without Python in its way."""
+CVODE_FROM_C = ("cvode-c-adams", "cvode-c-bdf")
+
+
+def run_paired_times(asked: Asked) -> Made:
+    """Time the reference and its rivals in turn on every reading whose report is there, and write the page.
+
+    Raises
+    ------
+    CaseError
+        Where a case has no report.
+    """
+    files = {case.name: (asked.rows or asked.folder.parent) / case.name / RUNS for case in asked.cases}
+    for file in files.values():
+        if not file.is_file():
+            raise CaseError(f"{file} is not there: henon-ref compare CASES --out {file.parents[1]} writes it")
+    runs = {name: read_rows(RunRow, file) for name, file in files.items()}
+    timings = {case.name: list(timings_of(case, runs[case.name], asked.options.timeout)) for case in asked.cases}
+    if not any(timings.values()):
+        return Made(None)
+    rows, failed = time_pairs(timings, asked.options, asked.observer)
+    every = [row for own in runs.values() for row in own]
+    slower = slower_table(rows, every)
+    context = {
+        "readings": len({row.problem for row in rows}),
+        "total": len(readings_of(every)),
+        "left": left_out(every),
+        "fewest": LEVELS[0],
+        "own": own_words(rows),
+        "spread": spread_table(rows).markdown,
+        "slower": slower.markdown if slower.rows else "",
+        "failed": [markdown(each) for each in failed],
+        "origin": asked.origin,
+    }
+    return Made(write(asked.folder, "paired_times", context, {RATIOS: rows_text(PairRow, rows)}))
+
+
+def timings_of(case: Case, rows: Sequence[RunRow], deadline: float) -> Iterator[PairedTiming]:
+    """What is to be timed on a case's readings, by the rows of its report; ``deadline``: of one run [s]."""
+    by_reading = readings_of(rows)
+    for reading in case.readings:
+        own = by_reading.get((case.name, reading.name), [])
+        rivals = {SECOND: (SECOND,), FROM_C: CVODE_FROM_C, OTHERS: {row.solver for row in own} - {FIRST}}
+        found = tuple(pairs_of(own, rivals, LEVELS))
+        if found:
+            yield PairedTiming(case.name, reading.name, reading.problem, found, SECONDS, deadline)
+
+
+def left_out(rows: Sequence[RunRow]) -> dict[str, list[str]]:
+    """Links to the readings without a pair, by the solver that has no right run to the fewest digits of a level."""
+    found: dict[str, list[str]] = {}
+    for (case, reading), own in readings_of(rows).items():
+        able = {row.solver for _, level in able_rows(own, LEVELS) for row in level if row.wall_s}
+        if FIRST not in able:
+            found.setdefault(f"of `{FIRST}`", []).append(link(case, reading))
+        elif able == {FIRST}:
+            found.setdefault("of any other solver", []).append(link(case, reading))
+    return found
+
+
+def spread_table(rows: Sequence[PairRow]) -> Table:
+    """How many times as long as ``henon`` the others take over the readings; and in how many they take less."""
+    lines = []
+    for label, against, times in (
+        (code(SECOND), SECOND, "times_as_long"),
+        (f"{code(SECOND)}, its own calls alone", SECOND, "own_times_as_long"),
+        (FROM_C, FROM_C, "times_as_long"),
+        (OTHERS, OTHERS, "times_as_long"),
+    ):
+        for digits in (*LEVELS, None):
+            own = [getattr(row, times) for row in rows if (row.against, row.digits) == (against, digits)]
+            found = [value for value in own if value is not None]
+            if found:
+                quantiles = (significant(value) for value in np.quantile(found, [0.0, 0.25, 0.5, 0.75, 1.0]))
+                faster = sum(value < 1 for value in found)
+                lines.append((label, bound(digits), f"{len(found)}", *quantiles, f"{faster}"))
+    headings = (
+        "solver", "digits", "readings", "times as long, least", "lower quartile", "median", "upper quartile", "most",
+        f"faster than {code(FIRST)} in",
+    )  # fmt: skip
+    return Table(headings, "l" + "r" * (len(headings) - 1), lines)
+
+
+def slower_table(rows: Sequence[PairRow], runs: Sequence[RunRow]) -> Table:
+    """Readings in which another solver is faster, at the digits at which it is so most: times, and what either gets.
+
+    ``runs``, the rows of the reports, know how many digits and steps a setting has.
+    """
+    known = {run.key: run for run in runs}
+    slower: dict[tuple[str, str], list[PairRow]] = {}
+    for row in rows:
+        if row.against == OTHERS and row.ratio > 1:
+            slower.setdefault(row.problem, []).append(row)
+    lines = []
+    for problem, own in slower.items():
+        row = max(own, key=lambda row: row.ratio)
+        cells = [link(*problem), bound(row.digits)]
+        for solver, rtol, step, wall in (
+            (FIRST, row.rtol, None, row.wall_s),
+            (row.rival, row.rival_rtol, row.rival_step_s, row.rival_wall_s),
+        ):
+            run = known.get((*problem, solver, rtol, step))
+            got = "" if run is None or run.digits is None else shown_digits(run.digits)
+            steps = "" if run is None or run.steps is None else f"{run.steps}"
+            cells += [code(solver)] if solver != FIRST else []
+            cells += [setting(rtol, step), got, steps, duration(wall)]
+        lines.append((*cells, significant(row.ratio)))
+    first, gets = code(FIRST), ("gets", "steps", "time")
+    headings = ("reading", "digits", f"{first} at", *gets, "solver", "setting", *gets, f"times as long, {first}")
+    return Table(headings, "lrrrrrlrrrrr", lines)
+
+
+def link(case: str, reading: str) -> str:
+    """A reading as a link to its report, which lies beside the study's folder."""
+    text, anchor = (case, "") if reading == "default" else (f"{case}, {reading}", f"#{quote(reading)}")
+    return f"[{markdown(text)}](../{quote(case)}/{REPORT}{anchor})"
