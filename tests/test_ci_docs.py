@@ -55,7 +55,7 @@ def test_the_workflow_runs_the_command_with_options_that_there_are(steps):
     )  # fmt: skip
     assert given["junit"].parent == request.options["folder"]
     (upload,) = [step["with"]["path"] for step in steps if "upload" in step.get("uses", "")]
-    assert Path(upload) == request.out
+    assert Path(upload) == request.options["folder"]
     (clone,) = [shlex.split(step["run"])[-1] for step in steps if "git clone" in step.get("run", "")]
     (cases,) = request.cases
     assert case_files(ROOT / cases.relative_to(clone))
