@@ -14,7 +14,8 @@ from ruamel.yaml import YAML
 
 from henon_ref.casefile.files import case_files
 from henon_ref.harness import registry
-from henon_ref.harness.cli import arguments, gate
+from henon_ref.harness.cli import compare as compare_command
+from henon_ref.harness.cli import gate
 from henon_ref.harness.score.row_result import KnownFailure
 
 ROOT = Path(__file__).parents[1]
@@ -44,24 +45,24 @@ def test_the_workflow_has_steps_that_use_or_run_something(steps):
 def test_the_workflow_runs_the_command_with_options_that_there_are(steps):
     compare, held = [shlex.split(step["run"]) for step in steps if " results" in str(step.get("run", ""))]
     assert compare[:3] == ["python", "-m", "henon_ref.compare"]
-    request = typer.main.get_command(arguments.app).main(compare[3:], standalone_mode=False)
-    assert request.solvers == ("my-solver",)
-    assert held[:3] == ["henon-ref", "gate", str(request.out)]
+    request = typer.main.get_command(compare_command.app).main(compare[3:], standalone_mode=False)
+    assert request.options["solvers"] == ("my-solver",)
+    assert held[:3] == ["henon-ref", "gate", str(request.options["folder"])]
     given = typer.main.get_command(gate.app).make_context("gate", held[2:]).params
     assert given["require"] == "my-solver"
     assert (given["junit"], given["baseline"], given["known"]) == (
         Path("results/henon_ref.xml"), Path("ci/runs"), Path("ci/known.csv"),
     )  # fmt: skip
-    assert given["junit"].parent == request.out
+    assert given["junit"].parent == request.options["folder"]
     (upload,) = [step["with"]["path"] for step in steps if "upload" in step.get("uses", "")]
-    assert Path(upload) == request.out
+    assert Path(upload) == request.options["folder"]
     (clone,) = [shlex.split(step["run"])[-1] for step in steps if "git clone" in step.get("run", "")]
     (cases,) = request.cases
     assert case_files(ROOT / cases.relative_to(clone))
 
 
 def test_every_option_on_the_page_is_one(capsys):
-    commands = map(typer.main.get_command, (arguments.app, gate.app))
+    commands = map(typer.main.get_command, (compare_command.app, gate.app))
     options = {name for command in commands for parameter in command.params for name in parameter.opts}
     named = set(re.findall(r"--[a-z][a-z-]+", PAGE)) - {"--depth"}
     assert {"--require", "--gate", "--baseline", "--known", "--junit"} <= named

@@ -19,7 +19,7 @@ from html_pages import browser, serious, sideways
 pytest.importorskip("sphinx", reason="the site is built where the extra docs is installed")
 
 from henon_ref.casefile.json_schema import schema_text
-from henon_ref.harness.cli import arguments
+from henon_ref.harness.cli import compare
 from henon_ref.harness.cli.main import SUBCOMMANDS
 
 ROOT = Path(__file__).parents[1]
@@ -160,7 +160,7 @@ def test_which_solver_says_what_the_matrix_has(site: Path) -> None:
 def test_the_command_reference_has_every_subcommand_and_option(site: Path) -> None:
     text = re.sub(r"<[^>]+>", "", (site / "docs/commands.html").read_text(encoding="utf-8"))
     assert all(f"henon-ref {name} [OPTIONS]" in text for name in SUBCOMMANDS)
-    for parameter in typer.main.get_command(arguments.app).params:
+    for parameter in typer.main.get_command(compare.app).params:
         assert all(name in text for name in (parameter.opts if parameter.param_type_name == "option" else ()))
 
 
