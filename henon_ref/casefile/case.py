@@ -256,7 +256,7 @@ def _reading(
         published=form.published,
         exact=expected.exact(source, form, names, problem),
         orbit=expected.orbit(source, form, names),
-        gate=form.gate,
+        gate=dict(form.gate),
         expect=expected.expectation(source, form, names, problem),
         source=form.source,
         story=form.story,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import re
 from decimal import Decimal
 from pathlib import Path
@@ -38,6 +39,12 @@ def test_the_case_file_of_the_contract_is_read() -> None:
     assert reading.published is not None
     assert str(reading.published.stick_durations[0]) == "1.00"
     assert reading.gate["henon"].max_time_error == 1e-11
+
+
+def test_a_case_can_be_sent_to_a_process() -> None:
+    case = parse_case(SLIDE.replace("gate: {henon: {max_time_error: 1e-11}}\n", ""))
+    assert case.readings[0].gate == {}
+    assert pickle.loads(pickle.dumps(case)).readings[0].mathematics_hash == case.readings[0].mathematics_hash
 
 
 def test_numbers_are_exact_and_parameters_use_each_other_in_any_order() -> None:
