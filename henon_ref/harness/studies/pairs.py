@@ -183,7 +183,7 @@ def clocked(solver: Solver) -> ClockedHeyoka | None:
     return ClockedHeyoka(**{own.name: getattr(solver, own.name) for own in fields(solver)})
 
 
-def own_part(solver: str, run: Run, prepare: Callable[[Solver], Run], *, rounds: int) -> float | None:
+def own_part(solver: str, run: Run, prepare: Callable[[Any], Run], *, rounds: int) -> float | None:
     """Time of the library's own calls over that of a whole run, median over rounds of one of each; None where unknown.
 
     Parameters

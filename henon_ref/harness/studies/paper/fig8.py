@@ -67,7 +67,7 @@ def sticks(transitions: Iterable[Transition], after: float = 60.0) -> list[Stick
 
 def listing_run(problem: Problem) -> tuple[Transition, ...]:
     """Transitions of the appendix as printed, to 70 s."""
-    return LISTING.prepare(problem, step=PRINTED_STEP)().transitions
+    return tuple(LISTING.prepare(problem, step=PRINTED_STEP)().transitions)
 
 
 def on_orbit(problem: Problem) -> tuple[Transition, ...]:

@@ -250,6 +250,7 @@ def moving_belt() -> Findings:
     run = HENON_SOLVER.prepare(problem, rtol=1e-13, sample_times=times)()
     other = solver("heyoka").prepare(problem, rtol=1e-13, atol=1e-13)()
     assert run.samples is not None
+    assert run.sample_modes is not None
     stuck = np.ravel(run.sample_modes) == 0
     (x2,), (surface,) = problem.system.states[1:], map(problem.system.numeric, problem.system.surfaces)
     belt = sp.lambdify(TIME, x2 - surface)(times)
