@@ -111,7 +111,7 @@ static enum impact after_impact(const struct run *run, struct jump *jump, const 
     double speed = jump->speed, margin = CLEARLY_ABOVE * size_of_terms(row, 2, run->order, jump->length);
     if (ratio == 0.0)
         return row[2] < -margin ? RESTS : row[2] > margin ? LIFTS_OFF : NOT_CLEAR;
-    /* All later flights last 2 v / (a (1 - r)): see henon_ref/modes/resting.py. Where friction has turned round the
+    /* All later flights last 2 v / (a (1 - r)): see henon_ref/modes/resets.py. Where friction has turned round the
      * way up alone lasts v / a. */
     double rise = row[1], reached = speed * run->unit;
     if (rise < -TANGENT * reached)
@@ -199,7 +199,7 @@ static int64_t follow_impact(struct work *w, struct jump *jump, int64_t changes)
 
 /* Go on to where impacts that have come to their limit leave a body at rest: along the motion at rest from the state
  * without the speed of the last impact, which is in the room. (Wrong by about the square of the time; see
- * henon_ref/modes/resting.py.) */
+ * henon_ref/modes/resets.py.) */
 static void come_to_rest(struct work *w, const struct jump *jump)
 {
     struct run *run = w->run;

@@ -95,7 +95,6 @@ def stream(
     rtol: float = 1e-10,
     parameters: Mapping[Any, Any] | None = None,
     mode: Mapping[Any, int] | None = None,
-    dense_output: bool = False,
     stop: Mapping[Any, str] | None = None,
     max_steps: int = MOST_STEPS,
 ) -> TransitionStream:
@@ -105,8 +104,6 @@ def stream(
     ----------
     system, initial, until, start, rtol, parameters, mode, stop, max_steps
         As in :func:`simulate`.
-    dense_output : bool
-        Not used: there is none.
 
     Returns
     -------

@@ -72,7 +72,7 @@ def execute(work: bytes, first: int, values: Vector, size: int) -> tuple[list[Ta
     began = thread_time()
     runs = run_chunk(_unpickled(work), values, first)
     found = observed(runs)
-    refused = {k: f"{runs.told(k)}: {runs.message[k]}" for k in np.flatnonzero(runs.refused).tolist()}
+    refused = {k: f"{runs.point_words(k)}: {runs.message[k]}" for k in np.flatnonzero(runs.refused).tolist()}
     chunks = [
         Tables(
             {name: column[k : k + size] for name, column in found.points.items()},

@@ -64,10 +64,12 @@ class Function(Observation):
         for k, row in enumerate(self.rows(runs)):
             for name, cell in row.items():
                 if name not in kinds:
-                    raise self._refused(f"a column '{name[:60]}'", runs.told(k), f"its columns are {list(kinds)}")
+                    raise self._refused(
+                        f"a column '{name[:60]}'", runs.point_words(k), f"its columns are {list(kinds)}"
+                    )
                 if cell is not None and type(cell) is not kinds[name] and cell == cell:
                     wanted = f"'{name[:60]}' is a column of {_WORDS[kinds[name]]}"
-                    raise self._refused(f"{cell!r:.60}", runs.told(k), f"{wanted}, as its first value was")
+                    raise self._refused(f"{cell!r:.60}", runs.point_words(k), f"{wanted}, as its first value was")
             rows.append(row)
         return {name: _column([row.get(name) for row in rows], kind) for name, kind in kinds.items()}
 
@@ -82,9 +84,9 @@ class Function(Observation):
             try:
                 value = self.of(run)
             except Exception as error:
-                error.add_note(f"in the function '{self.name}' of a sweep, at {runs.told(k)}")
+                error.add_note(f"in the function '{self.name}' of a sweep, at {runs.point_words(k)}")
                 raise
-            yield self._cells(value, runs.told(k))
+            yield self._cells(value, runs.point_words(k))
 
     def _cells(self, value: Any, point: str) -> dict[str, Cell]:
         given = value if isinstance(value, Mapping) else {} if value is None else {self.name: value}

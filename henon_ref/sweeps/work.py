@@ -299,7 +299,7 @@ class Runs:
     def _kinks(self) -> HiddenKinks:
         return HiddenKinks(self.system.model)
 
-    def told(self, run: int) -> str:
+    def point_words(self, run: int) -> str:
         """Which point a run is of, in words: ``point 3 (F = 0.5)``."""
         words = [f"{name} = {repr(float(own[run])).removesuffix('.0')}" for name, own in self.values.items()]
         return f"point {self.first + run} ({listed(words, 4)})"

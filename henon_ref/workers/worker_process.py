@@ -211,7 +211,8 @@ class WorkerProcess:
         if self._process.exitcode is not None:
             return
         if self._guarded:
-            os.kill(self._process.pid, signal.SIGCONT)
+            with suppress(ProcessLookupError):  # it has seen it and is gone, which its exit status may say later
+                os.kill(self._process.pid, signal.SIGCONT)
         else:
             self._kill()
 

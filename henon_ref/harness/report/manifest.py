@@ -17,6 +17,8 @@ from henon_ref.text import one_line
 from henon_ref.workers.machine import commit, machine
 
 SCHEMA = 1
+WIDTH = 120
+"""Characters up to which a value of a manifest stands on one line."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +73,31 @@ def manifest_text(comparison: Comparison, origin: Provenance, files: Iterable[st
         "case_readings": [reading.name for reading in comparison.case.readings],
         "files": sorted(files),
     }
-    return json.dumps(content, indent=1) + "\n"
+    return json_text(content) + "\n"
+
+
+def json_text(value: object, indent: str = "") -> str:
+    """JSON of which whatever fits into a line of 120 characters stands on one: a manifest is read by people.
+
+    Examples
+    --------
+    >>> print(json_text({"a": {"exact": "1/10", "value": 0.1}, "b": ["x" * 70, "y" * 70]}))
+    {
+     "a": {"exact": "1/10", "value": 0.1},
+     "b": [
+      "xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx",
+      "yyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyy"
+     ]
+    }
+    """
+    line = json.dumps(value)
+    if len(indent) + len(line) <= WIDTH or not isinstance(value, dict | list):
+        return line
+    deeper = indent + " "
+    if isinstance(value, dict):
+        parts = [f"{deeper}{json.dumps(key)}: {json_text(own, deeper)}" for key, own in value.items()]
+        return "{\n" + ",\n".join(parts) + f"\n{indent}}}"
+    return "[\n" + ",\n".join(deeper + json_text(own, deeper) for own in value) + f"\n{indent}]"
 
 
 def read_bounds(manifest: Path) -> list[Bounds]:

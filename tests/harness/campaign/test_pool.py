@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import mmap
+import os
+import signal
 import subprocess
 import sys
 import textwrap
@@ -313,6 +315,21 @@ def test_workers_that_begin_afresh_are_killed_and_bounded_as_well(monkeypatch, t
     assert "SIGKILL" in seen.failures["kill"].reason
     assert "no reply" in seen.failures["stray_done"].reason
     wait_until(lambda: all(map(gone, noted(notes))))
+
+
+def test_a_guard_that_is_gone_before_it_is_woken_is_no_failure(monkeypatch):
+    """Its exit status comes from the server that began it, and may come later than its end."""
+    kill, woken = os.kill, []
+
+    def late(pid: int, number: int) -> None:
+        if number == signal.SIGCONT:
+            woken.append(pid)
+            raise ProcessLookupError
+        kill(pid, number)
+
+    monkeypatch.setattr(os, "kill", late)
+    assert run(["a", "b"]).results == {"a": "aa", "b": "bb"}
+    assert woken
 
 
 def test_a_script_that_compares_where_it_is_imported_is_told_so_and_leaves_nothing_behind(tmp_path):

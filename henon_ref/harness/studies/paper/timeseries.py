@@ -103,12 +103,12 @@ def _moments(samples: Matrix, settings: Settings) -> tuple[Matrix, Matrix]:
     sums = []
     for some in np.array_split(references, -(-len(references) // _CHUNK)):
         near = tree.query_ball_point(samples[some], radius)
-        neighbours = [_apart(found, at, settings) for found, at in zip(near, some.tolist(), strict=True)]
+        neighbours = [_separated_in_time(found, at, settings) for found, at in zip(near, some.tolist(), strict=True)]
         narrow = [j for j, found in enumerate(neighbours) if len(found) < settings.least]
         if narrow:
             _, ranked = tree.query(samples[some[narrow]], k=settings.least + 2 * settings.theiler + 1)
             for j, found in zip(narrow, ranked, strict=True):
-                neighbours[j] = _apart(found, some[j], settings)[: settings.least]
+                neighbours[j] = _separated_in_time(found, some[j], settings)[: settings.least]
         which = np.repeat(np.arange(len(some)), list(map(len, neighbours)))
         index, at = np.concatenate(neighbours), some[which]
         y, z = ((samples[index + k] - samples[at + k]).T for k in (0, settings.delay))
@@ -117,7 +117,7 @@ def _moments(samples: Matrix, settings: Settings) -> tuple[Matrix, Matrix]:
     return spread, moved
 
 
-def _apart(found: list[int] | NDArray[np.intp], at: int, settings: Settings) -> NDArray[np.int64]:
+def _separated_in_time(found: list[int] | NDArray[np.intp], at: int, settings: Settings) -> NDArray[np.int64]:
     """Of some samples those that are not close in time to a reference point."""
     index = np.asarray(found, dtype=np.int64)
     return index[np.abs(index - at) > settings.theiler]
