@@ -1,7 +1,7 @@
 """Validated integration of Filippov systems in ball arithmetic.
 
-Every step of a run is a proof: the solution exists and its Taylor tail is bounded (``tail_bounds``), no guard falls
-before the one claimed (``event``), that one falls once (interval Newton), the mode that follows is decided by strict
-signs or exact zeros (``mode_selection``), and the set of possible states is carried along without wrapping
-(``lohner``). What cannot be proven is said to be so, with the reason.
+Every step of a run is a proof: the solution exists and its Taylor remainder is bounded (``tail_bounds``); no guard
+has a root before the located one (``event``); the located root is unique (interval Newton); the next mode is decided
+by strict signs or exact zeros (``mode_selection``); and Lohner's method encloses the set of possible states without
+the wrapping effect (``lohner``). A run that cannot be proven further stops and states the reason.
 """

@@ -1,4 +1,4 @@
-"""Exact numbers in balls: a walk over a SymPy expression that never passes through a float, and proofs of zero."""
+"""Enclosures of SymPy expressions in balls, without conversion to floats, and algebraic proofs of zero."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from henon_ref.taylor.rules import FUNCTIONS
 from henon_ref.taylor.size import size
 
 PATIENCE = 400
-"""Operations in a number beyond which no proof is tried, for algebra on it may take for ever; in what holds symbols a
-quarter of that."""
+"""Largest number of operations for which a proof is tried, since algebra may not end; a quarter of it if the expression
+has symbols."""
 
 _FUNCTIONS: dict[str, Callable[[arb], arb]] = {
     name: getattr(arb, name) for name in (*FUNCTIONS, "asinh", "acosh", "atanh")
@@ -25,7 +25,7 @@ _FUNCTIONS: dict[str, Callable[[arb], arb]] = {
 
 
 def enclose(expression: sp.Expr, values: Mapping[sp.Symbol, arb] | None = None) -> arb:
-    """A ball, at the working precision of ``flint.ctx``, that holds the value of an expression.
+    """Return a ball, at the working precision of ``flint.ctx``, that contains the value of an expression.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def enclose(expression: sp.Expr, values: Mapping[sp.Symbol, arb] | None = None) 
     Raises
     ------
     ModelError
-        For a symbol without a value, or a function that has no ball version here.
+        If a symbol has no value, or a function has no version for balls.
 
     Examples
     --------
@@ -50,7 +50,7 @@ def enclose(expression: sp.Expr, values: Mapping[sp.Symbol, arb] | None = None) 
 def _number(e: sp.Expr) -> arb:
     if e.is_Integer:
         return arb(fmpz(int(e)))
-    if e.is_Rational or e.is_Float:  # a Float is the double that it is, exactly
+    if e.is_Rational or e.is_Float:  # a Float denotes its binary value exactly
         exact = sp.Rational(e)
         return arb(fmpq(int(exact.p), int(exact.q)))
     if e is sp.pi or e is sp.E:
@@ -77,7 +77,7 @@ def _power(e: sp.Expr, walk: Walk[arb]) -> arb:
     base = walk(e.base)
     if e.exp.is_Integer:
         n = int(e.exp)
-        # By products: arb's own power is undefined on a ball that holds zero.
+        # By products: arb's power is undefined on a ball that contains zero.
         result = reduce(arb.__mul__, [base] * abs(n), arb(1))
         return result if n > 0 else 1 / result
     if e.exp == sp.Rational(1, 2):
@@ -98,9 +98,9 @@ _RULES = Rules(
 
 
 def proves_zero(expression: sp.Expr) -> bool:
-    """Whether an expression is zero, by algebra alone: simplification, or its minimal polynomial.
+    """Check whether an expression is proven to be zero by algebra: by simplification or its minimal polynomial.
 
-    False says that no proof was found, not that the expression differs from zero.
+    False means that no proof was found, not that the expression differs from zero.
 
     Examples
     --------

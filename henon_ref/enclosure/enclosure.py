@@ -1,4 +1,4 @@
-"""One Taylor expansion with a proven remainder, and functions of time enclosed along it."""
+"""One Taylor expansion with a proven remainder, and enclosures of functions of time along the expansion."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from henon_ref.enclosure.tape import Program, Series
 
 UNIT_BALL = arb(0, 1)
 TRIES = 40
-"""Discs tried for one step: six, each 0.8 of the last, then halves, down to 1e-11 of the first."""
+"""Most discs tried for one step: the first six shrink by 0.8, the later ones by 0.5, to 1e-11 of the first radius."""
 NARROWEST, WIDEST = 2.0**-4, 2.0**6
-"""Discs tried, in units; the unit follows from step to step, so a polynomial's steps still grow."""
+"""Smallest and largest disc radius tried, in time units; the unit is adapted after each step, so steps can grow."""
 SMALLEST = 1e-300
-"""Stands for zero where a logarithm is taken."""
+"""Replaces zero in logarithms."""
 LARGEST_EXPONENT = 900
 RIM = 0.75
-"""A step goes no further than this part of the disc, so that derivatives of the tail are bounded too."""
+"""Largest step as a part of the disc's radius; below 1, so that derivatives of the remainder are bounded too."""
 
 
 class UndecidedError(Exception):
-    """Something that a proof needs could not be told at this precision; the message says what.
+    """A sign or an enclosure that a proof requires is undecided at the working precision.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ class UndecidedError(Exception):
     kind : str
         ``graze``, ``tie``, ``mode``, ``enclosure``, ``start``.
     place : float, optional
-        Where on the step, in its own time unit.
+        Time on the step, in the step's time unit.
     """
 
     def __init__(self, reason: str, kind: str, place: float | None = None) -> None:
@@ -44,7 +44,7 @@ class UndecidedError(Exception):
 
 @dataclass(frozen=True)
 class Tail:
-    """Orders from ``power`` on: at most ``bound * (|s|/radius)**power`` in size at s."""
+    """Bound of a Taylor remainder of orders >= ``power``: ``bound * (|s|/radius)**power`` at s."""
 
     power: int
     bound: float
@@ -55,7 +55,7 @@ class Tail:
         return arb(self.bound) * (abs(s).upper() / arb(self.radius)) ** self.power
 
     def slope(self, s: arb) -> arb:
-        """Bound of the derivative at s, ``sum k |e_k| s^(k-1)``, as long as its factors fall from the first on."""
+        """Bound of the derivative at s, ``sum k |e_k| s^(k-1)``; infinite unless its terms decrease."""
         part = abs(s).upper() / arb(self.radius)
         if not part * (self.power + 1) <= self.power:
             return arb.pos_inf()
@@ -64,7 +64,7 @@ class Tail:
 
 @dataclass(frozen=True)
 class Curve:
-    """A function of s: a polynomial with ball coefficients and tails beyond it."""
+    """A function of s: a polynomial with ball coefficients plus bounded remainders."""
 
     polynomial: arb_poly
     """In powers of ``s - origin``."""
@@ -78,20 +78,20 @@ class Curve:
         return cls(polynomial, polynomial.derivative(), tuple(tails))
 
     def at(self, s: arb) -> arb:
-        """Enclosure of the value at every point of a ball."""
+        """Enclosure of the value over a ball."""
         return sum((t.size(s) * UNIT_BALL for t in self.tails), self.polynomial(s - self.origin))
 
     def slope(self, s: arb) -> arb:
-        """Enclosure of the derivative at every point of a ball."""
+        """Enclosure of the derivative over a ball."""
         return sum((t.slope(s) * UNIT_BALL for t in self.tails), self.derivative(s - self.origin))
 
     def recentred(self, origin: float) -> Curve:
-        """The same function in powers of the distance from another point: much sharper on short intervals there."""
+        """Expand the function around another point, which sharpens enclosures on short intervals near that point."""
         shifted = self.polynomial(arb_poly([arb(origin) - self.origin, 1]))
         return Curve(shifted, shifted.derivative(), self.tails, origin)
 
     def over(self, low: float, high: float) -> tuple[arb, arb]:
-        """Enclosures of value (mean-value form, met with the plain one) and derivative over an interval."""
+        """Enclosures of the value (mean-value form intersected with the direct one) and derivative on [low, high]."""
         s, middle = interval(low, high), arb(0.5 * (low + high))
         plain, slope = self.at(s), self.slope(s)
         if not slope.is_finite():
@@ -101,14 +101,14 @@ class Curve:
 
 
 def interval(low: float, high: float) -> arb:
-    """A ball that holds [low, high]."""
+    """Return a ball that contains [low, high]."""
     middle = 0.5 * (low + high)
     return arb(middle, max(high - middle, middle - low) * (1 + 2.0**-50))
 
 
 @dataclass(frozen=True)
 class Expansion:
-    """Coefficients of solution and outputs in s = (t - t0) / unit, proven on the disc |s| <= radius."""
+    """Taylor coefficients of solution and outputs in s = (t - t0) / unit, proven on the disc |s| <= radius."""
 
     order: int
     unit: float
@@ -118,10 +118,10 @@ class Expansion:
     state_tails: list[float]
     output_tails: list[float]
     sizes: list[float]
-    """Norm of each state's and output's polynomial on a disc about as wide as a step."""
+    """Norm of each state's and output's polynomial on a disc of about the step's length."""
 
     def reach(self, bits: int) -> float:
-        """How far every tail stays below 2**-bits of the norm of the state (or output) it belongs to."""
+        """Largest |s| at which every remainder is below 2**-bits of the norm of its state or output."""
         room = inf
         for size, tail in zip(self.sizes, self.state_tails + self.output_tails, strict=True):
             room = min(room, (log2(max(size, SMALLEST)) - log2(max(tail, SMALLEST)) - bits) / (self.order + 1))
@@ -140,23 +140,23 @@ class Expansion:
 def expand(
     program: Program, time: arb, state: Sequence[arb], order: int, unit: float, radius: float | None = None
 ) -> Expansion:
-    """Expand the solution through every point of a box, with proven tails.
+    """Expand the solutions through all points of a box, with proven remainder bounds.
 
     Parameters
     ----------
     program : Program
     time, state : arb
-        The box it starts in (thin or not).
+        Initial box (thin or not).
     order : int
     unit : float
-        A power of two; time is counted in it (the result says if another was taken).
+        Time unit, a power of two; the result holds the unit that was used.
     radius : float, optional
-        Disc to try first, in units; by default one estimated from the coefficients.
+        Radius of the first disc, in units; by default an estimate from the coefficients.
 
     Raises
     ------
     UndecidedError
-        Where no disc is found: the field is not defined on the box, or the box is too wide.
+        If no disc is proven: the field is undefined on the box, or the box is too wide.
     """
     series = program.run(ctx.prec, time, state, order, arb(unit))
     if not all(row[order].is_finite() for row in series) or not unit > SMALLEST:
@@ -164,7 +164,7 @@ def expand(
     if radius is None:
         radius = _estimate([series[i] for i in program.states + program.outputs], order)
         if radius < NARROWEST:
-            # Far outside the unit's reach powers of the radius would leave the doubles: count in another unit.
+            # In this unit, powers of such a small radius would underflow: change the unit.
             return expand(program, time, state, order, unit * 2.0 ** round(log2(radius)))
     states = [series[i] for i in program.states]
     outputs = [series[i] for i in program.outputs]
@@ -186,7 +186,7 @@ def _no_enclosure(time: arb) -> UndecidedError:
 
 
 def _estimate(rows: Sequence[Series], order: int) -> float:
-    """Radius of convergence, in units, from the growth of the later half of the coefficients; a guess to start from."""
+    """Estimate the radius of convergence, in units, from the growth of the later half of the coefficients."""
     half = order // 2
     growth = -1e3
     for row in rows:

@@ -1,4 +1,4 @@
-"""Where a guard first falls through zero on a step: proofs of sign in between, interval Newton for the root."""
+"""First root of a falling guard on a step: signs proven on subintervals, interval Newton for the root."""
 
 from __future__ import annotations
 
@@ -12,48 +12,48 @@ from flint import arb
 from henon_ref.enclosure.enclosure import Curve, Tail, UndecidedError, interval
 
 DEPTH = 90
-"""Bisections before a sign counts as not provable."""
+"""Largest number of bisections before a sign counts as not provable."""
 PIECES = 4000
-"""Pieces of one step looked at before the search gives up."""
+"""Largest number of subintervals examined on one step."""
 RECENTRE = 5
-"""After so many bisections the polynomial is written around the piece that is left."""
+"""Number of bisections after which the polynomial is expanded again around the remaining subinterval."""
 SPLIT = 0.4837
-"""Where an interval is split: off the middle, so that a root at a round place is not hit."""
+"""Where an interval is split, as a part of it; not 0.5, so that a split point is unlikely to be a root."""
 
 
 @dataclass(frozen=True)
 class Root:
-    """One transversal zero in [low, high]: the guard is positive before it and negative after it."""
+    """A bracket [low, high] of one transversal zero: the guard is positive before it and negative after it."""
 
     low: float
     high: float
     curve: Curve
-    """The guard, written around a point near by."""
+    """The guard, expanded near the bracket."""
 
 
 @dataclass(frozen=True)
 class Scan:
-    """What a guard does on a step."""
+    """Sign changes of a guard on a step."""
 
     root: Root | None
-    """Where it first falls through zero (None: it does not)."""
+    """First root at which the guard falls through zero; None if there is none."""
     armed: bool
-    """Whether it has been positive by the end of the step."""
+    """Whether the guard was positive at some time of the step."""
 
 
 def guard_curve(coefficients: Sequence[arb], deviations: Sequence[arb], tails: Sequence[Tail], zeros: int) -> Curve:
-    """A guard over a set of solutions, divided by ``s**zeros``.
+    """Enclose a guard over a set of solutions, divided by ``s**zeros``.
 
     Parameters
     ----------
     coefficients : sequence of arb
-        Along the centre of the set.
+        Coefficients along the centre of the set.
     deviations : sequence of arb
-        How far each coefficient strays over the set (as many as are known; the rest is in the tails).
+        Deviation of each coefficient over the set; those of higher orders are contained in ``tails``.
     tails : sequence of Tail
     zeros : int
-        How many coefficients are known to vanish on the true solution: a start on the surface has one, a
-        start on it with zero normal velocity two. Dividing by s leaves their sign beyond the start provable.
+        Number of leading coefficients that are exactly zero: one for a start on the surface, two if the normal
+        velocity is zero too. The division keeps the sign after the start provable.
     """
     total = [c + d for c, d in zip(coefficients, deviations, strict=False)]
     total += list(coefficients[len(deviations) :])
@@ -63,24 +63,25 @@ def guard_curve(coefficients: Sequence[arb], deviations: Sequence[arb], tails: S
 
 
 def scan(curve: Curve, end: float, armed: bool, name: str) -> Scan:
-    """Find the first fall through zero in (0, end], or prove that there is none.
+    """Locate the first root in (0, end] at which a guard falls through zero, or prove that there is none.
 
     Parameters
     ----------
     curve : Curve
     end : float
     armed : bool
-        True: the guard is positive just after 0. False: it may be negative, and counts once it has risen.
+        True: the guard is positive just after 0. False: the guard may start negative, and its falls count only
+        after it was positive.
     name : str
-        The guard in words, for the reason where nothing can be proven.
+        Name of the guard in error messages.
 
     Raises
     ------
     UndecidedError
-        Where some piece shows neither a strict sign nor a strict slope: a graze, or a start with no sign.
+        If neither value nor slope has a strict sign on some subinterval: a graze, or an undecided start.
     """
     stack = [(0.0, end, 0, curve)]
-    positive = False  # whether the left end of the next piece is known to be positive
+    positive = False  # whether the left end of the next subinterval is proven positive
     for _ in range(PIECES):
         if not stack:
             return Scan(None, armed)
@@ -117,7 +118,7 @@ Shape = Literal["falls", "rises", "stays positive", "stays negative", "unknown"]
 
 
 def _monotone(curve: Curve, low: float, high: float, slope: int, positive: bool) -> Shape:
-    """What a piece does whose slope has a strict sign."""
+    """Classify a guard on a subinterval on which its slope has a strict sign."""
     if slope == 0:
         return "unknown"
     first = 1 if positive else _sign(curve.at(arb(low)))
@@ -149,7 +150,7 @@ def _sign(ball: arb) -> int:
 
 
 def refine(root: Root) -> arb:
-    """Interval Newton: the ball that holds the one zero in a bracket, for every solution of the set."""
+    """Enclose the unique root in a bracket, for every solution of the set, by interval Newton."""
     curve = root.curve
     ball = interval(root.low, root.high)
     width = inf
@@ -167,19 +168,19 @@ def refine(root: Root) -> arb:
 
 
 def first_root(curves: Sequence[tuple[Curve, bool, str]], end: float) -> tuple[tuple[int, arb] | None, list[bool]]:
-    """The guard that falls first on (0, end], with the ball of its root.
+    """Locate the guard that falls first on (0, end], with an enclosure of its root.
 
     Returns
     -------
     hit : (index, ball) or None
     armed : list of bool
-        For every guard, whether it has been positive by the end (or by the hit). No guard but the one hit is
-        left unproven before the hit, or before the end.
+        For every guard, whether it was positive by the end or by the hit. Every other guard is proven not to
+        fall before that time.
 
     Raises
     ------
     UndecidedError
-        Where a sign cannot be proven, or two guards fall at times that cannot be told apart (``tie``).
+        If a sign cannot be proven, or if the root enclosures of two guards overlap (``tie``).
     """
     found: list[tuple[int, Root]] = []
     armed = [was for _, was, _ in curves]
@@ -189,7 +190,7 @@ def first_root(curves: Sequence[tuple[Curve, bool, str]], end: float) -> tuple[t
         if result.root is not None:
             found.append((index, result.root))
             end = min(end, result.root.high)
-    # A root found before a shorter end may lie beyond it; its own bracket tells.
+    # `end` shrinks while the guards are scanned, so an earlier root may lie after it: its bracket remains valid.
     roots = [(index, refine(root)) for index, root in found]
     if not roots:
         return None, armed

@@ -1,4 +1,4 @@
-"""A set of solutions carried step by step through the modes, with its derivative by where it started."""
+"""Enclosure of a set of solutions, propagated step by step through the modes with its derivative by the start."""
 
 from __future__ import annotations
 
@@ -26,16 +26,17 @@ from henon_ref.precision import working_precision
 
 TANGENT_ORDER = 16
 TANGENT_BITS = 64
-"""Order and precision of the variational equations, where their result only carries a radius along."""
+"""Order and precision of the variational equations if they only propagate a radius."""
 FINAL = 2.0**-56
-"""Part of the run that is left of accumulating impacts where their limit is enclosed: the radius is near its square."""
+"""Remaining time of accumulating impacts, as a part of the run, at which their limit is enclosed; the radius of the
+limit is about the square of it."""
 TANGENT_ROOM = 4.0
-"""Their disc over their step, to begin with."""
+"""First disc radius of the variational equations, in steps."""
 
 
 @dataclass(frozen=True)
 class Precision:
-    """How much work a flow puts into each step."""
+    """Working precision and Taylor order of each step."""
 
     bits: int
     order: int
@@ -44,26 +45,26 @@ class Precision:
 
     @classmethod
     def of(cls, bits: int, *, sharp_tangent: bool = False) -> Precision:
-        """Order by the cost of a step (about 0.35 a bit); ``sharp_tangent`` for derivatives wanted to all digits."""
+        """Choose the cheapest order (about 0.35 per bit); ``sharp_tangent``: derivatives to all digits."""
         order = max(14, round(0.38 * bits))
         return cls(bits, order, bits, order) if sharp_tangent else cls(bits, order)
 
 
 class ValidatedFlow:
-    """Carries a set forward.
+    """Propagates a set of points (t, x) by validated steps.
 
     Parameters
     ----------
     model : SystemModel
     points : PointSet
-        Where it starts, in (t, x).
+        Initial set, in (t, x).
     entry : Entry
     precision : Precision
         Its ``bits`` must be the working precision of ``flint.ctx`` whenever a method is called.
     unit : float
-        Time unit to begin with, a power of two.
+        Initial time unit, a power of two.
     span : float
-        Length of the run, against which impacts are seen to accumulate [s]; 0: they are not.
+        Length of the run [s], the scale on which accumulating impacts are detected; 0 disables the detection.
     """
 
     def __init__(
@@ -78,25 +79,25 @@ class ValidatedFlow:
         self.model, self.points, self.precision, self.unit = model, points, precision, unit
         size = len(points.centre)
         self.derivative = arb_mat(size, size, [int(i == j) for i in range(size) for j in range(size)])
-        """Encloses the derivative of (t, x) now by (t, x) at the start, events included (saltation)."""
+        """Encloses the derivative of the present (t, x) by the initial (t, x), with saltation at the events."""
         self.span = span
         self._accumulating: int | None = None
-        """The surface of impacts that have come to their limit, and are no longer told of."""
+        """Surface whose impacts are near their limit and are no longer recorded."""
         self.steps = 0
         self.done = False
         """Whether the horizon is reached."""
         self.enter(entry)
 
     def enter(self, entry: Entry) -> None:
-        """Go on in a mode."""
+        """Continue in the mode of an entry."""
         self.mode = entry.mode
         self.zeros = entry.zeros
         self.armed = [not g.rising_only for g in self.model.mode(entry.mode).guards]
 
     def step(self, horizon: arb) -> Hit | None:
-        """One step: to its end, to the next event (the new mode is then entered), or to the horizon.
+        """Take one step: to its end, to the next event (its new mode is then entered), or to the horizon.
 
-        Returns the event if there was one; :attr:`done` tells whether the horizon is reached.
+        Return the event, if any; :attr:`done` is then True if the horizon is reached.
 
         Raises
         ------
@@ -131,11 +132,11 @@ class ValidatedFlow:
         return result
 
     def _follow_unit(self, flow: Expansion, left: float) -> None:
-        """Count time in what the last disc was, but in no more than what is left."""
+        """Set the time unit to the size of the last disc, but at most to about twice the remaining time."""
         self.unit *= 2.0 ** round(min(log2(flow.radius), log2(left) + 1 if left > 0 else 0.0))
 
     def _expansions(self, made: ModeModel) -> tuple[Expansion, Expansion, float]:
-        """The centre's solution, the variational equations over the whole set, and how far both hold."""
+        """Expand the centre's solution, and the variational equations over the set; third: the step valid for both."""
         p = self.precision
         centre = self.points.centre
         flow = expand(made.flow, centre[0], centre[1:], p.order, self.unit)
@@ -154,7 +155,7 @@ class ValidatedFlow:
         return flow, tangent, min(reach, tangent.radius / 2)
 
     def _columns(self, size: int, pick: Sequence[arb]) -> list[list[arb]]:
-        """Derivative of (t, x) by (t, x) from the values of the variational states: rows by columns."""
+        """Rows of the derivative of (t, x) by the initial (t, x), from the values of the variational states."""
         rows = [[arb(int(j == 0)) for j in range(size)]]
         rows += [[pick[(j + 1) * (size - 1) + i] for j in range(size)] for i in range(size - 1)]
         return rows
@@ -165,14 +166,14 @@ class ValidatedFlow:
             return self._columns(size, [tangent.state(i).at(s) for i in range(len(tangent.states))])
 
     def _guards(self, made: ModeModel, flow: Expansion, tangent: Expansion) -> list[Curve]:
-        """Every guard over the set, divided by its known zeros at the start of the step."""
+        """Enclose every guard over the set, divided by its exact zeros at the start of the step."""
         return [
             guard_curve(flow.outputs[i], *self._stray(tangent, i, flow.output_tail(i)), self.zeros[i])
             for i in range(len(made.guards))
         ]
 
     def _stray(self, tangent: Expansion, guard: int, own: Tail) -> tuple[list[arb], list[Tail]]:
-        """How far a guard's coefficients stray from the centre's over the set, and all tails of the guard."""
+        """Deviations of a guard's coefficients over the set from those of the centre, and the guard's remainders."""
         size = len(self.points.centre)
         first = guard * size
         offsets = [h - c for h, c in zip(self.points.hull(), self.points.centre, strict=True)]
@@ -184,7 +185,7 @@ class ValidatedFlow:
         return stray, [own, Tail(tangent.order + 1, float(bound) * (1 + 2.0**-40) + 1e-300, tangent.radius)]
 
     def _advance(self, flow: Expansion, tangent: Expansion, end: float, horizon: arb | None) -> None:
-        """To the end of a step, or to the horizon: a fixed time for every point of the set."""
+        """Move the set to the end of a step or to the horizon: a fixed time for every point of the set."""
         hull = self.points.hull()
         unit = arb(self.unit)
         if horizon is None:
@@ -201,7 +202,7 @@ class ValidatedFlow:
         self._project(made, flow, tangent, span.union(middle), middle, gap, row, -unit, ())
 
     def _land(self, made: ModeModel, flow: Expansion, tangent: Expansion, index: int, root: arb) -> Hit:
-        """Put the set on the guard that fell, decide the mode beyond, and enter it."""
+        """Move the set onto the guard that fell, decide the next mode, and enter it."""
         size = len(self.points.centre)
         middle = root.mid()
         stray, tails = self._stray(tangent, index, flow.output_tail(index))
@@ -227,7 +228,7 @@ class ValidatedFlow:
         return Hit(guard, before, entry.mode, box, rate)
 
     def _reset(self, guard: Guard, before: Mode, rate: arb) -> Hit:
-        """Let the state jump where a guard has fallen."""
+        """Apply the state jumps at a guard that fell."""
         index, arrived = guard.index, self.points.hull()
         if self._accumulating not in (None, index):
             raise UndecidedError("another surface resets the state where impacts accumulate", "mode")
@@ -242,7 +243,7 @@ class ValidatedFlow:
         entry = entry_after_jump(self.model, box, maps.sides, maps.speeds)
         after, rest = entry.mode, None
         for i, speed in maps.speeds.items():
-            if after[i] == 0 and i in maps.applied and speed == 0:  # the impact has taken all its speed
+            if after[i] == 0 and i in maps.applied and speed == 0:  # the impact leaves no normal velocity
                 after, rest = replaced(after, i, 1), Rest(entry.mode, box)
         told = self._accumulating is None
         if rest is None and index in maps.speeds and after[index] > 0:
@@ -257,7 +258,7 @@ class ValidatedFlow:
         return Hit(guard, before, after, box, rate, tuple(applied), rest, told)
 
     def _limit(self, index: int, before: Mode, after: Mode, speed: arb, arrived: Sequence[arb]) -> Rest | None:
-        """The limit of impacts, where it is as close as can be; notes where they are no longer told of."""
+        """Limit of accumulating impacts, if near enough to be enclosed; mark when impacts are no longer recorded."""
         if not self.span:
             return None
         impact, box = impact_of(self.model.system, index), self.points.hull()
@@ -279,7 +280,7 @@ class ValidatedFlow:
         return rest_after(self.model, index, after, speed, box) if time < FINAL * self.span else None
 
     def _jump(self, jump: Jump) -> None:
-        """Carry the set through a map of the state, by its value at the centre and its derivative over the set."""
+        """Map the set through a jump of the state: the value at the centre, the derivative over the set."""
         system, symbols = self.model.system, self.model.symbols
         at, over = (dict(zip(symbols, box, strict=True)) for box in (self.points.centre, self.points.hull()))
         states = [system.numeric(value) for value in jump.states]
@@ -299,10 +300,10 @@ class ValidatedFlow:
         slope: arb,
         on: tuple[int, ...],
     ) -> None:
-        """Move every point of the set to its own zero of a function g, and clean what is then known exactly.
+        """Move every point of the set to its own zero of a function g, and set the states that are then known exactly.
 
-        With ``g(s; X) = value + row (X - centre) + slope (s - middle)`` (enclosures over the set), a point goes
-        ``(s - middle) (1, f)`` beyond where the flow takes it at ``middle``; the derivative is the saltation matrix.
+        With ``g(s; X) = value + row (X - centre) + slope (s - middle)`` (enclosures over the set), a point moves by
+        ``(s - middle) (1, f)`` from its position at ``middle``; the derivative of this map is the saltation matrix.
         """
         size = len(self.points.centre)
         offsets = [h - c for h, c in zip(self.points.hull(), self.points.centre, strict=True)]
@@ -320,7 +321,7 @@ class ValidatedFlow:
     def _clean(
         self, centre: list[arb], derivative: list[list[arb]], offsets: Sequence[arb], on: tuple[int, ...]
     ) -> None:
-        """Put in, for each surface that is exactly zero now, the state it is solved for."""
+        """Set each state for which a surface that is now exactly zero is solved."""
         symbols = self.model.symbols
         for solved in self.model.solved(on):
             k = solved.index + 1

@@ -1,9 +1,9 @@
-"""Sets of points (t, x) that are carried along: a thin centre plus a parallelepiped (Lohner's QR method).
+"""Propagated sets of points (t, x): a thin centre plus a parallelepiped (Lohner's QR method).
 
-The centre moves by the flow of one point; the rest by the mean-value form, with a matrix that encloses the
-derivative of the flow over the whole set. Turning the axes with the flow (QR) keeps the set from being
-wrapped in a box step after step, so that its size grows as the flow's own errors do. See Lohner, *Enclosing
-the solutions of ordinary initial and boundary value problems* (1987).
+The centre moves with the flow of one point; the deviations by the mean-value form, with a matrix that encloses the
+derivative of the flow over the whole set. The axes turn with the flow (QR), which avoids the wrapping effect of boxes:
+the set grows as the errors of the flow do. See Lohner, *Enclosing the solutions of ordinary initial and boundary
+value problems* (1987).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from henon_ref.enclosure.enclosure import UNIT_BALL, UndecidedError, log2_size
 from henon_ref.precision import working_precision
 
 MATRIX_BITS = 64
-"""Precision of axes and radii: they multiply what is small already."""
+"""Precision of axes and radii; 64 bits are enough because they multiply small deviations."""
 
 
 @dataclass(frozen=True)
@@ -27,25 +27,25 @@ class PointSet:
     """``centre + axes @ r`` with ``|r_i| <= radii_i``, in (t, x_1, ..., x_n)."""
 
     centre: tuple[arb, ...]
-    """Exact points, t first."""
+    """Exact point, t first."""
     axes: arb_mat
     """Exact matrix of order n + 1."""
     radii: tuple[arb, ...]
     scales: tuple[float, ...]
-    """Size of each component, as powers of two: what "orthogonal" means where units differ."""
+    """Size of each component, a power of two; the metric in which the axes are orthogonal."""
 
     @classmethod
     def box(cls, enclosures: Sequence[arb]) -> PointSet:
-        """The set of a box."""
+        """Return the set of a box."""
         size = len(enclosures)
         axes = arb_mat(size, size, [int(i == j) for i in range(size) for j in range(size)])
         return cls(tuple(b.mid() for b in enclosures), axes, tuple(b.rad() for b in enclosures), (0.0,) * size)
 
     def scaled(self, sizes: Sequence[float]) -> PointSet:
-        """The same set, told how large its components are; scales only ever grow, and by powers of two.
+        """Return the set with larger scales; scales only grow, by powers of two.
 
-        They must not follow a component's oscillation: axes that are orthogonal in one metric are skew in
-        the next, and the set is then wrapped step after step after all.
+        Scales that followed the oscillations of a component would make axes that are orthogonal in one metric skew in
+        the next, and the wrapping effect would return.
         """
         scales = tuple(
             max(old, 2.0 ** round(log2(size)) if size > 0 else 0.0)
@@ -62,18 +62,18 @@ class PointSet:
         return [r * UNIT_BALL for r in self.radii]
 
     def hull(self) -> list[arb]:
-        """The smallest box we know around the set."""
+        """Box around the set."""
         size = len(self.centre)
         with_axes = (sum((self.axes[i, j] * r for j, r in enumerate(self._spans())), arb(0)) for i in range(size))
         return [c + d for c, d in zip(self.centre, with_axes, strict=True)]
 
     def moved(self, centre: Sequence[arb], derivative: arb_mat) -> PointSet:
-        """The set after a map whose value at the centre and whose derivative over the set are enclosed.
+        """Return the image of the set under a map, from enclosures of its value at the centre and its derivative.
 
         Raises
         ------
         UndecidedError
-            Where the enclosures are not finite.
+            If the enclosures are not finite.
         """
         if not all(c.is_finite() for c in centre):
             raise UndecidedError("the enclosure of the state has become unbounded", "enclosure")
@@ -95,7 +95,7 @@ class PointSet:
 
 
 def _axes(spread: arb_mat, radii: Sequence[arb], scales: Sequence[float]) -> tuple[arb_mat, arb_mat]:
-    """Orthonormal axes (in scaled components), the longest edge of the moved set first, and an enclosed inverse."""
+    """Orthonormal axes (in scaled components), the longest edge of the moved set first, and their enclosed inverse."""
     size = len(radii)
     units = [arb(scale or 1.0) for scale in scales]
     edges = [[(spread[i, j] * radii[j] / units[i]).mid() for j in range(size)] for i in range(size)]

@@ -1,4 +1,4 @@
-"""The modes of a system as programs over balls, made once a mode and kept."""
+"""The modes of a system as cached programs over balls."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME, Tape, build_tape
 
 MAX_VARIED = 15_000
-"""Operations that the variational equations of a mode may have; a step of those of 64 states takes minutes."""
+"""Largest number of operations of a mode's variational equations; one step for 64 states takes minutes."""
 
 
 @dataclass(frozen=True)
@@ -28,18 +28,18 @@ class SolvedState:
     index: int
     value: sp.Expr
     gradient: tuple[sp.Expr, ...]
-    """Derivatives by t and by every state (0 by x_k itself)."""
+    """Derivatives of ``value`` by t and by every state (0 by x_k itself)."""
 
 
 class ModeModel:
-    """One mode: its field and guards in exact numbers, and the programs that expand them.
+    """One mode: field and guards with exact numbers, and the programs that expand them.
 
     Raises
     ------
     ModelError
-        Where the mode has no equations.
+        If the mode has no equations.
     UndecidedError
-        Where an override's field is not proven to keep its surface.
+        If the field of an override is not proven to keep its surface.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class ModeModel:
             self._check_kept(system.numeric(kept), system.sign_names[i])
 
     def _check_kept(self, surface: sp.Expr, name: str) -> None:
-        """An override's field must keep its surface: all that is proven in the stick takes h for zero."""
+        """Check that an override's field keeps its surface: every proof in the stick assumes h = 0."""
         velocity = self.lie_derivative(surface)
         for solved in solve_for_states([surface], self.states):
             velocity = velocity.xreplace({self.states[solved.index]: solved.value})
@@ -71,7 +71,7 @@ class ModeModel:
 
     @cached_property
     def flow(self) -> Program:
-        """The solution, and every guard along it."""
+        """Program of the solution and of every guard along the solution."""
         return Program(self._tape)
 
     @cached_property
@@ -80,10 +80,10 @@ class ModeModel:
 
     @cached_property
     def tangent(self) -> Program:
-        """Solution and variational equations; the derivatives of every guard along them.
+        """Program of the solution, its variational equations, and the guards' derivatives.
 
-        The states are x and then, for each of t, x_1, ..., x_n, the column of derivatives of x by it. The
-        outputs are, a guard after the other, its derivatives by the same n + 1 initial values.
+        The states are x, followed by n + 1 columns: the derivatives of x by each of the initial values
+        t, x_1, ..., x_n. The outputs are, guard by guard, the guard's derivatives by the same n + 1 initial values.
         """
         size = len(self.states)
         if (size + 1) * len(self._tape.nodes) > MAX_VARIED:
@@ -97,7 +97,7 @@ class ModeModel:
         return Program(build_tape([*self.states, *(v for column in columns for v in column)], field, outputs))
 
     def _gradient(self, expression: sp.Expr) -> dict[int, sp.Expr]:
-        """Derivatives of an expression by the time (place 0) and by those states that it holds (from place 1 on)."""
+        """Nonzero derivatives of an expression: key 0 for the time, key k for state x_k."""
         held = expression.free_symbols
         return {k: sp.diff(expression, x) for k, x in enumerate((TIME, *self.states)) if x in held}
 
@@ -114,13 +114,13 @@ class ModeModel:
 
 
 def _varied(gradient: Mapping[int, sp.Expr], column: Sequence[sp.Symbol], j: int) -> sp.Expr:
-    """Change of an expression when the initial value j changes (j = 0: the time)."""
+    """Derivative of an expression by initial value j (j = 0: the time), by the chain rule."""
     along = (slope * column[k - 1] for k, slope in gradient.items() if k > 0)
     return sp.Add(*along, gradient.get(0, 0) if j == 0 else 0)
 
 
 class SystemModel:
-    """A system in exact numbers: its modes, and each surface solved for a state where it is linear in one."""
+    """A system with exact numbers: its modes, and its surfaces solved for states."""
 
     def __init__(self, system: FilippovSystem) -> None:
         self.system = system
@@ -130,13 +130,13 @@ class SystemModel:
         self._solved: dict[tuple[int, ...], list[SolvedState]] = {}
 
     def mode(self, mode: Mode) -> ModeModel:
-        """The model of one mode (raises ModelError where it has no equations)."""
+        """Return the cached model of a mode; raise ModelError if the mode has no equations."""
         if mode not in self._modes:
             self._modes[mode] = ModeModel(self.system, mode)
         return self._modes[mode]
 
     def solved(self, surfaces: Sequence[int]) -> list[SolvedState]:
-        """What is known exactly of the states while these surfaces are zero."""
+        """Return the states that are determined exactly while these surfaces are zero."""
         key = tuple(surfaces)
         if key not in self._solved:
             self._solved[key] = solve_for_states([self.surfaces[i] for i in key], self.system.states)
@@ -144,7 +144,7 @@ class SystemModel:
 
 
 def solve_for_states(zeros: Sequence[sp.Expr], states: Sequence[sp.Symbol]) -> list[SolvedState]:
-    """Each expression that is linear in a state with a constant factor, solved for it; no state twice."""
+    """Solve each expression that is linear in a state, with a constant factor, for that state; no state twice."""
     found: list[SolvedState] = []
     for zero in zeros:
         for known in found:

@@ -1,17 +1,17 @@
-"""Proven bounds on Taylor tails, in the Banach algebra of power series with norm ``|a| = sum |a_k| R^k``.
+"""Proven bounds of Taylor remainders ("tails"), in the Banach algebra of power series: ``|a| = sum |a_k| R^k``.
 
-Write the solution as its polynomial of order N plus a tail e of orders above N. Integration divides what is
-of order k by k + 1, so on tails the Picard map contracts by about ``R L / (N + 2)``: for N of some tens it
-maps the set ``{|e_i| <= eps_i}`` into itself for R close to the radius of convergence. That set is convex and
-closed and the map is compact (integration is), so by Schauder it has a fixed point there, which is the
-solution, since the formal power series solution is unique. With one self-map checked in upper bounds, the
-solution therefore exists and is analytic on the complex disc of radius R, and ``|e_i| <= eps_i`` on it; inside,
-at radius r, the tail is at most ``eps_i (r/R)^(N+1)``. Every operation has its own bound in the same algebra
-(:func:`_static`, :meth:`Tails.propagate`). (The idea of validating a Taylor step by its tail in a weighted l1 space is
-that of the radii-polynomial approach: Hungria, Lessard and Mireles James, *Math. Comp.* 85, 2016.)
+Write the solution as its polynomial of order N plus a tail e of orders above N. Integration divides the coefficient
+of order k by k + 1, so on tails the Picard map contracts by about ``R L / (N + 2)``: for N of some tens it maps the
+set ``{|e_i| <= eps_i}`` into itself for R close to the radius of convergence. The set is convex and closed and the
+map is compact (integration is), so by Schauder it has a fixed point in the set. That fixed point is the solution,
+because the formal power series solution is unique. One self-map checked in upper bounds therefore proves that the
+solution exists and is analytic on the complex disc of radius R, with ``|e_i| <= eps_i``; at radius r < R the tail is
+at most ``eps_i (r/R)^(N+1)``. Every operation has a bound in the same algebra (:func:`_static`,
+:meth:`Tails.propagate`). Validation of a Taylor step by its tail in a weighted l1 space is the radii-polynomial
+approach: Hungria, Lessard and Mireles James, *Math. Comp.* 85, 2016.
 
-All numbers here are upper bounds in double precision: sums and products of non-negative doubles, each
-result raised by more than all the rounding in it can have lost.
+All numbers here are upper bounds in double precision: sums and products of non-negative doubles. Each result is
+multiplied by a factor that exceeds all its rounding errors.
 """
 
 from __future__ import annotations
@@ -37,35 +37,35 @@ from henon_ref.taylor.rules import (
 )
 
 RAISE = 1 + 2.0**-36
-"""More than the relative rounding of a few thousand operations on non-negative doubles."""
+"""Factor above the relative rounding error of a few thousand operations on non-negative doubles."""
 TINY = 1e-290
-"""More than what underflow can lose in a sum of a few thousand terms."""
+"""Term above the underflow error of a sum of a few thousand terms."""
 ROUNDS = 12
-"""Tries to find tails that the Picard map sends into themselves, once all states have some: where many act on each
-other in a row, it takes a try from each to the next one."""
+"""Tries to find tails that the Picard map sends into themselves, counted from the last try in which another state got
+a nonzero tail: in a chain of states, a tail advances one state per try."""
 REACHED = 1e-250
-"""A tail above this is more than :data:`TINY` and what tries have made of it."""
+"""Threshold above which a tail is not just :data:`TINY` grown by the tries."""
 
 
 def magnitudes(series: Sequence[Series]) -> NDArray[np.float64]:
-    """Upper bounds of ``|a_k|``, shape (operations, order + 1)."""
+    """Return upper bounds of ``|a_k|``, shape (operations, order + 1)."""
     return np.array([[float(c.abs_upper()) for c in row] for row in series]) * RAISE + TINY
 
 
 @dataclass(frozen=True)
 class _Static:
-    """What of an operation's tail does not depend on the tails of the states."""
+    """The part of an operation's tail bound that does not depend on the tails of the states."""
 
     norm: float
-    """Norm of its polynomial."""
+    """Norm of the operation's polynomial."""
     spill: float = 0.0
-    """Orders above N of the products of polynomials in it."""
+    """Norm of the orders above N of the products of polynomials in the operation."""
     slope: float = 0.0
-    """Bound q with ``|int a' u| <= q |u|`` for u of orders above N (the tail of a left out)."""
+    """Bound q with ``|int a' u| <= q |u|`` for u of orders above N (the tail of a is excluded)."""
 
 
 def _spill(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
-    """Norm of the orders above N of the product of two polynomials, their terms given with weights R^k."""
+    """Norm of the orders above N of the product of two polynomials, given by their terms ``|a_k| R^k``."""
     beyond = np.cumsum(b[::-1])
     return float(np.dot(a[1:], beyond[:-1]))
 
@@ -100,7 +100,7 @@ class Tails:
         self.order = sizes.shape[1] - 1
         self.gain = unit * radius * RAISE
         with np.errstate(over="ignore", invalid="ignore"):
-            # What overflows is found not to be finite, and refused, in validate().
+            # Overflow gives infinite bounds, which validate() refuses.
             terms = sizes * (radius ** np.arange(self.order + 1) * RAISE) + TINY
         self.terms = terms
         self.constants = [
@@ -113,11 +113,11 @@ class Tails:
         self.last = [float(terms[i][-1]) for i in program.field]
 
     def inner_norm(self, index: int) -> float:
-        """Norm of an operation's polynomial on an eighth of the disc."""
+        """Norm of an operation's polynomial on the disc of an eighth of the radius."""
         return float(np.dot(self.terms[index], 0.125 ** np.arange(self.order + 1)))
 
     def validate(self) -> tuple[list[float], list[float]] | None:
-        """(tails of the states, tails of the outputs) that are proven, or None."""
+        """Proven tails (of the states, of the outputs), or None if no self-map was found."""
         program = self.program
         states = [0.0] * len(program.field)
         patience, reached = ROUNDS, 0
@@ -133,12 +133,12 @@ class Tails:
                 return states, [tails[i] for i in program.outputs]
             before, reached = reached, sum(tail > REACHED for tail in mapped)
             patience = ROUNDS if reached > before else patience - 1
-            # What these tails come to is mapped to two thirds of itself, however little of it is the state's own.
+            # The factor leaves room for growth of the image, even if the tails of other states dominate it.
             states = [1.5 * new for new in mapped]
         return None
 
     def propagate(self, states: Sequence[float]) -> list[float]:
-        """Tails of all operations, from tails of the states."""
+        """Tails of all operations, from the tails of the states."""
         tails: list[float] = []
         for index, operation in enumerate(self.program.operations):
             value = states[operation.args[0]] if operation.op == "state" else self._tail(index, operation, tails)
@@ -180,7 +180,7 @@ class Tails:
         return _fixed(lambda u: rest + inverse * u * u / 2 + defect * u, lambda u: inverse * u + defect)
 
     def _integral(self, index: int, operation: Operation, tails: list[float]) -> float:
-        """Tail of the integral of a' factor."""
+        """Tail of ``int a' factor``."""
         rule, args, own = RULES[operation.op], operation.args, self.static[index]
         a = tails[args[0]]
         q = own.slope + a
@@ -190,7 +190,7 @@ class Tails:
             case IntegralOfQuotient():
                 return (rest + q * tails[args[1]]) * RAISE
             case IntegralOfProduct(factor="1 + y**2" | "1 - y**2"):
-                # The tail of the factor is 2 y u + u^2 and what spills over from y_N^2.
+                # The tail of the factor is 2 y u + u^2 plus the orders above N of y_N^2.
                 square = _spill(self.terms[index], self.terms[index]) * RAISE
                 return _fixed(
                     lambda u: rest + q * (square + 2 * own.norm * u + u * u), lambda u: q * (2 * own.norm + 2 * u)
@@ -205,7 +205,7 @@ class Tails:
                     lambda u: c * q * (v + tail),
                 )
             case IntegralOfProduct(paired=True):
-                # Both of the pair at once: u_s = int a' u_c + d_s and the other way round.
+                # Both tails of the pair at once: u_s = int a' u_c + d_s and vice versa.
                 other = self.static[args[1]]
                 rest = max(rest, other.spill + a * own.norm)
         return rest / (1 - q * RAISE) * RAISE if q < 0.9 else inf
@@ -216,7 +216,7 @@ def _raised(own: _Static) -> _Static:
 
 
 def _fixed(picard: Callable[[float], float], slope: Callable[[float], float]) -> float:
-    """A ball that a map sends into itself while it contracts on it; infinite where none is found."""
+    """Radius of a ball that a map sends into itself as a contraction; infinite if none is found."""
     u = picard(0.0) * RAISE
     for _ in range(ROUNDS):
         image = picard(u) * RAISE
