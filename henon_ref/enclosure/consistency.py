@@ -1,4 +1,4 @@
-"""Which modes are consistent at one point, decided on balls: strict signs, exact zeros, or no decision."""
+"""Consistent modes at one point, decided on balls: by strict signs, exact zeros, or not at all."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from henon_ref.modes.mode import Mode, mode_text, replaced
 from henon_ref.modes.switched_field import up_to_a_number
 
 ORDER = 6
-"""Derivatives looked at for the sign of a guard."""
+"""Highest derivative examined for the sign of a guard."""
 
 
 @dataclass(frozen=True)
 class Entry:
-    """A mode that is entered, and what is known of its guards."""
+    """A mode to enter, and the exact zeros of its guards there."""
 
     mode: Mode
     zeros: tuple[int, ...]
-    """For every guard, how many of its leading Taylor coefficients are exactly zero at the entry."""
+    """For every guard, the number of its leading Taylor coefficients that are exactly zero at the entry."""
 
 
 class EndedError(Exception):
-    """The run is proven to go no further: a fact about the problem, not about the precision."""
+    """The run provably ends here: a property of the problem, not of the precision."""
 
     def __init__(self, reason: str, ended: Refusal) -> None:
         super().__init__(reason)
@@ -43,11 +43,11 @@ class EndedError(Exception):
 
 @dataclass(frozen=True)
 class Identities:
-    """What is exactly zero at a point, and so what a state is in terms of the rest."""
+    """Expressions that are exactly zero at a point, solved for states if possible."""
 
     values: Mapping[sp.Symbol, sp.Expr]
     unsolved: tuple[sp.Expr, ...] = ()
-    """Expressions that are zero too, but not linear in a state."""
+    """Further expressions that are zero but not linear in a state."""
 
     @classmethod
     def of(cls, zeros: Sequence[sp.Expr], states: Sequence[sp.Symbol]) -> Identities:
@@ -62,7 +62,7 @@ class Identities:
         return cls(values, tuple(unsolved))
 
     def vanishes(self, expression: sp.Expr) -> bool:
-        """Whether an expression is proven to be zero at the point."""
+        """Check whether an expression is proven to be zero at the point."""
         rest = _substituted(expression, self.values)
         return proves_zero(rest) or any(
             proves_zero(rest - z) or proves_zero(rest + z) or _without_factor(rest) == _without_factor(z)
@@ -77,12 +77,12 @@ def _substituted(expression: sp.Expr, values: Mapping[sp.Symbol, sp.Expr]) -> sp
 
 
 def _without_factor(expression: sp.Expr) -> sp.Expr:
-    """An expression up to a number: a reaction is in another unit than the acceleration that lifts a body off."""
+    """Drop a constant factor: a reaction and the acceleration that lifts its body differ by one."""
     return up_to_a_number(sp.expand(expression))[0]
 
 
 class Judge:
-    """Tells which modes are consistent at one point."""
+    """Decides which modes are consistent at one point."""
 
     def __init__(
         self,
@@ -94,17 +94,17 @@ class Judge:
     ) -> None:
         self.model, self.box, self.on, self.identities = model, list(box), on, identities
         self.smooth = smooth
-        """A surface whose normal velocity is exactly zero after a release from it."""
+        """Surface that was just released, so that its normal velocity is exactly zero."""
 
     def fixed(self, mode: Mode, refusal: str, *, attracting: bool = True) -> Entry:
-        """The entry into a mode that is settled already; its field must keep it."""
+        """Return the entry into a mode that is already known; raise EndedError if the mode's field does not keep it."""
         zeros = self._entry_zeros(mode, self.on if attracting else ())
         if zeros is None:
             raise EndedError(refusal + self._where(), "none")
         return self._attracting(Entry(mode, zeros))
 
     def unique(self, mode: Mode, active: tuple[int, ...], slipped: Collection[int] = ()) -> Entry:
-        """The one consistent mode among all choices for the active surfaces.
+        """Return the one consistent mode among all choices for the active surfaces.
 
         ``slipped``: contacts whose loads have just reached their limits.
         """
@@ -127,16 +127,16 @@ class Judge:
         raise EndedError(f"the future is not unique{self._where()}: {modes}", "nonunique")
 
     def _grouped(self, mode: Mode, active: tuple[int, ...], slipped: Collection[int]) -> Entry:
-        """The entry into the mode that Gauss's principle tells."""
+        """Return the entry into the mode that Gauss's principle selects."""
         numbers = Numbers(
             self._values,
             lambda value, size: bool(value < 0),
             self._broken,
-            lambda one, other: False,  # a surface that is never left is not told from one that is left late
+            lambda one, other: False,  # balls cannot prove that two modes have the same motion
             self.box[0].str(17, radius=False),
             proof=is_proven,
         )
-        if not any(map(self.model.system.held_inside, active)):  # any system's fields, not those of friction alone
+        if not any(map(self.model.system.held_inside, active)):  # Gauss's principle may not hold for general fields
             raise UndecidedError(f"{len(active)} surfaces in play at once: too many modes to try", "mode")
         try:
             decision = decide_groups(self.model.system, mode, active, slipped, numbers)
@@ -144,13 +144,13 @@ class Judge:
             raise UndecidedError(str(error), "mode") from None
         if decision.status == "nonunique":
             raise EndedError(decision.reason, decision.status)
-        if decision.mode is None:  # that pivoting finds none is no proof that there is none
+        if decision.mode is None:  # pivoting without a result does not prove that no mode is consistent
             raise UndecidedError(decision.reason, "mode")
         zeros = [count for count, _ in self._leading_terms(self.model.mode(decision.mode))]
         return self._attracting(Entry(decision.mode, tuple(zeros)))
 
     def _values(self, expressions: tuple[sp.Expr, ...], signs: Mode) -> list[arb] | None:
-        """Expressions in time, states and signs at the point; None where they are not finite."""
+        """Evaluate expressions in time, states and signs at the point; None if a value is not finite."""
         system = self.model.system
         entries = {s: sp.Integer(v) for s, v in zip(system.signs, signs, strict=True)}
         at = dict(zip(self.model.symbols, self.box, strict=True))
@@ -158,7 +158,7 @@ class Judge:
         return values if all(v.is_finite() for v in values) else None
 
     def _broken(self, mode: Mode, active: Collection[int]) -> Broken | None:
-        """Guards of contacts in groups that are proven not to hold; None where the mode has no equations."""
+        """Guards of grouped contacts that are proven not to hold; None if the mode has no equations."""
         try:
             made = self.model.mode(mode)
         except ModelError:
@@ -167,7 +167,7 @@ class Judge:
         return [(g, order_of(self.model.system, g, k)) for g, (k, sign) in terms if sign < 0]
 
     def _leading_terms(self, made: ModeModel) -> list[tuple[int, int]]:
-        """For each guard how many of its coefficients are exactly zero, and the sign of the next; (0, 1) off it."""
+        """For each guard, its number of exact zeros and the sign of the next coefficient; (0, 1) off its surface."""
         series = made.flow.run(ctx.prec, self.box[0], self.box[1:], ORDER, arb(1))
         rows = zip(made.guards, (series[i] for i in made.flow.outputs), strict=True)
         found = []
@@ -181,25 +181,25 @@ class Judge:
         return found
 
     def _by_own_rule(self, guard: Guard) -> bool:
-        """Whether a guard ends a slide that attracts by an override of its own."""
+        """Whether the guard ends the sliding of an override that is entered by attraction, not by its hold zone."""
         system = self.model.system
         own = guard.index in system.overrides and not system.held_inside(guard.index)
         return own and not system.rests(guard.index) and guard.kind == "release"
 
     def _attracting(self, entry: Entry) -> Entry:
-        """An entry, where it is sure that sliding on an intersection attracts."""
+        """Return the entry; raise UndecidedError if sliding on an intersection is not proven to attract."""
         at = dict(zip(self.model.symbols, self.box, strict=True))
         for guard in self.model.mode(entry.mode).guards:
             if guard.kind == "attracts" and not enclose(guard.expression, at) > 0:
                 names = ", ".join(n for n, s in zip(self.model.system.sign_names, entry.mode, strict=True) if s == 0)
-                raise UndecidedError(f"whether sliding on {names} attracts{self._where()} is not told", "mode")
+                raise UndecidedError(f"whether sliding on {names} attracts{self._where()} cannot be decided", "mode")
         return entry
 
     def _where(self) -> str:
         return f" at t = {self.box[0].str(17, radius=False)}"
 
     def _entry_zeros(self, mode: Mode, active: Sequence[int]) -> tuple[int, ...] | None:
-        """Exact leading zeros of every guard where the mode is consistent, None where it is proven not to be."""
+        """Number of exact leading zeros of every guard; None if the mode is proven to be inconsistent."""
         try:
             made = self.model.mode(mode)
         except ModelError:
@@ -226,21 +226,21 @@ class Judge:
         return tuple(zeros)
 
     def _held(self, mode: Mode, index: int) -> bool:
-        """Whether every release guard of an override is positive just after the point, in the stick."""
+        """Check whether every release guard of an override is positive in the stick just after the point."""
         stick = replaced(mode, index, 0)
         try:
             made = self.model.mode(stick)
-        except ModelError as error:  # beside another sliding surface
+        except ModelError as error:  # the stick has no equations next to another sliding surface
             names = self.model.system.sign_names
             raise UndecidedError(
-                f"whether {names[index]} is held{self._where()} cannot be told: {error}", "mode"
+                f"whether {names[index]} is held{self._where()} cannot be decided: {error}", "mode"
             ) from None
         series = made.flow.run(ctx.prec, self.box[0], self.box[1:], ORDER, arb(1))
         rows = zip(made.guards, (series[i] for i in made.flow.outputs), strict=True)
         return all(self._leading(made, g, r)[1] > 0 for g, r in rows if g.kind == "release" and g.index == index)
 
     def _leading(self, made: ModeModel, guard: Guard, row: Sequence[arb]) -> tuple[int, int]:
-        """(number of exactly zero coefficients, sign of the first that is not)."""
+        """Number of exactly zero coefficients, and the sign of the first nonzero one."""
         known = 0 if guard.kind == "release" else 2 if guard.index == self.smooth else 1
         expression = guard.expression
         for k in range(ORDER + 1):
@@ -261,7 +261,7 @@ class Judge:
         )
 
     def _attracts(self, mode: Mode, index: int) -> bool:
-        """Whether both fields point at a surface whose sliding is overridden (or run along it, exactly)."""
+        """Check whether both fields point at a surface whose sliding is overridden, or are exactly tangent to it."""
         system = self.model.system
         normal = system.numeric(system.normal_velocity(index))
         values = dict(zip(self.model.symbols, self.box, strict=True))
@@ -270,7 +270,7 @@ class Judge:
             velocity = normal.xreplace(signs)
             sign = sign_of(enclose(velocity, values))
             if sign == 0 and not self.identities.vanishes(velocity):
-                raise UndecidedError(f"the sign of the normal velocity of surface {index} cannot be told", "mode")
+                raise UndecidedError(f"the sign of the normal velocity of surface {index} cannot be decided", "mode")
             if sign == side:
                 return False
         return True

@@ -1,9 +1,9 @@
-"""Proof that a solution of a contact problem is the one: the conditions of the minimum, in balls.
+"""Proof that a solution of a contact problem is the unique one: the conditions of the minimum, in balls.
 
-The sum of Gauss's principle is strictly convex in the accelerations, so that whatever satisfies the conditions is the
-one minimum, wherever it was found (:mod:`henon_ref.modes.contact_problem`): the force of each contact that holds is
-within its bounds, and each other contact slips against its force at a bound. Held contacts that others settle, in
-loops, carry what leaves the most room.
+Gauss's sum is strictly convex in the accelerations, so accelerations that satisfy the conditions of the minimum are the
+unique minimum, regardless of the method that found them (:mod:`henon_ref.modes.contact_problem`). The conditions: the
+force of each holding contact is within its bounds, and every other contact slips against its force, which is at a
+bound. In loops, where some holding contacts determine the remaining ones, those farthest from their bounds are chosen.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from henon_ref.modes.contact_problem import Accelerations, ContactProblem, Row, 
 
 
 def is_proven(problem: ContactProblem, found: Accelerations, settled: Settled) -> bool:
-    """Whether a solution in double precision is that of the problem's balls, with nothing at its limit.
+    """Check whether a double-precision solution is proven for the problem in balls, with no force at its limit.
 
     Parameters
     ----------
     problem : ContactProblem
         In balls.
     found : Accelerations
-        Which contacts hold, and the sides of the others.
+        Which contacts hold, and the slip directions of the rest.
     settled : callable
     """
     held = [k for k, slips in enumerate(found.slips) if not slips]
@@ -56,7 +56,7 @@ def _room(problem: ContactProblem, k: int, force: float) -> list[float]:
 
 
 def _speed(problem: ContactProblem, k: int, forces: Row, skipped: Sequence[int] = ()) -> Any:
-    """A relative acceleration, forces at some places left out."""
+    """Relative acceleration of a contact, without the forces of the skipped contacts."""
     terms = [
         slope * force
         for j, (slope, force) in enumerate(zip(problem.matrix[k], forces, strict=True))
@@ -66,7 +66,7 @@ def _speed(problem: ContactProblem, k: int, forces: Row, skipped: Sequence[int] 
 
 
 def _eliminated(matrix: list[Row]) -> Row | None:
-    """Solution of a linear system, its right side the last column; None where a pivot may be zero."""
+    """Solve a linear system, given as an augmented matrix; None if a pivot may be zero."""
     count = len(matrix)
     for k in range(count):
         pivot = max(range(k, count), key=lambda r: abs(float(matrix[r][k])))

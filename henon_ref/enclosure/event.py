@@ -111,7 +111,7 @@ def scan(curve: Curve, end: float, armed: bool, name: str) -> Scan:
         if (depth + 1) % RECENTRE == 0:
             curve = curve.recentred(middle)
         stack += [(middle, high, depth + 1, curve), (low, middle, depth + 1, curve)]
-    raise UndecidedError(f"{name} comes too near to zero too often to be told apart from it", "graze")
+    raise UndecidedError(f"{name} is near zero too often for its sign to be decided", "graze")
 
 
 Shape = Literal["falls", "rises", "stays positive", "stays negative", "unknown"]
@@ -136,7 +136,7 @@ def _monotone(curve: Curve, low: float, high: float, slope: int, positive: bool)
 
 def _graze(name: str, low: float, value: arb) -> str:
     if low == 0.0:
-        return f"{name} starts at zero to all digits: on which side it is cannot be told"
+        return f"{name} starts at zero to all digits: its side cannot be decided"
     return (
         f"{name} touches zero or comes so near to it (within {abs(value).upper().str(3, radius=False)}) with no "
         "strict slope that an event can be neither proven nor excluded: a graze"

@@ -1,4 +1,4 @@
-"""The guard that falls first on a step, what is kept of it, and what it is called."""
+"""The guard that falls first on a step, the record of its event, and its name in messages."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from henon_ref.modes.equations import Guard
 from henon_ref.modes.mode import Mode
 
 HORIZON_MARGIN = 1.125
-"""How far beyond the horizon is looked, in the time left, so that an event just there shows as a tie with it."""
+"""Search interval as a multiple of the remaining time: an event just after the horizon is then reported as a tie."""
 
 
 @dataclass(frozen=True)
 class Hit:
-    """A guard that fell to zero, and where."""
+    """The event of a guard that fell to zero."""
 
     guard: Guard
     before: Mode
@@ -29,20 +29,19 @@ class Hit:
     rate: arb
     """Slope of the guard at the event [1/s]."""
     applied: tuple[tuple[int, tuple[arb, ...]], ...] = ()
-    """Surfaces that reset the state, in order, each with the enclosure after its map; ``box`` is after all."""
+    """Surfaces that reset the state, in order, each with the enclosure after its map; ``box`` is after the last map."""
     rest: Rest | None = None
-    """What follows at once, or after impacts that are not told of."""
-    told: bool = True
-    """Whether the guard's fall is told of: not where impacts have come to their limit before."""
+    """Rest that follows at this instant, or after accumulating impacts that are not recorded."""
+    recorded: bool = True
+    """False for an impact after the limit of accumulating impacts was detected."""
 
 
 def first_fall(
     watched: Sequence[tuple[Curve, bool, str]], reach: float, left: float
 ) -> tuple[tuple[int, arb] | None, list[bool]]:
-    """The first guard to fall on a step of length ``reach``, of which ``left`` is left to the horizon."""
+    """Locate the first guard that falls on a step of length ``reach``, with time ``left`` to the horizon."""
     if left * HORIZON_MARGIN < reach:
         try:
-            # Look a little beyond the horizon, so that an event just there shows as a tie with it.
             return first_root(watched, left * HORIZON_MARGIN)
         except UndecidedError:
             return first_root(watched, left)
@@ -50,7 +49,7 @@ def first_fall(
 
 
 def guard_text(guard: Guard, names: Sequence[str]) -> str:
-    """A guard in words, for reasons."""
+    """Name of a guard in messages."""
     if guard.kind == "valid":
         return f"valid expression {guard.index}"
     if guard.kind == "attracts":

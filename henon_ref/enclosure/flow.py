@@ -245,7 +245,7 @@ class ValidatedFlow:
         for i, speed in maps.speeds.items():
             if after[i] == 0 and i in maps.applied and speed == 0:  # the impact leaves no normal velocity
                 after, rest = replaced(after, i, 1), Rest(entry.mode, box)
-        told = self._accumulating is None
+        recorded = self._accumulating is None
         if rest is None and index in maps.speeds and after[index] > 0:
             rest = self._limit(index, before, after, maps.speeds[index], arrived)
         if rest is not None and rest.box is not box:
@@ -255,7 +255,7 @@ class ValidatedFlow:
         if self._accumulating is not None and len(applied) > 1:
             raise UndecidedError("another surface resets the state where impacts accumulate", "mode")
         self.enter(entry)
-        return Hit(guard, before, after, box, rate, tuple(applied), rest, told)
+        return Hit(guard, before, after, box, rate, tuple(applied), rest, recorded)
 
     def _limit(self, index: int, before: Mode, after: Mode, speed: arb, arrived: Sequence[arb]) -> Rest | None:
         """Limit of accumulating impacts, if near enough to be enclosed; mark when impacts are no longer recorded."""

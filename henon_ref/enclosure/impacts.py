@@ -1,10 +1,10 @@
-"""Impacts of a set of states, and the limit of those that accumulate, enclosed.
+"""Impacts of a set of states, and enclosures of the limit of accumulating impacts.
 
-Let h'' be in [-a2, -a1] (a1 > 0) and the ratio of the speeds after and before an impact in [r1, r2] as long as a body
-bounces, and q = sqrt(a2/a1). A flight that begins with the speed v lasts from 2 v / a2 to 2 v / a1 (h'' is largest and
-least all the time), and ends, as the body falls as far as it rises, with a speed from v / q to v q. So all flights
-from one with the speed v on last together from ``2 v / (a2 (1 - r1/q))`` to ``2 v / (a1 (1 - r2 q))``, if r2 q < 1.
-The bounds hold on a box that the states do not leave within that time, which is checked as in Picard's iteration.
+While a body bounces, let h'' be in [-a2, -a1] (a1 > 0), let [r1, r2] contain the ratios of the speeds after and before
+an impact, and let q = sqrt(a2/a1). A flight with initial speed v lasts from 2 v / a2 to 2 v / a1 (h'' constant at its
+bounds) and ends with a speed from v / q to v q, since the body falls as far as it rises. By the geometric series, all
+flights from one with speed v on last from ``2 v / (a2 (1 - r1/q))`` to ``2 v / (a1 (1 - r2 q))`` together, if
+r2 q < 1. The bounds hold on a box that the states do not leave in that time; an a priori enclosure proves it.
 """
 
 from __future__ import annotations
@@ -23,22 +23,22 @@ from henon_ref.modes.mode import Mode, replaced
 from henon_ref.modes.resets import Impact, impact_of
 
 ROOM = 4
-"""So many times as far as they would go by the bounds at hand may the states go: the next guess of the box."""
+"""Factor from the displacements that the present bounds allow to the next guess of the box."""
 TRIES = 12
-"""Guesses of the box."""
+"""Largest number of guesses of the box."""
 
 
 @dataclass(frozen=True)
 class Rest:
-    """A body that has come to rest on a surface."""
+    """A body at rest on a surface."""
 
     mode: Mode
     box: tuple[arb, ...]
-    """Enclosure of (t, x) where it does."""
+    """Enclosure of (t, x) at the beginning of the rest."""
 
 
 def speed_after(model: SystemModel, index: int, arrived: Sequence[arb]) -> arb | None:
-    """Enclosure of h' after an impact on a surface, exactly 0 where it is proven to be; None where it is no body's.
+    """Enclose h' after an impact; exactly 0 if proven, None if the reset of the surface is not an impact of a body.
 
     Parameters
     ----------
@@ -46,12 +46,12 @@ def speed_after(model: SystemModel, index: int, arrived: Sequence[arb]) -> arb |
     index : int
         The surface.
     arrived : sequence of arb
-        Enclosure of (t, x) before it.
+        Enclosure of (t, x) before the impact.
 
     Raises
     ------
     UndecidedError
-        Where it cannot be told whether the body leaves.
+        If the enclosure contains 0, so that the body may or may not leave the surface.
     """
     system, impact = model.system, impact_of(model.system, index)
     if impact is None or impact.refusal:
@@ -63,12 +63,12 @@ def speed_after(model: SystemModel, index: int, arrived: Sequence[arb]) -> arb |
     speed: arb = enclose(ratio, at) * enclose(system.numeric(impact.speed), at)
     if speed.contains(0):
         name = system.sign_names[index]
-        raise UndecidedError(f"whether the body leaves {name} after an impact cannot be told", "mode")
+        raise UndecidedError(f"whether the body leaves {name} after an impact cannot be decided", "mode")
     return speed
 
 
 def rest_after(model: SystemModel, index: int, mode: Mode, speed: arb, box: Sequence[arb]) -> Rest:
-    """The limit of impacts on a surface, and the rest there.
+    """Enclose the limit of accumulating impacts on a surface, where the body comes to rest.
 
     Parameters
     ----------
@@ -80,23 +80,23 @@ def rest_after(model: SystemModel, index: int, mode: Mode, speed: arb, box: Sequ
     speed : arb
         h' after the last impact.
     box : sequence of arb
-        Enclosure of (t, x) then.
+        Enclosure of (t, x) after the last impact.
 
     Raises
     ------
     UndecidedError
-        Where the limit is not proven.
+        If the limit is not proven.
     """
     return _Limit(model, index, mode, speed, box).rest()
 
 
 class _Limit:
-    """The limit of impacts on one surface."""
+    """Enclosure of the limit of accumulating impacts on one surface."""
 
     def __init__(self, model: SystemModel, index: int, mode: Mode, speed: arb, box: Sequence[arb]) -> None:
         self.model, self.index, self.mode, self.speed, self.begin = model, index, mode, speed, list(box)
         impact = impact_of(model.system, index)
-        assert impact is not None  # it has thrown the body back
+        assert impact is not None  # the surface has just reset a body's speed
         self.impact: Impact = impact
         made = model.mode(mode)
         self.field, self.guards = made.field, made.guards
@@ -106,7 +106,7 @@ class _Limit:
         self.bend = made.lie_derivative(made.lie_derivative(own.expression))
 
     def rest(self) -> Rest:
-        """Where the body comes to rest."""
+        """Return the rest at the limit."""
         begin = self.begin
         box, time, change = self._kept()
         for guard in self.guards:
@@ -125,7 +125,7 @@ class _Limit:
         return Rest(self.stuck, tuple(settled))
 
     def _kept(self) -> tuple[list[arb], arb, arb]:
-        """A box that the states do not leave, and the bounds that hold on it."""
+        """Find a box that the states do not leave, with the bounds (time, change of h') on it."""
         box = list(self.begin)
         for _ in range(TRIES):
             time, change = self._bounds(box)
@@ -133,17 +133,17 @@ class _Limit:
             if all(wide.contains(own) for wide, own in zip(box, inside, strict=True)):
                 return box, time, change
             box = self._reached(box, ROOM * time.upper(), ROOM * change)
-        raise self._open("the states may go further than thought meanwhile")
+        raise self._open("no box is found that the states do not leave")
 
     def _bounds(self, box: Sequence[arb]) -> tuple[arb, arb]:
-        """How long all flights last together, and the sum of the changes of h' by impacts, while a box is not left."""
+        """Total time of all flights, and total change of h' by impacts, as long as the states are in a box."""
         at = self._at(box)
         pull = -enclose(self.bend, at)
         ratio = -enclose(self.model.system.numeric(self.impact.ratio), at)
         least, most = arb(pull.lower()), arb(pull.upper())
         low, high = max(arb(ratio.lower()), arb(0)), arb(ratio.upper())
         if not least > 0:
-            raise self._open("whether the body is pressed on cannot be told")
+            raise self._open("it cannot be decided whether the body is pressed onto the surface")
         spread = (most / least).sqrt()
         if not high * spread < 1:
             raise self._open("impacts may lose no speed")
@@ -152,7 +152,7 @@ class _Limit:
         return time, ((1 + high) * spread * self.speed / (1 - high * spread)).upper()
 
     def _reached(self, box: Sequence[arb], time: arb, change: arb) -> list[arb]:
-        """Where time and states may be within a time, while a box is not left."""
+        """Enclose time and states reached within a time, as long as the states are in a box."""
         at = self._at(box)
         fields, pushes = self._values(self.field, at), self._values(self.impact.push, at)
         return [self.begin[0] + time * UNIT_BALL] + [

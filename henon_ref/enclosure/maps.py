@@ -1,4 +1,4 @@
-"""The maps of one instant, their order proven (:mod:`henon_ref.modes.cascade`)."""
+"""The maps applied at one instant, in a proven order (:mod:`henon_ref.modes.cascade`)."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from henon_ref.text import listed
 
 
 class ProvenMaps:
-    """Which maps are applied at an instant, one after the other.
+    """Sequence of the maps applied at an instant.
 
     Parameters
     ----------
     model : SystemModel
     mode : Mode
-        Before them.
+        Before the maps.
     index : int
         The surface that has fallen to zero.
 
@@ -34,9 +34,9 @@ class ProvenMaps:
     due : set of int
         Surfaces whose maps have to be applied.
     sides : list of int
-        Signs of the surfaces after the last map; 0 for one that the state is on.
+        Signs of the surfaces after the last map; 0 for a surface that the state is on.
     speeds : dict
-        Enclosure of h' of surfaces that the state is on and whose rate a map has changed.
+        Surface -> enclosure of h', for surfaces that the state is on and whose h' a map has changed.
     applied : list of int
         Surfaces whose maps have been applied.
     """
@@ -50,14 +50,14 @@ class ProvenMaps:
         self._thrown: arb | None = None
 
     def next(self, box: Sequence[arb]) -> Jump:
-        """The jump that is the next, at an enclosure of (t, x) before it.
+        """Select the next jump, given an enclosure of (t, x) before it.
 
         Raises
         ------
         UndecidedError
-            Where several may go first, whose order may matter.
+            If several jumps may be first and their order may matter.
         EndedError
-            After too many.
+            If the limit of maps at one instant is reached.
         """
         system = self.model.system
         resets, groups, names = system.resets, acting_groups(system), system.sign_names
@@ -75,7 +75,7 @@ class ProvenMaps:
         return jump_of(system, first)
 
     def after(self, jump: Jump, box: Sequence[arb]) -> None:
-        """Note what a jump has made of the surfaces, at an enclosure of (t, x) after it."""
+        """Update sides, speeds and due maps after a jump, given an enclosure of (t, x) after it."""
         model, system, index = self.model, self.model.system, self.applied[-1]
         at = dict(zip(model.symbols, box, strict=True))
         for j, h in enumerate(model.surfaces):
@@ -83,7 +83,7 @@ class ProvenMaps:
                 continue
             side = sign_of(enclose(h, at))
             if side == 0:
-                raise UndecidedError(f"the side of {system.sign_names[j]} after the reset cannot be told", "mode")
+                raise UndecidedError(f"the side of {system.sign_names[j]} after the reset cannot be decided", "mode")
             if j in system.resets and self.sides[j] > 0 > side:
                 self.due.add(j)
             self.sides[j] = side
@@ -100,10 +100,10 @@ class ProvenMaps:
             if self.sides[j] == 0 and (self.mode[j] != 0 or system.rests(j)):
                 self._turn(j, impact, at)
             elif self.sides[j] > 0 and enclose(model.surfaces[j], at).contains(0):
-                raise UndecidedError(f"whether {system.sign_names[j]} is touched at the reset cannot be told", "mode")
+                raise UndecidedError(f"whether the reset touches {system.sign_names[j]} cannot be decided", "mode")
 
     def _turn(self, index: int, impact: Impact, at: dict[sp.Symbol, arb]) -> None:
-        """Note the rate that another surface's map has given to one that the state is on."""
+        """Record h' of a surface that the state is on, as changed by the map of another surface."""
         rate = self._rate(index, impact, at)
         sign = sign_of(rate)
         falling = index in self.speeds and self.speeds[index] < 0
@@ -114,10 +114,11 @@ class ProvenMaps:
         self.speeds[index] = rate
 
     def _rate(self, index: int, impact: Impact, at: dict[sp.Symbol, arb]) -> arb:
-        """h' of a surface over an enclosure, of a strict sign."""
+        """Enclose h' of a surface; its sign must be strict."""
         system = self.model.system
         signs = {s: sp.Integer(entry) for s, entry in zip(system.signs, self.mode, strict=True)}
         rate: arb = enclose(system.numeric(impact.speed.xreplace(signs)), at)
         if sign_of(rate) == 0:
-            raise UndecidedError(f"whether {system.sign_names[index]} is left after the reset cannot be told", "mode")
+            name = system.sign_names[index]
+            raise UndecidedError(f"whether the state leaves {name} after the reset cannot be decided", "mode")
         return rate

@@ -1,9 +1,9 @@
-"""The mode after an event or at the start, decided on balls: strict signs, exact zeros, or no decision.
+"""The mode after an event or at the start, decided on balls: by strict signs, exact zeros, or not at all.
 
-The rule, the one mode whose own field keeps it, is written here anew: nothing of :mod:`henon_ref.modes.selection` is
-used, so that a proof is a check on it. A sign counts only where a ball excludes zero; a zero counts only where it is
-proven by algebra (the start is given in exact numbers; after an event the surface is exactly zero) or by structure (the
-field is continuous across a Filippov release, so the surface's normal velocity is exactly zero there).
+The rule (exactly one mode is kept by its own field) is implemented independently of
+:mod:`henon_ref.modes.selection`, so that a proof checks it. A sign counts only if a ball excludes zero. A zero counts
+only if it is proven: by algebra (the start is given in exact numbers; after an event the surface is exactly zero), or
+by structure (the field is continuous across a Filippov release, so the normal velocity is exactly zero there).
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from henon_ref.modes.resets import impact_of, into_surface
 
 
 def initial_entry(model: SystemModel, problem: Problem) -> tuple[Entry, tuple[int, ...]]:
-    """The mode at the start, and the surfaces the start lies on.
+    """Select the mode at the start; also return the surfaces that the start is on.
 
     Raises
     ------
     UndecidedError
-        Where a sign cannot be proven.
+        If a sign cannot be proven.
     EndedError
-        Where the start is proven to have no unique future, none at all, or lies outside the model.
+        If the start provably has no future or several, or is outside the model.
     """
     system = problem.system
     numbers = [system.numeric(e) for e in (problem.start, *problem.initial)]
@@ -50,7 +50,7 @@ def initial_entry(model: SystemModel, problem: Problem) -> tuple[Entry, tuple[in
         sign = 1 if i in system.kinks and not value.is_finite() else sign_of(value)
         if sign == 0:
             if not at.vanishes(h):
-                raise UndecidedError(f"the start's side of {system.sign_names[i]} cannot be told", "start")
+                raise UndecidedError(f"the start's side of {system.sign_names[i]} cannot be decided", "start")
             on.append(i)
             sign = problem.initial_mode.get(i, 0)
         elif problem.initial_mode.get(i, sign) != sign:
@@ -71,7 +71,7 @@ def initial_entry(model: SystemModel, problem: Problem) -> tuple[Entry, tuple[in
             continue
         mode[i] = sign_of(enclose(speed, dict(zip(model.symbols, box, strict=True))))
         if mode[i] == 0:
-            raise UndecidedError(f"whether the start leaves {system.sign_names[i]} cannot be told", "start")
+            raise UndecidedError(f"whether the start leaves {system.sign_names[i]} cannot be decided", "start")
         refuse_into_surface(model, mode, (i,), box)
     open_ones = tuple(i for i in open_ones if mode[i] == 0)
     judge = Judge(model, box, tuple(on), at)
@@ -84,14 +84,14 @@ def initial_entry(model: SystemModel, problem: Problem) -> tuple[Entry, tuple[in
 
 
 def refuse_into_surface(model: SystemModel, mode: Sequence[int], on: Sequence[int], box: Sequence[arb]) -> None:
-    """Raise EndedError where a mode leads from surfaces that the state is on into one that resets it."""
+    """Raise EndedError if a mode moves the state across a surface that it is on and that resets the state."""
     for i in on:
         if i in model.system.resets and mode[i] < 0:
             raise EndedError(into_surface(model.system.sign_names[i], box[0].str(17, radius=False)), "invalid")
 
 
 def entry_after(model: SystemModel, box: Sequence[arb], mode: Mode, hit: Guard) -> tuple[Entry, tuple[int, ...]]:
-    """The mode after one guard fell through zero, and the surfaces the state is then exactly on.
+    """Select the mode after one guard fell through zero; also return the surfaces that the state is exactly on.
 
     Parameters
     ----------
@@ -99,14 +99,14 @@ def entry_after(model: SystemModel, box: Sequence[arb], mode: Mode, hit: Guard) 
     box : sequence of arb
         Enclosure of (t, x) at the event.
     mode : Mode
-        Before it.
+        Before the event.
     hit : Guard
         With exact numbers for the parameters.
     """
     system = model.system
     refused = ended(system, mode, [hit], box[0].str(17, radius=False))
     if refused is not None:
-        if hit.ends is None or hit.ends == "none":  # not told is not proven
+        if hit.ends is None or hit.ends == "none":  # an undecided case is not proven
             raise UndecidedError(refused.reason, "mode")
         raise EndedError(refused.reason, hit.ends)
     on = tuple(sorted(system.closed({hit.index}, {i for i, s in enumerate(mode) if s == 0})))
@@ -114,7 +114,7 @@ def entry_after(model: SystemModel, box: Sequence[arb], mode: Mode, hit: Guard) 
         moving = [hit.index] if hit.kind == "surface" and mode[hit.index] else []
         released_by = [hit.expression] if hit.kind == "release" else []
         judge = Judge(model, box, on, _identities(model, [i for i in on if i not in moving], moving, *released_by))
-        if hit.kind == "surface" and system.rests(hit.index):  # from the side where nothing can rest
+        if hit.kind == "surface" and system.rests(hit.index):  # reached from the side on which no body can rest
             return judge.fixed(replaced(mode, hit.index, hit.to_sign), "the surface is not left"), on
         return judge.unique(mode, tuple(sorted(system.in_play([hit.index], on))), slipped_by(system, [hit])), on
     released = replaced(mode, hit.index, hit.to_sign)
@@ -125,17 +125,17 @@ def entry_after(model: SystemModel, box: Sequence[arb], mode: Mode, hit: Guard) 
 
 
 def entry_after_jump(model: SystemModel, box: Sequence[arb], sides: Sequence[int], speeds: Mapping[int, arb]) -> Entry:
-    """The mode after the last jump of an instant.
+    """Select the mode after the last jump of an instant.
 
     Parameters
     ----------
     model : SystemModel
     box : sequence of arb
-        Enclosure of (t, x) after it.
+        Enclosure of (t, x) after the jump.
     sides : sequence of int
-        Signs of the surfaces; 0 for one that the state is on.
+        Signs of the surfaces; 0 for a surface that the state is on.
     speeds : mapping
-        Of such a surface h', where a map has changed that; exactly 0 where an impact has taken it.
+        h' of those surfaces of which a map has changed h'; exactly 0 after an impact without rebound.
     """
     system, at = model.system, dict(zip(model.symbols, box, strict=True))
     for expression in system.valid:
@@ -143,7 +143,7 @@ def entry_after_jump(model: SystemModel, box: Sequence[arb], sides: Sequence[int
         if value < 0:
             raise EndedError(f"the model does not hold after the reset: {expression} < 0", "invalid")
         if not value > 0:
-            raise UndecidedError(f"whether the model holds after the reset cannot be told: {expression}", "mode")
+            raise UndecidedError(f"whether the model holds after the reset cannot be decided: {expression}", "mode")
     on = tuple(i for i, side in enumerate(sides) if side == 0)
     still = [i for i in on if i not in speeds or speeds[i] == 0]
     identities = _identities(model, still, [i for i in on if i in speeds])
@@ -152,13 +152,13 @@ def entry_after_jump(model: SystemModel, box: Sequence[arb], sides: Sequence[int
 
 
 def entry_at_rest(model: SystemModel, box: Sequence[arb], mode: Mode) -> Entry:
-    """The mode in which a body has come to rest."""
+    """Return the entry into the mode in which a body has come to rest."""
     on = tuple(i for i, s in enumerate(mode) if s == 0)
     return Judge(model, box, on, _identities(model, on)).fixed(mode, "the body does not stay at rest")
 
 
 def _identities(model: SystemModel, on: Sequence[int], moving: Sequence[int] = (), *more: sp.Expr) -> Identities:
-    """What is zero on surfaces, of those that a body rests on the speed, too; ``moving``: without the speed."""
+    """Collect the exact zeros: the surfaces, and h' of those in ``on`` that bodies rest on (not of ``moving``)."""
     system = model.system
     zeros = [model.surfaces[i] for i in (*on, *moving)]
     rests = [impact_of(system, i) for i in on if system.rests(i)]

@@ -1,8 +1,10 @@
-"""Periodic orbits: a fixed point of the return map by Krawczyk's test, with everything about it enclosed.
+"""Periodic orbits: existence and uniqueness of a fixed point of the return map by Krawczyk's test.
 
-The derivative of the return map comes with the flow (variational equations and saltation matrices). Coordinates
-that a surface makes redundant are left out, so that an orbit which starts in a stick of an oscillator with one
-degree of freedom is the fixed point of a scalar map.
+With the residual r = p - P(p) of a point p, a box X around p, slopes S of x - P(x) over X and C ~ S^-1, Krawczyk's
+operator is ``K = p - C r + (1 - C S)(X - p)``; if K is in the interior of X, X contains exactly one fixed point
+(Krawczyk, *Computing* 4, 1969). The derivative of P comes with the flow (variational equations and saltation matrices).
+Coordinates that a surface makes redundant are eliminated: an orbit of an oscillator with one degree of freedom that
+starts in a stick is the fixed point of a scalar map.
 """
 
 from __future__ import annotations
@@ -25,50 +27,50 @@ from henon_ref.modes.system import FilippovSystem
 from henon_ref.precision import working_precision
 
 NEWTON_STEPS = 12
-"""Digits double at a step: from eight digits five steps reach the precision; the rest is for a poor guess."""
+"""Largest number of Newton steps; the correct digits double per step, so five suffice from eight digits."""
 SPARE_BITS = 56
-"""Bits beyond those of the radius that is asked for: room for what one round of the return map loses."""
+"""Working precision beyond the requested radius, for the error growth of one evaluation of the return map."""
 SETTLED_RADIUS = 1e-8
-"""Proven radius of the run towards the orbit: near enough for Newton's method to begin."""
+"""Radius of the certified run towards the orbit, accurate enough to start Newton's method."""
 FIRST_BITS = 80
-"""Precision of the first Newton steps, whose point is not yet better than that."""
+"""Precision of the first Newton steps, whose points are less accurate than it."""
 BOXES = 4
-"""Boxes tried by Krawczyk's test, each as wide as the last one's image asks for."""
+"""Largest number of boxes tried by Krawczyk's test; each is sized by the image of the previous one."""
 SINGULAR_WITHIN = 1e-6
-"""Corrections beyond this say that the point is too far from an orbit to tell why Newton's method fails."""
+"""Largest correction at which a singular derivative is reported; at larger ones the point is too far from an orbit."""
 SINGULAR = (
-    "the return map less the identity is singular: no isolated orbit here, others near by are as periodic "
-    "(where nothing is lost, say)"
+    "the derivative of the return map minus the identity is singular: no isolated orbit here, but a family of "
+    "periodic orbits (as without energy losses)"
 )
 INFLATION = 16.0
-"""The box that is tested, against the last Newton correction."""
+"""Half width of the tested box, as a multiple of the last Newton correction."""
 
 
 @dataclass(frozen=True)
 class PeriodicOrbit:
-    """A proven periodic orbit; it is the only one through the box ``unique_in``."""
+    """A proven periodic orbit, unique among those through the box ``unique_in``."""
 
     start: arb
-    """Time it is started at [s]."""
+    """Start time [s]."""
     state: tuple[arb, ...]
-    """State there."""
+    """State at the start."""
     mode: Mode
     period: arb
     events: tuple[OrbitEvent, ...]
     """Over one period, from the start on."""
     derivative: arb_mat
-    """Derivative of the return map in the coordinates that are free (saltation included)."""
+    """Derivative of the return map in the free coordinates, saltation included."""
     multipliers: tuple[acb, ...]
-    """Its eigenvalues, largest first: Floquet multipliers."""
+    """Floquet multipliers: eigenvalues of ``derivative``, largest first."""
     dimension: int
-    """How many coordinates are free."""
+    """Number of free coordinates."""
     unique_in: tuple[arb, ...]
-    """The box of free coordinates in which there is no other fixed point."""
+    """Box of free coordinates that contains no other fixed point."""
     bits: int
     seconds: float
 
     def durations(self, mode: Mode) -> list[arb]:
-        """How long each visit to a mode lasts [s], by its entry on the period (the last may wrap around)."""
+        """Durations of the visits to a mode [s], ordered by entry time; the last visit may include the start."""
         if not self.events:
             return []
         with working_precision(self.bits):
@@ -83,14 +85,14 @@ def find_periodic_orbit(system: FilippovSystem, guess: Guess, *, radius: float =
     ----------
     system : FilippovSystem
     guess : Guess
-        Good to a few digits: Newton's method does the rest.
+        Accurate to a few digits, as a start for Newton's method.
     radius : float
-        Asked of state, period and derivative (the multipliers of a double eigenvalue are blurred to its root).
+        Required radius of state, period and derivative. A double multiplier is enclosed to about its square root.
 
     Raises
     ------
     OrbitError
-        Where Newton's method does not converge, or the box cannot be proven to hold a fixed point.
+        If Newton's method does not converge, or no box is proven to contain a fixed point.
     """
     begun = clock.monotonic()
     returned = ReturnMap(system, guess)
@@ -107,12 +109,12 @@ def find_periodic_orbit(system: FilippovSystem, guess: Guess, *, radius: float =
 
 
 def settled_guess(problem: Problem, *, period: sp.Expr | None = None, events: int | None = None) -> Guess:
-    """A guess from where a run has settled: its state at the horizon, or (with ``events``) after its last event.
+    """Return a guess from the end of a run: the state at the horizon, or with ``events`` after the last event.
 
     Parameters
     ----------
     problem : Problem
-        Its run from start to horizon is certified roughly; the horizon is where the orbit is started.
+        Its run is certified to a low accuracy; the orbit starts at the horizon.
     period, events
         As in :class:`Guess`.
     """
@@ -128,13 +130,12 @@ def settled_guess(problem: Problem, *, period: sp.Expr | None = None, events: in
 
 
 class _Search:
-    """Newton's method on the return map, then Krawczyk's test on a box (at the working precision)."""
+    """Newton's method on the return map, followed by Krawczyk's test on a box (at the working precision)."""
 
     def __init__(self, returned: ReturnMap, bits: int) -> None:
         self.returned, self.guess, self.bits = returned, returned.guess, bits
 
     def prove(self) -> PeriodicOrbit:
-        """The orbit, or OrbitError."""
         size = len(self.returned.free)
         point, correction = self._newton()
         residual = [p - q for p, q in zip(point, self.returned(point, self.bits, sharp=False).end, strict=True)]
@@ -153,21 +154,21 @@ class _Search:
         raise OrbitError("Newton's method converges, but no box around its limit is proven to hold a fixed point")
 
     def _slope_around(self, point: Sequence[arb], correction: Sequence[arb]) -> tuple[list[arb], arb_mat]:
-        """A box around a point, as wide as a correction asks for, and the derivative of the map's shift over it."""
+        """Box around a point, sized by a correction, and the derivative of x - P(x) over the box."""
         floor = arb(2) ** -(self.bits - SPARE_BITS // 2)
         half = [abs(c) * INFLATION + floor * (1 + abs(p)) for c, p in zip(correction, point, strict=True)]
         box = [p + h.upper() * UNIT_BALL for p, h in zip(point, half, strict=True)]
         return box, _unit(len(box)) - self.returned(box, self.bits, sharp=True).derivative
 
     def _refuse_singular(self, point: Sequence[arb], correction: Sequence[arb]) -> None:
-        """Raise where the return map, less the identity, is singular near a point that it hardly moves."""
+        """Raise OrbitError if the derivative of x - P(x) is singular near a point that the map hardly moves."""
         if max(map(float, correction), default=0.0) < SINGULAR_WITHIN:
             _, slope = self._slope_around(point, correction)
             if slope.det().contains(0):
                 raise OrbitError(SINGULAR)
 
     def _newton(self) -> tuple[list[arb], list[arb]]:
-        """A point that the return map moves by next to nothing, and the last correction."""
+        """Approximate fixed point of the return map, and the last Newton correction."""
         point = [arb(self.guess.state[i]).mid() for i in self.returned.free]
         bits, before = min(FIRST_BITS, self.bits), inf
         nearest, least = point, [arb(inf)]

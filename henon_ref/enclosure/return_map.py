@@ -1,11 +1,11 @@
-"""The return map of a periodic orbit: where a start is carried to, with its derivative, over points or boxes.
+"""The return map of a periodic orbit with its derivative, over points or boxes.
 
-The map ends either at a fixed time (a forced system: one period later) or at an event (an autonomous system:
-the same change of mode again). States that a surface makes redundant are left out of its coordinates.
+The map ends either at a fixed time (a forced system: one period later) or at an event (an autonomous system: the same
+change of mode again). States that a surface makes redundant are not among its coordinates.
 
-Over a box the map is that of the modes' smooth flows: a start that lies beside the surface (or beside the
-tangent point) it is said to lie on is carried on as if it lay there. A fixed point is an image, images end on
-the surface, and there the map is the system's own.
+Over a box the map is that of the smooth flows of the modes: a start off the surface (or off the tangent point) that it
+should be on is continued as if it were on it. A fixed point is an image, images are on the surface, and on the surface
+this map is the return map of the system.
 """
 
 from __future__ import annotations
@@ -29,25 +29,25 @@ from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 
 MAX_STEPS = 20_000
-"""Steps of one round: the guess is then taken to be no orbit."""
+"""Largest number of steps of one evaluation; beyond it the guess is considered not to be near an orbit."""
 FAR = 2**40
-"""Horizon where the map ends at an event [s]."""
+"""Horizon if the map ends at an event [s]."""
 
 
 class OrbitError(HenonRefError):
-    """No periodic orbit could be proven near the guess; the message says why."""
+    """No periodic orbit is proven near the guess; the message states the reason."""
 
 
 @dataclass(frozen=True)
 class Guess:
-    """Where a periodic orbit is believed to pass.
+    """Approximate start of a periodic orbit.
 
-    Either ``period`` is given (an exact number: the return map ends that much later), or ``events``: the
-    orbit starts just after an event, and comes back with the ``events``-th event after it.
+    Either ``period`` is given, an exact number: the return map ends that much later. Or ``events`` is given: the orbit
+    starts just after an event and returns with the ``events``-th event after it.
     """
 
     time: sp.Expr
-    """Exact start time [s]; for an autonomous system any, such as 0."""
+    """Exact start time [s]; arbitrary for an autonomous system, such as 0."""
     state: tuple[float, ...]
     mode: Mode
     """Mode just after the start."""
@@ -56,12 +56,12 @@ class Guess:
     surface: int | None = None
     """With ``events``: the surface of the event."""
     tangent: bool = False
-    """With ``events``: the start is a release, where the surface's normal velocity is zero too."""
+    """With ``events``: the start is a release, at which the surface's normal velocity is zero too."""
     reset: bool = False
-    """With ``events``: the start is just after the surface has reset the state, which may lead off it."""
+    """With ``events``: the start is just after the surface has reset the state, possibly to a state off the surface."""
 
     def lies_on(self, system: FilippovSystem) -> int | None:
-        """The surface that the start lies on because of its event."""
+        """Return the surface that the start is on because of its event."""
         leads_off = self.reset and self.surface is not None and impact_of(system, self.surface) is None
         return None if leads_off else self.surface
 
@@ -78,17 +78,17 @@ class OrbitEvent:
 
 @dataclass(frozen=True)
 class MappedPoint:
-    """What the return map gives."""
+    """Result of the return map."""
 
     end: list[arb]
     """Free coordinates at the end."""
     derivative: arb_mat
-    """Of the end by the start, in free coordinates."""
+    """Derivative of the end by the start, in free coordinates."""
     elapsed: arb
     """Time taken [s]."""
     events: tuple[OrbitEvent, ...]
     state: tuple[arb, ...]
-    """The whole state at the start."""
+    """Full state at the start."""
 
 
 class ReturnMap:
@@ -97,8 +97,8 @@ class ReturnMap:
     Raises
     ------
     OrbitError
-        Where a fixed point would prove no periodic orbit: the system does not have the period given, or it
-        depends on time and none is given.
+        If a fixed point would not prove a periodic orbit: the system is not proven to have the given period, or it
+        depends on time and no period is given.
     """
 
     def __init__(self, system: FilippovSystem, guess: Guess) -> None:
@@ -114,7 +114,7 @@ class ReturnMap:
         self.solved = solve_for_states(zeros, system.states)
         taken = {s.index for s in self.solved}
         self.free = [i for i in range(len(guess.state)) if i not in taken]
-        """States that are its coordinates."""
+        """Indices of the states that are coordinates of the map."""
 
     @property
     def time(self) -> arb:
@@ -122,9 +122,9 @@ class ReturnMap:
         return enclose(self.model.system.numeric(self.guess.time))
 
     def __call__(self, free: Sequence[arb], bits: int, *, sharp: bool) -> MappedPoint:
-        """The map at a point or over a box of free coordinates, at the working precision ``bits``.
+        """Evaluate the map at a point or over a box of free coordinates, at the working precision ``bits``.
 
-        ``sharp`` asks for a derivative to all digits, and not just good enough to carry a radius along.
+        ``sharp``: the derivative is accurate to all digits, not only enough to propagate a radius.
         """
         state = self._state(free)
         precision = Precision.of(bits, sharp_tangent=sharp)
@@ -160,7 +160,7 @@ class ReturnMap:
         return Entry(self.guess.mode, tuple(zeros))
 
     def _state(self, free: Sequence[arb]) -> list[arb]:
-        """The whole state from its free coordinates."""
+        """Return the full state from its free coordinates."""
         state = [arb(0)] * len(self.guess.state)
         for i, value in zip(self.free, free, strict=True):
             state[i] = value
@@ -169,7 +169,7 @@ class ReturnMap:
         return state
 
     def _derivative(self, whole: arb_mat, at: Sequence[arb]) -> arb_mat:
-        """Derivative in free coordinates: the solved states follow along their surfaces."""
+        """Derivative in free coordinates, by the chain rule through the solved states."""
         values = dict(zip(self.model.symbols, at, strict=True))
         columns: list[list[arb]] = []
         for i in self.free:
@@ -186,7 +186,7 @@ class ReturnMap:
         )
 
     def _check_last(self, last: Hit) -> None:
-        """The map must end on the surface that it starts from, and in the same way."""
+        """Check that the map ends on the surface that it starts from, with the same kind of event."""
         system, guess = self.model.system, self.guess
         tangent = last.guard.kind == "release" and last.guard.index not in system.overrides
         reset = bool(resetting(system, last.before, [last.guard]))
@@ -198,7 +198,7 @@ class ReturnMap:
 
 
 def _check_repeats(system: FilippovSystem, guess: Guess) -> None:
-    """The equations must be the same at the end of the map as at its start."""
+    """Check that the equations are the same at the end of the map as at its start."""
     if (guess.period is None) == (guess.events is None):
         raise OrbitError("a guess gives either a period or a number of events")
     releases = [r.when for o in system.overrides.values() for r in o.release]

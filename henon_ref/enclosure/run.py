@@ -25,18 +25,18 @@ from henon_ref.precision import working_precision
 from henon_ref.trajectory import Kind
 
 SPARE_BITS = 40
-"""Bits beyond the asked radius to begin with: room for the growth of errors along the run."""
+"""Working precision beyond the requested radius at the first attempt, for the error growth along the run."""
 ATTEMPTS = 4
-"""Times that a run is tried with more bits before its radius is taken as the best there is."""
+"""Largest number of attempts with rising precision."""
 MAX_TRANSITIONS = 20_000
 MAX_STEPS = 400_000
 SHORTEST = 2.0**-100
-"""A step this much shorter than the run so far says that the solution, or the events, run into a point."""
+"""Shortest step as a part of the run; a shorter step indicates a singularity or accumulating events."""
 EARLY, FAR = 0.1, 0.01
-"""After this part of its time a proof is given up that has not come this part of the way."""
+"""A proof is stopped if after the part ``EARLY`` of its time it has covered less than the part ``FAR`` of the run."""
 
 CROWD, CROWDED = 16, 1e-9
-"""So many events within this part of the run count as accumulating."""
+"""Events count as accumulating if ``CROWD`` of them are within the part ``CROWDED`` of the run."""
 
 Ended = Literal["horizon", "invalid", "nonunique", "none", "undecided", "budget"]
 Progress = Callable[[float, int], None]
@@ -44,7 +44,7 @@ Progress = Callable[[float, int], None]
 
 @dataclass(frozen=True)
 class EnclosedTransition:
-    """One change of mode at one instant, in balls: here proven to happen, and to be the next."""
+    """One proven change of mode at one instant, enclosed in balls; no transition is missed before it."""
 
     kind: Kind
     surface: int
@@ -55,23 +55,23 @@ class EnclosedTransition:
     state: tuple[arb, ...]
     """Encloses the state."""
     rate: arb
-    """Encloses the slope of the guard that fell [guard's unit/s]: how transversal the event is."""
+    """Encloses the slope of the guard that fell [guard's unit/s], a measure of transversality."""
 
 
 @dataclass(frozen=True)
 class CertifiedRun:
-    """What could be proven of a problem."""
+    """The proven part of a problem's run."""
 
     status: Literal["certified", "not provable"]
-    """``certified``: to the horizon, or to where the model ends (``ended`` is ``invalid``)."""
+    """``certified``: proven to the horizon, or to the end of the model (``ended`` is ``invalid``)."""
     ended: Ended
-    """``nonunique`` and ``none`` are proven facts too: the future branches, or there is none."""
+    """``nonunique`` and ``none`` are proven too: the future is not unique, or does not exist."""
     reason: str
-    """Why it did not reach the horizon; empty where it did."""
+    """Why the run ended before the horizon; empty if it reached the horizon."""
     transitions: tuple[EnclosedTransition, ...]
-    """All that are proven, each to the radius asked for."""
+    """All proven transitions, each to the requested radius."""
     time: arb
-    """How far the proof got [s]."""
+    """End of the proven part [s]."""
     state: tuple[arb, ...]
     mode: Mode | None
     bits: int
@@ -97,22 +97,22 @@ def certify(
 ) -> CertifiedRun:
     """Prove every transition of a problem, with enclosures of its time and state.
 
-    Precision is raised until every time is enclosed to ``radius``, or until the same question stays open
-    at two precisions; the run then says which.
+    The precision is raised until every time is enclosed to ``radius``, or until the same transition stays undecided
+    at two precisions; ``reason`` then names the undecided question.
 
     Parameters
     ----------
     problem : Problem
     radius : float
-        Asked of every transition time [s].
+        Required radius of every transition time [s].
     bits : int, optional
-        Working precision to begin with; by default from the radius.
+        Initial working precision; by default chosen from the radius.
     progress : callable, optional
         Called with (time reached, transitions so far) after every step.
     deadline : float, optional
-        Seconds; past it the run stops with ``ended = "budget"`` and what it has.
+        Time limit [s of wall time], after which the run stops with ``ended = "budget"`` and the part proven so far.
     max_transitions : int
-        The run stops there with ``ended = "budget"``.
+        Number of transitions at which the run stops with ``ended = "budget"``.
 
     Returns
     -------
@@ -121,7 +121,7 @@ def certify(
     Raises
     ------
     UnsupportedError
-        Where too many contacts with static friction act on each other at once.
+        If too many contacts with static friction act on each other at once.
     """
     begun = clock.monotonic()
     until = None if deadline is None else begun + deadline
@@ -146,7 +146,7 @@ def certify(
 
 
 def _trimmed(run: CertifiedRun, radius: float) -> CertifiedRun:
-    """The part of a run that meets the radius; not provable beyond."""
+    """Return the part of a run that meets the radius, as not provable beyond it."""
     good = 0
     while good < len(run.transitions) and float(run.transitions[good].time.rad()) <= radius:
         good += 1
@@ -162,7 +162,7 @@ def _trimmed(run: CertifiedRun, radius: float) -> CertifiedRun:
 
 
 class _Attempt:
-    """One run at one precision (which must be the working precision)."""
+    """One run at one precision, which must be the working precision."""
 
     def __init__(
         self,
@@ -184,7 +184,7 @@ class _Attempt:
         self.flow: ValidatedFlow | None = None
 
     def run(self) -> CertifiedRun:
-        """Go as far as can be proven."""
+        """Propagate the set as far as it can be proven."""
         try:
             entry, _ = initial_entry(self.model, self.problem)
             unit = 2.0 ** max(
@@ -194,7 +194,7 @@ class _Attempt:
             self.flow = ValidatedFlow(self.model, PointSet.box(self.start), entry, self.precision, min(unit, 1.0), span)
             reason = self._advance(self.flow)
         except UndecidedError as stop:
-            # Where events accumulate, more bits only buy a few more of them.
+            # If events accumulate, a higher precision only proves a few more of them.
             crowded = self._crowded()
             return self._result("not provable", "budget" if crowded else "undecided", crowded + stop.reason)
         except EndedError as stop:
@@ -203,7 +203,7 @@ class _Attempt:
         return self._result("not provable", "budget", reason) if reason else self._result("certified", "horizon", "")
 
     def _advance(self, flow: ValidatedFlow) -> str:
-        """To the horizon; what ran out before it, in words."""
+        """Propagate to the horizon; return why it was not reached, or an empty text."""
         begin = float(self.start[0].mid())
         while not flow.done:
             before = flow.points.centre[0]
@@ -224,11 +224,11 @@ class _Attempt:
                 if left < 0:
                     return f"the deadline passed at t = {now.str(17, radius=False)}"
                 if float(now) - begin < FAR * (float(self.horizon) - begin):
-                    return f"its time would pass long before the end, at the pace up to t = {now.str(17, radius=False)}"
+                    return f"the deadline would pass before the end, at the pace up to t = {now.str(17, radius=False)}"
         return ""
 
     def _crowded(self) -> str:
-        """A word where the events before a stop came ever faster."""
+        """Prefix of the reason if the last events accumulate, else an empty text."""
         if len(self.transitions) < CROWD:
             return ""
         spread = self.transitions[-1].time - self.transitions[-CROWD].time
@@ -237,8 +237,8 @@ class _Attempt:
         return f"events accumulate at t = {self.transitions[-1].time.str(12, radius=False)}: "
 
     def _record(self, hit: Hit) -> None:
-        """One transition for every surface whose entry changes, in the order of the surfaces."""
-        if hit.told:
+        """Record one transition for every surface whose entry changes, in the order of the surfaces."""
+        if hit.recorded:
             self._note(hit, hit.before, hit.after, hit.box, hit.applied)
         if hit.rest is not None:
             self._note(hit, hit.after, hit.rest.mode, hit.rest.box)

@@ -1,9 +1,9 @@
-"""A Taylor tape as a program over balls: the coefficient recurrences, and what the tail bounds need of them.
+"""A Taylor tape as a program over balls: the coefficient recurrences, in operations with known tail bounds.
 
-The nodes are those of :class:`henon_ref.taylor.tape.Tape` with a few made explicit, so that every operation
-is one of a handful with a known bound on its tail (:mod:`.tail_bounds`): a quotient is a product with a
-reciprocal, and log, atan, asin and acos are integrals ``y' = a' v`` of a known factor v. Which equation an operation
-satisfies, :mod:`henon_ref.taylor.rules` says; the recurrences in balls are written here.
+The nodes are those of :class:`henon_ref.taylor.tape.Tape`, but with helper nodes made explicit, so that each operation
+is of one of few kinds whose tail has a known bound (:mod:`.tail_bounds`): a quotient is a product with a reciprocal,
+and log, atan, asin and acos are integrals ``y' = a' v`` with a known factor v. The equation of each operation is in
+:mod:`henon_ref.taylor.rules`; this file has the recurrences in balls.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ ZERO = arb(0)
 
 @dataclass(frozen=True, slots=True)
 class Operation:
-    """One node: what it is, the nodes it reads, its constants, its degree in time where the form bounds it."""
+    """One node: its kind, the nodes and constants that it reads, and its degree in time if known."""
 
     op: str
     args: tuple[int, ...] = ()
@@ -46,12 +46,12 @@ class Operation:
 
 
 class Program:
-    """The operations of a tape, ready to be run over balls of any precision.
+    """The operations of a tape, to be run over balls of any precision.
 
     Parameters
     ----------
     tape : Tape
-        Its constants hold exact numbers only (no parameters left).
+        Without parameters: its constants are exact numbers.
     """
 
     def __init__(self, tape: Tape) -> None:
@@ -69,7 +69,7 @@ class Program:
         self._numbers: dict[int, list[arb]] = {}
 
     def numbers(self, bits: int) -> list[arb]:
-        """The constants at a precision (call it with that precision in force)."""
+        """Constants at a precision, which must be the working precision."""
         if bits not in self._numbers:
             self._numbers[bits] = [enclose(e) for e in self.expressions]
         return self._numbers[bits]
@@ -113,11 +113,11 @@ class Program:
             place[index] = self._add(node.op, *args, constants=node.constants, degree=node.degree)
 
     def _with_partner(self, tape: Tape, index: int) -> None:
-        """Operations that read a node made after them: sin with its cos, tan with 1 + tan^2."""
+        """Add an operation that reads a node added after it: sin with its cos, tan with 1 + tan^2."""
         node = tape.nodes[index]
         inner = self._place[node.args[0]]
         if node.args[1] > index:
-            # All nodes up to the partner follow one another on the tape, and so they do here.
+            # The nodes up to the partner are consecutive on the tape, and so are their operations.
             self._place[index] = self._add(node.op, inner, len(self.operations) + node.args[1] - index)
         else:
             self._place[index] = self._add(node.op, inner, self._place[node.args[1]])
@@ -127,7 +127,7 @@ class Program:
     def run(self, bits: int, time: arb, state: Sequence[arb], order: int, unit: arb) -> list[Series]:
         """Coefficients 0..order, in powers of s = (t - time) / unit, of every operation along the solution.
 
-        Balls in, balls out: each coefficient holds that of every solution through the balls of time and state.
+        Each coefficient encloses the coefficients of all solutions through the balls of time and state.
         """
         numbers = self.numbers(bits)
         solution = [[value] for value in state]
@@ -139,13 +139,13 @@ class Program:
                 step(k)
             if k < order:
                 weight = unit / (k + 1)
-                # All at once: a state may be the derivative of another.
+                # Compute all before appending: a state may be the derivative of another state.
                 for target, value in [(target, source[k] * weight) for target, source in links]:
                     target.append(value)
         return series
 
     def _step(self, index: int, series: list[Series], numbers: list[arb], time: arb, unit: arb) -> Step:
-        """What appends coefficient k of one operation to its series."""
+        """Return the function that appends coefficient k of one operation to its series."""
         operation = self.operations[index]
         op, y = operation.op, series[index]
         operands = [series[i] for i in operation.args]
@@ -203,7 +203,7 @@ def _product(y: Series, a: Series, b: Series, degree_a: int, degree_b: int) -> S
 
 
 def _integral(y: Series, a: Series, degree: int, factor: Series, sign: int, start: Callable[[arb], arb]) -> Step:
-    """y with y' = sign a' factor; ``start``: y of a."""
+    """y with y' = sign a' factor; ``start`` maps a[0] to y[0]."""
     slopes: Series = [ZERO]
 
     def step(k: int) -> None:

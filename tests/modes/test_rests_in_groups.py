@@ -151,7 +151,7 @@ def test_the_multiprecision_route_sees_it(problem, rows, speeds) -> None:  # typ
 
 TIED = {
     "a loop without static friction": "a tie",  # two surfaces are reached at once
-    "a body that stops in a loop": "the side of s_c_a after the reset cannot be told",
+    "a body that stops in a loop": "the side of s_c_a after the reset cannot be decided",
 }
 
 
