@@ -1,7 +1,7 @@
-"""One walk over the tree of an expression, for every form that expressions are turned into.
+"""One fold over SymPy expression trees, for every form that expressions are converted to.
 
-SymPy's tree has five kinds of nodes that matter: numbers, sums, products, powers and functions of one argument. A form
-(balls, series, another library's expressions, text) says what each becomes; the walk visits every part once.
+The trees have five kinds of nodes: numbers, sums, products, powers and functions. A form (balls, series, expressions of
+another library, text) gives one rule per kind; the fold visits every subexpression once.
 """
 
 from __future__ import annotations
@@ -15,33 +15,33 @@ import sympy as sp
 T = TypeVar("T")
 Walk = Callable[[sp.Expr], T]
 Rule = Callable[[sp.Expr, Walk[T]], T]
-"""What a node becomes: it is given the node, and what turns a part of it."""
+"""Converts a node, given the node and the function that converts its parts."""
 
 
 @dataclass(frozen=True)
 class Rules(Generic[T]):
-    """What the nodes of an expression become."""
+    """Rules of one form, one per kind of node."""
 
     number: Callable[[sp.Expr], T]
-    """Of a part without symbols; of an atom alone where ``into_numbers``."""
+    """For a part without symbols; only for an atom if ``into_numbers``."""
     add: Rule[T]
     multiply: Rule[T]
     power: Rule[T]
     function: Rule[T]
-    """Of everything else that has arguments, and of a symbol that is not known: it raises what is to be said then."""
+    """For every other node with arguments, and for a symbol that is not in ``known``: it raises the form's error."""
     into_numbers: bool = False
-    """Whether a number such as ``sqrt(3)/9`` is made of its parts."""
+    """Whether a number such as ``sqrt(3)/9`` is converted from its parts."""
 
 
 def fold(expression: sp.Expr, rules: Rules[T], known: dict[Any, T]) -> T:
-    """What an expression becomes by some rules.
+    """Convert an expression by rules.
 
     Parameters
     ----------
     expression : Expr
     rules : Rules
     known : dict
-        What symbols, or larger parts, become; whatever is found is added, for the next expression.
+        Results for symbols or larger parts. New results are added, for reuse with the next expression.
 
     Examples
     --------
@@ -53,7 +53,7 @@ def fold(expression: sp.Expr, rules: Rules[T], known: dict[Any, T]) -> T:
     ...     power=lambda e, walk: int(e.exp) * walk(e.base),
     ...     function=lambda e, walk: walk(e.args[0]),
     ... )
-    >>> fold(sp.sin(x) * x**3 + 2, rules, {x: 1})  # how often x stands in it
+    >>> fold(sp.sin(x) * x**3 + 2, rules, {x: 1})  # number of occurrences of x
     4
     """
 
@@ -77,7 +77,7 @@ def fold(expression: sp.Expr, rules: Rules[T], known: dict[Any, T]) -> T:
 
 
 def fraction(e: sp.Expr) -> tuple[list[sp.Expr], list[sp.Expr]]:
-    """Factors above and below the line, by sight: whole and other rational powers that are negative go below."""
+    """Factors of numerator and denominator as written: factors with a negative rational exponent are below."""
     above, below = [], []
     for factor in sp.Mul.make_args(e):
         if factor.is_Pow and factor.exp.is_Rational and factor.exp.is_negative and factor.base != sp.E:

@@ -1,6 +1,6 @@
-"""Machine code of tapes: written and compiled the first time, then read from the disk by what it is made from.
+"""Machine code of tapes, compiled once and cached on disk under a key of its inputs.
 
-The programs that write it (:mod:`henon_ref.taylor.llvm`) are loaded only where something is to be compiled.
+The code generators (:mod:`henon_ref.taylor.llvm`) are imported only if something has to be compiled.
 """
 
 from __future__ import annotations
@@ -13,28 +13,28 @@ from henon_ref.jit.native_module import NativeModule, source_hash
 from henon_ref.taylor.tape import Tape
 
 KEPT = 64
-"""Pieces of machine code that are remembered by what they are made from, for systems that are made anew."""
+"""Largest number of machine codes cached in memory, for systems that are built again."""
 SOURCES = ("taylor/*.py", "taylor/llvm/*.py", "jit/*.py", "kernel/kernel.h")
-"""What the code depends on, apart from tapes."""
+"""Source files that the code depends on, in addition to the tapes."""
 
 
 class Part(NamedTuple):
-    """One function of a piece of code."""
+    """One function of a native module."""
 
     kind: str
-    """A key of :func:`_writers`."""
+    """Key of :func:`_writers`."""
     arguments: tuple[Any, ...]
-    """Of the function there."""
+    """Arguments of the generator."""
 
     @property
     def key(self) -> str:
-        """Everything that its code depends on: of a tape how many constants it has, not which."""
+        """Cache key: everything that the code depends on; of a tape's constants their number, not their values."""
         known = ((a.nodes, len(a.constants), a.field, a.outputs) if isinstance(a, Tape) else a for a in self.arguments)
         return repr((self.kind, *known))
 
 
 def machine_code(parts: Sequence[Part], *, optimised: bool = True, simplified: bool | None = None) -> NativeModule:
-    """The code of some functions; the same for equal ones.
+    """Return the native module of some functions; equal parts give the same module.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ def machine_code(parts: Sequence[Part], *, optimised: bool = True, simplified: b
 
 
 class _Recipe:
-    """Some parts, which are equal where their key is."""
+    """Parts as a hashable cache key."""
 
     def __init__(self, key: str, parts: tuple[Part, ...]) -> None:
         self.key, self.parts = key, parts
@@ -58,7 +58,7 @@ class _Recipe:
         return hash(self.key)
 
     def written(self) -> str:
-        """LLVM IR."""
+        """Generate the LLVM IR."""
         from henon_ref.jit.ir_writer import declarations
 
         writers = _writers()
@@ -72,7 +72,7 @@ def _machine_code(recipe: _Recipe, optimised: bool, simplified: bool | None) -> 
 
 
 def _writers() -> dict[str, Any]:
-    """What writes each kind of part."""
+    """Generator of each kind of part."""
     from henon_ref.taylor.llvm.expansion import expansion_ir, values_ir
     from henon_ref.taylor.llvm.looped import looped_expansion_ir
     from henon_ref.taylor.llvm.rounding import rounding_ir

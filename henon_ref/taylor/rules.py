@@ -1,12 +1,12 @@
-"""The rules that the Taylor recurrences follow from: for every operation of a tape the equation that it satisfies.
+"""Rules of the Taylor recurrences: for every operation of a tape, the equation that it satisfies.
 
-Mathematics alone, no arithmetic: machine code (:mod:`henon_ref.taylor.llvm.recurrences`), series over any ring
-(:mod:`henon_ref.taylor.series`) and balls with tail bounds (:mod:`henon_ref.enclosure.tape`) each write the
-recurrences of these kinds themselves. A differential equation for y gives coefficient k from those of lower order when
-both sides are compared at order k - 1 (Jorba and Zou, *Experimental Mathematics* 14, 2005, Sec. 2; Griewank and
-Walther, *Evaluating Derivatives*, 2nd ed., Sec. 13.2).
+The rules are mathematics without an arithmetic: machine code (:mod:`henon_ref.taylor.llvm.recurrences`), series over
+any ring (:mod:`henon_ref.taylor.series`) and balls with tail bounds (:mod:`henon_ref.enclosure.tape`) each implement
+the recurrences of these kinds. A differential equation for y gives coefficient k from those of lower order when both
+sides are compared at order k - 1 (Jorba and Zou, *Experimental Mathematics* 14, 2005, Sec. 2; Griewank and Walther,
+*Evaluating Derivatives*, 2nd ed., Sec. 13.2).
 
-In what follows y is the operation, a and b are the nodes that it reads, c is its constant.
+Below, y is the operation, a and b are the nodes that it reads, c is its constant.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 FUNCTIONS = ("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log")
-"""Elementary functions of a field, by SymPy's names; a root is a power."""
+"""Elementary functions allowed in a field, by their SymPy names; a square root is a power."""
 SELF, ARGUMENT = "y", "a"
 
 
 @dataclass(frozen=True)
 class Linear:
-    """y = first a + second b, with c as nothing, as a term or as a factor."""
+    """y = first a + second b, without c, plus c, or times c."""
 
     first: int = 1
     second: int = 0
@@ -30,7 +30,7 @@ class Linear:
 
 @dataclass(frozen=True)
 class Product:
-    """y = a right; the right factor is a second node, b, or a itself."""
+    """y = a right, where ``right`` is the second node b or a itself."""
 
     right: str = "b"
 
@@ -55,9 +55,9 @@ class Power:
 
 @dataclass(frozen=True)
 class _Integral:
-    """A function whose derivative has a factor that is a series, too.
+    """A function with ``y' = sign a' factor`` or ``y' factor = sign a'``, where the factor is a series too.
 
-    Where that is neither y nor a it is the second node that the operation reads.
+    A factor that is neither y nor a is the second node that the operation reads.
     """
 
     sign: int
@@ -65,11 +65,11 @@ class _Integral:
 
     @property
     def paired(self) -> bool:
-        """Whether the factor is a function whose own factor is this one: sine and cosine."""
+        """Whether operation and factor are each other's factor, such as sine and cosine."""
         return self.factor.endswith(f"({ARGUMENT})") and not self.factor.startswith("sqrt")
 
     def place(self, at: int, args: tuple[int, ...]) -> int:
-        """Node of the factor, for the operation at a place of the tape that reads the nodes ``args``."""
+        """Node of the factor, for the operation at index ``at`` of the tape that reads the nodes ``args``."""
         return {SELF: at, ARGUMENT: args[0]}.get(self.factor, args[-1])
 
 
@@ -106,6 +106,5 @@ RULES: dict[str, Rule] = {
     "asin": IntegralOfQuotient(+1, "sqrt(1 - a**2)"),
     "acos": IntegralOfQuotient(-1, "sqrt(1 - a**2)"),
 }
-"""By operation. ``constant``, ``clock`` and ``state`` have none: they read no node."""
+"""Rule of each operation. ``constant``, ``clock`` and ``state`` have no rule, because they read no node."""
 LINEAR = frozenset(op for op, rule in RULES.items() if isinstance(rule, Linear))
-"""Sums, differences and multiples by constants."""

@@ -1,4 +1,4 @@
-"""Run a Taylor tape over any ring: floats, balls."""
+"""Taylor series by a tape over any ring: doubles, balls."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from henon_ref.taylor.tape import Tape
 
 @dataclass(frozen=True)
 class Ring:
-    """The elementary functions of a number type that has + - * / with itself and with int."""
+    """Elementary functions of a number type that has + - * / with itself and with int."""
 
     functions: dict[str, Callable[[Any], Any]]
     """sin, cos, tan, sinh, cosh, tanh, asin, acos, atan, exp, log, sqrt."""
@@ -55,17 +55,17 @@ def expand(
     constants : sequence
         ``tape.constants`` as numbers of the ring.
     time, state
-        Where the solution starts.
+        Initial point of the solution.
     order : int
-        Highest coefficient wanted.
+        Highest order computed.
     unit : optional
-        Of time: coefficient k gets multiplied by ``unit**k``. A number of the ring, 1 unless given.
+        Time unit, a number of the ring: coefficient k is multiplied by ``unit**k``. Default 1.
     enough : callable, optional
-        Asked after each order, with what has been found of both lists below, whether to end there.
+        Called after each order with the two lists below as far as computed; True stops the expansion.
 
     Returns
     -------
-    states : list of n lists of ``order + 1`` coefficients, or as many as were enough
+    states : list of n lists of ``order + 1`` coefficients, or fewer if ``enough`` stopped the expansion
     outputs : list of ``len(tape.outputs)`` such lists
     """
     solution = [[value] for value in state]
@@ -86,14 +86,14 @@ def expand(
 def along(
     tape: Tape, constants: Sequence[Any], time: Any, states: Sequence[Series], order: int, ring: Ring, unit: Any
 ) -> tuple[list[Series], list[Any]]:
-    """Taylor coefficients of a tape's outputs along a motion that is known, and the first coefficient of every node.
+    """Taylor coefficients of a tape's outputs along a known motion, and the first coefficient of every node.
 
     Parameters
     ----------
     tape, constants, time, order, ring, unit
         As in :func:`expand`.
     states : sequence of n lists of ``order + 1`` coefficients
-        In the unit of time.
+        In the given time unit.
     """
     series, steps = _recurrences(tape, constants, time, states, ring, unit)
     for k in range(order + 1):
@@ -105,7 +105,7 @@ def along(
 def _recurrences(
     tape: Tape, constants: Sequence[Any], time: Any, states: Sequence[Series], ring: Ring, unit: Any
 ) -> tuple[list[Series], list[Step]]:
-    """The series of each node, and what appends a coefficient to each that is no state's."""
+    """Return the series of each node, and a step function for each node that is not a state."""
     series = [states[node.args[0]] if node.op == "state" else [] for node in tape.nodes]
     numbers = [[constants[i] for i in node.constants] for node in tape.nodes]
     steps = [

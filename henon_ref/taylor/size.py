@@ -1,4 +1,4 @@
-"""How large expressions are as they are written, counted with a limit: what a stranger wrote may be huge."""
+"""Size of expressions as written, counted up to a limit, because the text of a case file may be huge."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import sympy as sp
 
 
 def size(expression: sp.Expr, limit: int) -> int:
-    """Operations, symbols and numbers of an expression, counted as often as they are written; at most limit + 1."""
+    """Number of operations, symbols and numbers of an expression, each occurrence counted; at most limit + 1."""
     waiting: list[sp.Basic] = [expression]
     count = 0
     while waiting and count <= limit:
@@ -19,7 +19,7 @@ def size(expression: sp.Expr, limit: int) -> int:
 
 
 def total_size(expressions: Iterable[sp.Expr], limit: int) -> int:
-    """The same of several expressions; at most limit + 1."""
+    """Total size of several expressions; at most limit + 1."""
     count = 0
     for expression in expressions:
         count += size(expression, limit - count)

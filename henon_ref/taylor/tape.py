@@ -1,9 +1,9 @@
-"""The Taylor tape: a smooth field written once as elementary operations with known coefficient recurrences.
+"""The Taylor tape: a smooth field as a list of elementary operations with known coefficient recurrences.
 
-Every node stands for a function of time along the solution; its Taylor coefficients follow from those of its arguments
-by the classical recurrences (Jorba and Zou, *Experimental Mathematics* 14, 2005, Sec. 2), whose equations are in
-:mod:`henon_ref.taylor.rules`. The same tape is turned into machine code (:mod:`henon_ref.taylor.llvm.expansion`) and
-run over any ring (:mod:`henon_ref.taylor.series`): floats, ball arithmetic.
+Every node is a function of time along the solution. Its Taylor coefficients follow from those of its arguments by the
+classical recurrences (Jorba and Zou, *Experimental Mathematics* 14, 2005, Sec. 2), with the equations in
+:mod:`henon_ref.taylor.rules`. The same tape is compiled to machine code (:mod:`henon_ref.taylor.llvm.expansion`) and run
+over any ring (:mod:`henon_ref.taylor.series`): doubles, balls.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from henon_ref.taylor.rules import RULES, Linear, Product, Quotient
 from henon_ref.taylor.size import size
 
 TIME = sp.Symbol("t", real=True)
-"""Time, in every expression of a system [s]."""
+"""Symbol of time in every expression of a system [s]."""
 
 MAX_CLOCK = 100
-"""Size up to which a function of time alone is differentiated to see whether it is linear."""
+"""Largest size of a function of time alone that is tested for being linear, by differentiation."""
 INFINITE = 1 << 30
-"""Degree in time of a node that is no polynomial in time by its form alone."""
+"""Degree in time of a node that is not known to be a polynomial in time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,42 +32,42 @@ class Node:
     """One elementary operation.
 
     ``op`` is one of: constant (c), clock (c0 + c1 t), state (i), add, sub, mul, div (two nodes), square,
-    scale (c a), shift (a + c), rsub (c - a), recip (c / a), power (a**c), sqrt, exp, and the operations
-    that need a partner series as second argument: sin (its cos), cos (its sin), sinh, cosh, tan
-    (1 + tan^2), tanh (1 - tanh^2), log (none), atan (1 + a^2), asin and acos (sqrt(1 - a^2)).
+    scale (c a), shift (a + c), rsub (c - a), recip (c / a), power (a**c), sqrt, exp, log, and the operations
+    with a partner series as second argument: sin (its cos), cos (its sin), sinh, cosh, tan (1 + tan^2),
+    tanh (1 - tanh^2), atan (1 + a^2), asin and acos (sqrt(1 - a^2)).
     """
 
     op: str
     args: tuple[int, ...] = ()
-    """Nodes it reads; for ``state`` the index of the state."""
+    """Nodes read by the operation; for ``state`` the index of the state."""
     constants: tuple[int, ...] = ()
     """Indices into :attr:`Tape.constants`."""
     degree: int = INFINITE
-    """Degree in time along every solution, where the form alone bounds it; coefficients above it are zero."""
+    """Bound of the degree in time along every solution, from the form alone; coefficients above it are zero."""
 
 
 @dataclass(frozen=True)
 class Tape:
-    """A field and some functions of the state (guards) as one list of elementary operations."""
+    """A field and some functions of time and state (guards) as one list of elementary operations."""
 
     nodes: tuple[Node, ...]
     constants: tuple[sp.Expr, ...]
-    """Exact numbers (in parameters and slip signs), each rounded once by whoever runs the tape."""
+    """Exact expressions in parameters and slip signs; each user of the tape rounds them once."""
     field: tuple[int, ...]
-    """Node of x_i', one a state."""
+    """Node of each x_i'."""
     outputs: tuple[int, ...]
-    """Nodes of the further functions asked for."""
+    """Nodes of the further functions."""
 
     @property
     def counts(self) -> dict[str, int]:
-        """How many nodes there are of each operation; what a model costs, before any timing."""
+        """Number of nodes of each operation, a measure of a model's cost."""
         result: dict[str, int] = {}
         for node in self.nodes:
             result[node.op] = result.get(node.op, 0) + 1
         return dict(sorted(result.items()))
 
     def part(self, outputs: Sequence[int]) -> Tape:
-        """Some of the outputs alone, without the field; with all constants, which stand where they do."""
+        """Return the tape of some outputs without the field; the constants keep their indices."""
         needed = self.needed(self.outputs[at] for at in outputs)
         new = {at: place for place, at in enumerate(sorted(needed))}
         nodes = [self.nodes[at] for at in sorted(needed)]
@@ -75,7 +75,7 @@ class Tape:
         return Tape(tuple(moved), self.constants, (), tuple(new[self.outputs[at]] for at in outputs))
 
     def needed(self, rows: Iterable[int]) -> set[int]:
-        """Nodes that some nodes are made of, and these."""
+        """Indices of the given nodes and of all nodes that they depend on."""
         found: set[int] = set()
         wanted = list(rows)
         while wanted:
@@ -100,15 +100,15 @@ def build_tape(
     field : iterable of Expr
         x_i' in time, states and constants (parameters, slip signs: every other symbol).
     outputs : iterable of Expr
-        Functions whose series along the solution are wanted too.
+        Further functions whose series along the solution are computed.
     definitions : sequence of (Symbol, Expr)
-        Names in these, and what they stand for, each in names before it. A name is a node of its own, even where it
-        stands for a constant: that is not multiplied out with others.
+        Names used in these expressions, with their values, each in terms of earlier names. A name is a node of its
+        own, even if its value is constant: it is not merged with other constants.
 
     Raises
     ------
     ModelError
-        For a function that has no coefficient recurrence here (sign, Abs, Piecewise ...).
+        If a function has no coefficient recurrence here (sign, Abs, Piecewise ...).
     """
     field, outputs = list(field), list(outputs)
     named = [expression for _, expression in definitions]
@@ -123,7 +123,7 @@ def build_tape(
 
 
 class _Builder:
-    """Turns expressions into nodes; equal expressions become one node."""
+    """Converts expressions to nodes; equal expressions become one node."""
 
     def __init__(self, states: tuple[sp.Symbol, ...], repeated: frozenset[sp.Expr], names: set[sp.Symbol]) -> None:
         self.repeated = repeated
@@ -136,18 +136,18 @@ class _Builder:
         self._moves: dict[sp.Basic, bool] = {TIME: True, **self._of_states}
 
     def node(self, expression: sp.Expr) -> int:
-        """The node of an expression (made on first sight)."""
+        """Return the node of an expression, adding it if it is new."""
         expression = sp.sympify(expression)
         if expression not in self._memo:
             self._memo[expression] = self._make(expression)
         return self._memo[expression]
 
     def define(self, name: sp.Symbol, expression: sp.Expr) -> None:
-        """Give a node a name."""
+        """Make a name an alias of a node."""
         self._memo[name] = self.node(expression)
 
     def _is_constant(self, expression: sp.Expr) -> bool:
-        """Whether it holds neither time nor states."""
+        """Whether the expression contains neither time nor states."""
         return not _holds(expression, self._moves)
 
     def _constant(self, value: sp.Expr) -> int:
@@ -173,7 +173,7 @@ class _Builder:
         if self._is_constant(e):
             return self._op("constant", constants=(e,))
         if not _holds(e, self._of_states) and size(e, MAX_CLOCK) <= MAX_CLOCK and sp.diff(e, TIME, 2) == 0:
-            slope = sp.cancel(sp.diff(e, TIME))  # of a quotient that is linear, but not by its form
+            slope = sp.cancel(sp.diff(e, TIME))  # e may be a quotient that is linear only after cancellation
             start = sp.expand(sp.cancel(e - slope * TIME) if e.is_rational_function(TIME) else e - slope * TIME)
             if not slope.has(TIME) and not start.has(TIME):
                 return self._op("clock", constants=(start, slope))
@@ -186,17 +186,17 @@ class _Builder:
         return self._function(e)
 
     def _split(self, e: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
-        """(constant factor, the rest)."""
+        """(constant factor, remaining factors)."""
         if e.is_Mul:
             constant = [f for f in e.args if self._is_constant(f)]
             rest = [f for f in e.args if not self._is_constant(f)]
-            return (sp.Mul(*constant), sp.Mul._from_args(rest)) if constant else (sp.S.One, e)  # sorted as they are
+            return (sp.Mul(*constant), sp.Mul._from_args(rest)) if constant else (sp.S.One, e)  # args are sorted
         return (e, sp.Integer(1)) if self._is_constant(e) else (sp.Integer(1), e)
 
     def _terms(self, terms: Iterable[sp.Expr], factor: sp.Expr) -> tuple[sp.Expr, list[tuple[sp.Expr, sp.Expr]]]:
-        """(constant part, [(factor, moving part)]) with constant factors of nested sums multiplied in.
+        """(constant part, [(factor, moving part)]), with the constant factors of nested sums multiplied in.
 
-        A sum that is read elsewhere too stays one node.
+        A sum that occurs elsewhere too is not expanded but kept as one node.
         """
         constant: sp.Expr = sp.Integer(0)
         moving: list[tuple[sp.Expr, sp.Expr]] = []
@@ -316,9 +316,9 @@ class _Builder:
 
 
 def _degrees(nodes: Sequence[Node], field: Sequence[int]) -> list[int]:
-    """Degree in time of each node along every solution; a state's is one more than that of its derivative."""
+    """Degree in time of each node along every solution; the degree of a state is one more than its derivative's."""
     states, before = [INFINITE] * len(nodes), [0]
-    while states != before:  # where states feed on each other all stay without bound; each round may settle one
+    while states != before:  # states that depend on each other keep INFINITE; each round may settle another state
         before = states
         degrees: list[int] = []
         for node in nodes:
@@ -328,7 +328,7 @@ def _degrees(nodes: Sequence[Node], field: Sequence[int]) -> list[int]:
 
 
 def _degree(node: Node, known: Sequence[int]) -> int:
-    """Degree of a node from those of the nodes before it."""
+    """Degree of a node from those of earlier nodes."""
     if not node.args:
         return 1 if node.op == "clock" else 0
     first, second = known[node.args[0]], known[node.args[-1]] if node.args[-1] < len(known) else INFINITE
@@ -343,7 +343,7 @@ def _degree(node: Node, known: Sequence[int]) -> int:
 
 
 def _repeated(expressions: Iterable[sp.Expr]) -> frozenset[sp.Expr]:
-    """The sums that are read more than once."""
+    """Sums that occur more than once."""
     seen: set[sp.Expr] = set()
     twice: set[sp.Expr] = set()
     for expression in expressions:
@@ -354,13 +354,13 @@ def _repeated(expressions: Iterable[sp.Expr]) -> frozenset[sp.Expr]:
 
 
 def _quotient(e: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
-    """Numerator and denominator by sight."""
+    """Numerator and denominator as written."""
     above, below = fraction(e)
     return (sp.Mul(*above), sp.Mul(*below)) if below else (e, sp.S.One)
 
 
 def _holds(expression: sp.Basic, known: dict[sp.Basic, bool]) -> bool:
-    """Whether a symbol stands in it that is known to count (SymPy would look through all parts again each time)."""
+    """Whether an expression contains a symbol that is True in ``known``, memoised (unlike ``Expr.has``)."""
     if expression not in known:
         known[expression] = any(_holds(part, known) for part in expression.args)
     return known[expression]
