@@ -2,8 +2,8 @@
 
 Every node is a function of time along the solution. Its Taylor coefficients follow from those of its arguments by the
 classical recurrences (Jorba and Zou, *Experimental Mathematics* 14, 2005, Sec. 2), with the equations in
-:mod:`henon_ref.taylor.rules`. The same tape is compiled to machine code (:mod:`henon_ref.taylor.llvm.expansion`) and run
-over any ring (:mod:`henon_ref.taylor.series`): doubles, balls.
+:mod:`henon_ref.taylor.rules`. The same tape is compiled to machine code (:mod:`henon_ref.taylor.llvm.expansion`) and
+run over any ring (:mod:`henon_ref.taylor.series`): doubles, balls.
 """
 
 from __future__ import annotations
