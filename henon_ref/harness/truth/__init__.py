@@ -1,4 +1,4 @@
-"""Truth: every transition of a reading to far more digits than any solver has, proven where that is possible."""
+"""Truth: every transition of a reading, far more accurate than any solver, and proven if possible."""
 
 from henon_ref.harness.truth.compute import truth_for
 from henon_ref.harness.truth.reference import ReferenceTransition, Truth, TruthError

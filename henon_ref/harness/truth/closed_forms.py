@@ -1,4 +1,4 @@
-"""Closed forms of a case: evaluated to 80 digits, held against what was computed, and then put in its place."""
+"""Closed forms of a case: evaluated to 80 digits, compared with the computed times, then used in place of them."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from henon_ref.modes.mode import Mode
 from henon_ref.precision import working_precision
 
 BITS = 320
-"""More than the truth's 256, so that a closed form adds no rounding of its own to the difference."""
+"""Working precision; more than the truth's 256 bits, so that rounding of a closed form does not matter."""
 PLACES = 80
-"""Decimal places that a closed form is written with."""
+"""Decimal places of a closed form in a truth."""
 
 
 def with_closed_forms(
     transitions: Sequence[ReferenceTransition], times: Sequence[sp.Expr], modes: Sequence[Mode] = ()
 ) -> tuple[ReferenceTransition, ...]:
-    """Replace the computed times by closed forms, the first ones by as many as there are.
+    """Replace the first computed times by the closed forms.
 
     Parameters
     ----------
@@ -37,8 +37,8 @@ def with_closed_forms(
     Raises
     ------
     TruthError
-        Where a closed form does not lie within the radius of what was computed, or where there are more
-        closed forms than transitions.
+        If a closed form is not within the radius of the computed time, or if there are more closed forms than
+        transitions.
     """
     if len(times) > len(transitions):
         raise TruthError(

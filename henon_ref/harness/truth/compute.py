@@ -1,10 +1,9 @@
-"""The truth of a reading: read where it is stored, else computed by two routes that have to agree, and stored.
+"""The truth of a reading: loaded if stored, else computed by two routes that have to agree, and stored.
 
-What is proven comes first: where ball arithmetic encloses a transition, its digits and radius are the truth, and
-heyoka's digits must lie within the enclosure, or there is no truth at all. Where the proof stops, heyoka's
-digits go on, and the truth says that it is not certified and why. Where heyoka is not installed, the proof stands
-alone: it is the truth as far as it goes, and the truth says so. Closed forms of the case replace computed times once
-they have been found to agree with them.
+A proof has priority: if ball arithmetic encloses a transition, the enclosure gives digits and radius of the truth, and
+heyoka's digits must be within it, or there is no truth. After the end of the proof, heyoka's digits are used, and the
+truth is marked as not certified, with the reason. If heyoka is not installed, the truth ends where the proof ends, and
+its method says so. Closed forms of the case replace computed times after they have been found to agree.
 """
 
 from __future__ import annotations
@@ -33,23 +32,23 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 COMPUTED_SECONDS = 120.0
-"""Processor time that heyoka's route may take there [s]; what it has found by then is the truth up to there."""
+"""Processor time limit of heyoka's route if no truth is stored [s]; the truth then ends where heyoka stopped."""
 PROOF_SECONDS = 60.0
-"""Time a proof may take where a truth is computed because none is stored [s]."""
+"""Wall time limit of a proof if no truth is stored [s]."""
 BARREN_SECONDS = 3.0
-"""The same where the run fails before its first transition, so that there is none whose digits could be proven [s]."""
+"""Time limit of a proof if the run fails before its first transition, so that there is little to prove [s]."""
 
 CLAIM_BITS = 320
-"""Precision at which a stored closed form is held against its case's."""
+"""Precision at which a stored closed form is compared with the case's."""
 ANEW = "it is not used, the truth is computed anew"
-"""What is said of a stored truth that does not hold."""
+"""End of the warning about an unusable stored truth."""
 ALONE = "alone: heyoka is not installed"
-"""What is said of a proof beside which there is no other route."""
+"""Note on the method of a truth that rests on the proof alone."""
 END_TOLERANCE = 1e-12
-"""Relative difference to the end that a case expects; a blow-up's time is an extrapolation."""
+"""Relative tolerance of the end time that a case expects; the time of a blow-up is an extrapolation."""
 
 Progress = Callable[[str, float], None]
-"""Told a stage's name and the part of it that is done, 0 to 1."""
+"""Called with the name of a stage and the part of it that is done, 0 to 1."""
 
 
 def truth_for(
@@ -60,33 +59,32 @@ def truth_for(
     recompute: bool = False,
     progress: Progress | None = None,
 ) -> Truth:
-    """The truth of a reading.
+    """Return the truth of a reading, stored or computed.
 
     Parameters
     ----------
     case : Case
     reading : Reading
-        One of the case's.
+        A reading of the case.
     folder : Path, optional
-        Where truths are stored; by default ``cases/truth`` (see :func:`henon_ref.harness.truth.store.folder_of`), and
-        where what lies there cannot be used, the user's cache.
+        Folder of stored truths; by default ``cases/truth`` (see :func:`henon_ref.harness.truth.store.folder_of`), and
+        if the file there is unusable, the user's cache.
     recompute : bool
-        Do not look at what is stored.
+        Ignore stored truths.
     progress : callable, optional
 
     Returns
     -------
     Truth
-        From the store where the hash of the mathematics matches. Otherwise computed, and stored where nothing is
-        replaced by it but what the user's cache holds: a file in ``cases/truth`` that cannot be used stays as it is.
-        Nothing is stored in an installed package.
-        One that heyoka would take further is not stored where it is not installed, nor one that its time limit has cut
-        short.
+        The stored truth if the hash of its mathematics matches, else a computed one. A computed truth is stored
+        unless that would replace a file outside the user's cache: an unusable file in ``cases/truth`` is kept.
+        Nothing is stored in an installed package. A truth is not stored if heyoka is not installed but would
+        continue it, or if a time limit stopped it.
 
     Raises
     ------
     TruthError
-        Where two routes, or a route and a closed form, contradict each other; nothing is stored then.
+        If two routes, or a route and a closed form, contradict each other; nothing is stored then.
     """
     if not recompute and (stored := stored_truth(case, reading, folder)) is not None:
         return stored
@@ -112,9 +110,9 @@ def truth_for(
 
 
 def stored_truth(case: Case, reading: Reading, folder: Path | None = None) -> Truth | None:
-    """The stored truth, if it is that of the reading's mathematics and of what its case claims.
+    """Return the stored truth if it belongs to the reading's mathematics and agrees with the claims of its case.
 
-    ``folder`` as in :func:`truth_for`. A file beside the cases that is there and cannot be used is told.
+    ``folder`` as in :func:`truth_for`. An unusable file next to the cases gives a warning.
     """
     for place in _places(case, folder):
         try:
@@ -133,25 +131,25 @@ def stored_truth(case: Case, reading: Reading, folder: Path | None = None) -> Tr
 
 
 def _places(case: Case, folder: Path | None) -> tuple[Path, ...]:
-    """Where a truth may lie; what cannot be stored in one place is stored in the next one."""
+    """Folders that may hold a truth, in the order in which they are tried for loading and storing."""
     if folder is not None:
         return (folder,)
     return tuple(dict.fromkeys((store.folder_of(case.path), store.user_folder())))
 
 
 def tell(error: store.StoredTruthError) -> None:
-    """Warn that a file is no stored truth."""
+    """Warn that a file is not a stored truth."""
     _tell_once(f"{error}; {ANEW}")
 
 
 @cache
 def _tell_once(words: str) -> None:
-    """Several parts of a command look at the same file: a process says it once."""
+    """Warn once per process, since several parts of a command look at the same file."""
     log.warning("%s", words)
 
 
 def claimed(stored: Truth, reading: Reading) -> bool:
-    """Whether a truth has been held against what its case claims now: the hash says nothing of claims."""
+    """Whether a truth agrees with what its case claims now; the hash of the mathematics does not cover claims."""
     times, modes = (reading.exact.transition_times, reading.exact.modes) if reading.exact else ((), ())
     known = [t for t in stored.transitions if t.closed_form]
     if len(known) != len(times) or [t.to_mode for t in stored.transitions[: len(modes)]] != list(modes):
@@ -178,18 +176,18 @@ def compute(
     Parameters
     ----------
     proof_seconds : float, optional
-        Give the proof up after so long; None: never.
+        Time limit of the proof; None: no limit.
     barren_seconds : float, optional
-        The same where the run fails before its first transition; None: as ever.
+        Time limit of the proof if the run fails before its first transition; None: ``proof_seconds``.
     computed_seconds : float, optional
-        Stop heyoka's route after so much processor time; None: never.
+        Processor time limit of heyoka's route; None: no limit.
 
     Raises
     ------
     TruthError
-        Where the routes, or a route and a closed form, contradict each other.
+        If the routes, or a route and a closed form, contradict each other.
     """
-    # Libraries of half a second's import are not for those who only read a stored truth.
+    # Imported here: these libraries take half a second, which reading a stored truth does not need.
     from henon_ref.harness.truth.closed_forms import with_closed_forms
     from henon_ref.harness.truth.conditioning import conditioning
     from henon_ref.harness.truth.proofs import prove
@@ -224,7 +222,7 @@ def compute(
 
 
 def _check_end(reading: Reading, truth: Truth) -> None:
-    """Whether the run ends as the case says."""
+    """Check that the run ends as the case expects."""
     expect = reading.expect
     if expect is None:
         return
@@ -243,7 +241,7 @@ def _stage(progress: Progress | None, name: str) -> Callable[[float], None] | No
 
 
 def _combined(case: str, reading: Reading, computed: Route, proof: Route, where: str) -> Truth:
-    """One truth of two routes."""
+    """Combine the results of two routes into one truth."""
     if computed.accumulates:
         proof = replace(proof, transitions=proof.transitions[: len(computed.transitions)])
     certified = not proof.undecided
@@ -276,7 +274,7 @@ def _truth(
     transitions: tuple[ReferenceTransition, ...],
     undecided: str,
 ) -> Truth:
-    """A truth that ends as one of its routes does; ``undecided`` is what kept the proof from its end."""
+    """Truth with the end of its leading route; ``undecided`` is the reason why the proof stopped early."""
     return Truth(
         case=case,
         reading=reading.name,
@@ -294,12 +292,12 @@ def _truth(
 
 
 def heyoka_installed() -> bool:
-    """Whether there is heyoka, which the multiprecision route is computed by."""
+    """Check whether heyoka, which the multiprecision route requires, is installed."""
     return find_spec("heyoka") is not None
 
 
 def difference(a: ReferenceTransition, b: ReferenceTransition) -> str:
-    """In what two accounts of one transition contradict each other; empty where in nothing."""
+    """Describe how two results for one transition contradict each other; empty if they agree."""
     for name in ("kind", "surface", "from_mode", "to_mode"):
         if getattr(a, name) != getattr(b, name):
             return f"{name} {getattr(a, name)} and {getattr(b, name)} at t = {a.time_digits[:19]}"
@@ -312,7 +310,7 @@ def difference(a: ReferenceTransition, b: ReferenceTransition) -> str:
 
 
 def _separation(a: str, radius_a: float, b: str, radius_b: float) -> str:
-    """How far apart two numbers are, where their radii do not overlap; else empty."""
+    """Distance of two numbers if the intervals of their radii are disjoint, else an empty text."""
     with localcontext() as context:
         context.prec = 1000
         distance = abs(Decimal(a) - Decimal(b))
@@ -320,7 +318,7 @@ def _separation(a: str, radius_a: float, b: str, radius_b: float) -> str:
 
 
 def differences(stored: Truth, fresh: Truth) -> list[str]:
-    """In what a stored truth and a recomputed one contradict each other; how much is proven is no matter of that."""
+    """List the contradictions between a stored and a recomputed truth; how far each is proven does not matter."""
     found = []
     for name in ("mathematics_hash", "status"):
         if getattr(stored, name) != getattr(fresh, name):

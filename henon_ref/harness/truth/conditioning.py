@@ -1,29 +1,29 @@
-"""Conditioning of a transition: how far an error made earlier moves it.
+"""Conditioning of a transition: how far an earlier error moves its time.
 
 The conditioning of transition i is::
 
     c_i = max over j of || d t_i / d x(t_j+) ||_2      [s per unit of state]
 
-where t_j runs over the start and every earlier instant at which modes change, and x(t_j+) is the state just
-after it. An error of size e in the state at any of these instants moves t_i by up to about c_i e. With the
-flow's derivative Phi and, at each event k with guard g (which falls through zero), the saltation matrix::
+where t_j runs over the start and every earlier instant at which modes change, and x(t_j+) is the state just after
+t_j. An error of size e in the state at any of these instants moves t_i by up to about c_i e. With the flow's
+derivative Phi and, at each event k with guard g (which falls through zero), the saltation matrix::
 
     S_k = I + (f+ - f-) grad(g)^T / g',        g' = dg/dt + grad(g) . f-
 
-the derivative is ``-grad(g_i)^T / g_i' . Phi_i S_{i-1} Phi_{i-1} ... S_{j+1} Phi_{j+1} P_j``. P_j projects onto
-the surfaces that slide after t_j: an error that leaves a surface which holds the state is none. Landing on a
-surface makes S rank-deficient; so conditioning falls at every stick. Saltation: Aizerman and Gantmakher
-(1958); Leine and Nijmeijer, *Dynamics and Bifurcations of Non-Smooth Mechanical Systems* (2004), Sec. 7.5.
+the derivative is ``-grad(g_i)^T / g_i' . Phi_i S_{i-1} Phi_{i-1} ... S_{j+1} Phi_{j+1} P_j``. P_j projects onto the
+surfaces that slide after t_j, because no error moves the state off a surface on which it slides. Landing on a surface
+makes S rank-deficient, so conditioning decreases at every stick. Saltation: Aizerman and Gantmakher (1958); Leine and
+Nijmeijer, *Dynamics and Bifurcations of Non-Smooth Mechanical Systems* (2004), Sec. 7.5.
 
-Where several surfaces change at one instant their saltations are applied in the order of the surfaces, through
-the modes in between; the flow is then not differentiable, and the number is one of several one-sided ones.
-Where a guard touches zero without falling through it (graze), the time depends on the state like a square
-root: the conditioning is infinite, and the touch passes errors on unchanged.
+If several surfaces change at one instant, their saltations are applied in the order of the surfaces, through the modes
+in between. The flow is not differentiable then, and the conditioning is one of several one-sided values. If a guard
+touches zero without falling through it (graze), the time depends on the state like a square root: the conditioning is
+infinite, and the graze itself passes earlier errors on unchanged.
 
-Where the state jumps, x -> R(t, x), the saltation matrix is ``DR + (f+ - DR f- - dR/dt) grad(g)^T / g'``, with f+ at
-the state after and everything else at that before.
+If the state jumps, x -> R(t, x), the saltation matrix is ``DR + (f+ - DR f- - dR/dt) grad(g)^T / g'``, with f+ at the
+state after the jump and all other terms at the state before it.
 
-Double precision is enough here: the numbers are wanted to a few digits. The points are those of the truth.
+Double precision is enough, because only a few digits of c_i are used. The points are those of the truth.
 """
 
 from __future__ import annotations
@@ -48,15 +48,15 @@ from henon_ref.taylor.tape import TIME
 Vector = NDArray[np.float64]
 
 TOLERANCE = 1e-12
-"""Of the variational equations, relative and as a part of each number's size on the way."""
+"""Tolerance of the variational equations, relative to the size of each component on the interval."""
 AT_ONCE = 1e-9
-"""A guard within this part of a mode's length of its root counts as fallen."""
+"""A guard counts as fallen if its root is nearer than this part of the mode's duration."""
 ALL: Mode = (1,)
-"""In the place of a mode where all have their equations in common."""
+"""Cache key of equations that all modes share."""
 
 
 def conditioning(problem: Problem, transitions: Sequence[ReferenceTransition]) -> list[float]:
-    """Conditioning of every transition.
+    """Compute the conditioning of every transition.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def conditioning(problem: Problem, transitions: Sequence[ReferenceTransition]) -
     Returns
     -------
     list of float
-        c_i [s / unit of state]; ``inf`` for a touch.
+        c_i [s / unit of state]; ``inf`` for a graze.
     """
     transitions = tuple(transitions)
     flow = _Variations(problem.system)
@@ -89,7 +89,7 @@ def conditioning(problem: Problem, transitions: Sequence[ReferenceTransition]) -
         falls = _fallen_guards(flow, mode, first.to_mode, [transitions[i].surface for i in group], time, state, length)
         rests = [transitions[i].kind == "stick" and transitions[i].surface in problem.system.resets for i in group]
         for i in group:
-            if any(rests) and not resets and not length > 0:  # an impact that leaves no speed: at rest at that instant
+            if any(rests) and not resets and not length > 0:  # an impact without rebound: the rest begins at once
                 found.append(found[-1])
                 continue
             own = [f for f in falls if f[0].index == transitions[i].surface] or falls
@@ -110,13 +110,13 @@ def conditioning(problem: Problem, transitions: Sequence[ReferenceTransition]) -
 
 
 Fall = tuple[Guard, Vector, float]
-"""(guard, its gradient, its rate along the field before); rate 0 for a touch."""
+"""(guard, its gradient, its rate along the field before the event); rate 0 for a graze."""
 
 
 def _fallen_guards(
     flow: _Variations, mode: Mode, after: Mode, surfaces: Sequence[int], time: float, state: Vector, length: float
 ) -> list[Fall]:
-    """The guards that end a mode: of those that could, the ones at their root."""
+    """The guards that end a mode: of the candidates, those at their root."""
     candidates: list[tuple[float, Fall]] = []
     for guard, value, gradient, rate in flow.guards(mode, time, state):
         if guard.ends or guard.index not in surfaces:
@@ -141,9 +141,9 @@ class _Variations:
         self._shared = system.shared
 
     def derivative(self, mode: Mode, begin: float, state: Vector, end: float, landed: Vector) -> tuple[Vector, Vector]:
-        """Phi, the derivative of the state at ``end`` with respect to that at ``begin`` within a mode; the state there.
+        """Phi, the derivative of the state at ``end`` by that at ``begin`` within a mode, and the state at ``end``.
 
-        ``landed``: what the state is there but for rounding, or for a jump: of that size.
+        ``landed``: approximate state at ``end``, which scales the error tolerance.
         """
         n, length = len(state), end - begin
         if not length > 0:
@@ -162,7 +162,7 @@ class _Variations:
             sizes = np.concatenate([size, np.divide.outer(size, size).ravel()])
             run = solve_ivp(rates, (0.0, length), start, "DOP853", rtol=TOLERANCE, atol=TOLERANCE * sizes)
         if run.status != 0:
-            return np.full((n, n), np.nan), landed  # a singularity close by: double precision cannot say
+            return np.full((n, n), np.nan), landed  # integration fails near a singularity: unknown
         return run.y[n:, -1].reshape(n, n), run.y[:n, -1]
 
     def guards(self, mode: Mode, time: float, state: Vector) -> list[tuple[Guard, float, Vector, float]]:
@@ -172,7 +172,7 @@ class _Variations:
         return list(zip(guards, values, gradients, rates, strict=True))
 
     def saltation(self, before: Mode, after: Mode, falls: Sequence[Fall], time: float, state: Vector) -> Vector:
-        """S, the product over the guards that fall at one instant (of one contact's several surfaces the first's)."""
+        """S, the product over the guards that fall at one instant (of several surfaces of one contact: the first)."""
         total = np.eye(len(state))
         mode = before
         multiples = self.system.multiples
@@ -198,9 +198,9 @@ class _Variations:
         state: Vector,
         landed: Vector,
     ) -> Vector:
-        """S of a reset, with the state before it and the one after, ``landed``.
+        """S of a reset, with the states before it and after it (``landed``).
 
-        Of several guards that fall at one instant the first one's.
+        If several guards fall at one instant, the first guard of a reset surface is used.
         """
         drift, matrix = self._map(surfaces, time, state)
         _, gradient, rate = next(fall for fall in falls if fall[0].index in surfaces)
@@ -210,15 +210,15 @@ class _Variations:
         return matrix + np.outer(change, gradient) / rate
 
     def time_of_rest(self, surface: int, mode: Mode, time: float, state: Vector) -> Vector:
-        """How the limit of impacts moves with the state just after the last one, shape (n,).
+        """Derivative of the time of the limit of impacts by the state just after the last impact, shape (n,).
 
-        From height h and speed v it is ``v / a + s / b + r s (1 + 1/q) / (a (1 - q r))`` away, -a and -b = -q^2 a being
-        the accelerations on the way up and down (q = 1 where no friction turns round), and s^2 = q^2 v^2 + 2 b h: its
-        derivative is ``(1 + q^2 r) / ((1 - q r) q v)`` by h and ``(1 + q) / ((1 - q r) q a)`` by v
-        (:mod:`henon_ref.modes.resets`).
+        From height h and speed v the limit is ``v / a + s / b + r s (1 + 1/q) / (a (1 - q r))`` later, where -a and
+        -b = -q^2 a are the accelerations on the way up and down (q = 1 if no friction force reverses), and
+        s^2 = q^2 v^2 + 2 b h. At h = 0 the derivatives are ``(1 + q^2 r) / ((1 - q r) q v)`` by h and
+        ``(1 + q) / ((1 - q r) q a)`` by v (:mod:`henon_ref.modes.resets`).
         """
         system, resting, jump = self.system, impact_of(self.system, surface), jump_of(self.system, surface)
-        assert resting is not None  # there is a rest
+        assert resting is not None  # the transition is a rest
         after = resting.speed.xreplace(dict(zip(system.states, jump.states, strict=True)))
         signs = {s: sp.Integer(entry) for s, entry in zip(system.signs, mode, strict=True)}
         turned = {system.signs[j]: -signs[system.signs[j]] for j in turning_in_flight(system, surface)}
@@ -235,7 +235,7 @@ class _Variations:
         return (1 + q * q * ratio) / (lost * speed) * height + (1 + q) / (lost * -rising) * own
 
     def _map(self, surfaces: tuple[int, ...], time: float, state: Vector) -> tuple[Vector, Vector]:
-        """Derivatives of jumps, one after the other, in time, shape (n,), and in the state, shape (n, n)."""
+        """Derivatives of successive jumps by time, shape (n,), and by the state, shape (n, n)."""
         n = len(state)
         drift, matrix = np.zeros(n), np.eye(n)
         for surface in surfaces:
@@ -252,7 +252,7 @@ class _Variations:
         return self._at(mode, time, state)[0]
 
     def projector(self, mode: Mode, time: float, state: Vector) -> Vector:
-        """Onto the directions that keep the state on the surfaces that slide."""
+        """Projection onto the directions that keep the state on the sliding surfaces."""
         sliding = [i for i, s in enumerate(mode) if s == 0]
         if not sliding:
             return np.eye(len(state))
@@ -260,7 +260,7 @@ class _Variations:
         return np.eye(len(state)) - np.linalg.pinv(normals) @ normals
 
     def _normals(self, time: float, state: Vector) -> Vector:
-        """Gradients of the surfaces, a row each."""
+        """Gradients of the surfaces, as rows."""
         key: Mode = ()
         if key not in self._functions:
             system = self.system
@@ -270,7 +270,7 @@ class _Variations:
             return np.array(self._functions[key](np.float64(time), *state), dtype=float)
 
     def _at(self, mode: Mode, time: float, state: Vector) -> tuple[Vector, Vector, Vector, Vector]:
-        """Field, and the guards' values, gradients and rates."""
+        """Field, guard values, guard gradients and guard rates."""
         key = mode if self._shared is None else ALL
         if key not in self._functions:
             system = self.system
@@ -294,7 +294,7 @@ class _Variations:
         return field, values[kept], gradients[kept], rates[kept]
 
     def _flow(self, mode: Mode) -> Callable[..., Any]:
-        """(t, state, switches) -> field and its Jacobian, of a mode."""
+        """Function (t, state, switches) -> (field, its Jacobian) of a mode."""
         key = mode if self._shared is None else ALL
         if key not in self._flows:
             states = self.system.states
@@ -304,7 +304,7 @@ class _Variations:
         return self._flows[key]
 
     def _equations(self, mode: Mode) -> tuple[Sequence[sp.Expr], Sequence[sp.Expr]]:
-        """Field and guards of a mode, or those that all modes have in common."""
+        """Field and guards of a mode, or those shared by all modes."""
         if self._shared is not None:
             return self._shared.field, self._shared.outputs
         equations = self.system.equations(mode)
@@ -315,7 +315,7 @@ class _Variations:
         return sp.lambdify([TIME, *self.system.states, *names], entries, np, cse=True)
 
     def _switches(self, mode: Mode) -> list[float]:
-        """What tells a mode apart where all have their equations in common."""
+        """Values of the switches that select a mode in equations shared by all modes."""
         if self._shared is None:
             return []
         values = self._shared.values(mode)

@@ -1,4 +1,4 @@
-"""The certified route: what :mod:`henon_ref.enclosure` proves, as a :class:`Route`."""
+"""The certified route: the result of :mod:`henon_ref.enclosure` as a :class:`Route`."""
 
 from __future__ import annotations
 
@@ -19,29 +19,29 @@ if TYPE_CHECKING:
     from henon_ref.harness.truth.multiprecision.run import Progress
 
 RADIUS = 1e-30
-"""Radius asked of every transition time, as a part of the run's length and never above this many seconds."""
+"""Required radius of every transition time, as a part of the run's length and at most this many seconds."""
 SMALLEST = 1e-80
-"""Radius that an exact number is written with."""
+"""Radius with which an exact number is written."""
 
 _STATUS: dict[Ended, Status] = {"horizon": "ok", "invalid": "invalid", "nonunique": "nonunique", "none": "failed"}
-"""How a run ends that is proven to end so."""
+"""Status of a run whose end is proven."""
 
 
 def prove(problem: Problem, *, seconds: float | None = None, progress: Progress | None = None) -> Route:
-    """Prove as many transitions as can be proven.
+    """Prove as many transitions as possible.
 
     Parameters
     ----------
     problem : Problem
     seconds : float, optional
-        Give up after so long.
+        Time limit.
     progress : callable, optional
-        Told the part that is done, 0 to 1.
+        Called with the part that is done, 0 to 1.
 
     Returns
     -------
     Route
-        With ``undecided`` saying what kept it from the end, if anything did.
+        ``undecided`` is the reason why the proof stopped before the end, if it did.
     """
     start, span = float(problem.start), float(problem.until - problem.start)
 
@@ -71,6 +71,6 @@ def _route(run: CertifiedRun) -> Route:
 
 
 def _radius(*balls: arb) -> float:
-    """A radius around the written digits that holds every ball: two digits, rounded up with room to spare."""
+    """Radius around the written digits that contains every ball: two digits, rounded up with a margin."""
     widest = max(float(ball.rad()) for ball in balls)
     return float(f"{1.1 * max(widest, SMALLEST):.1e}")

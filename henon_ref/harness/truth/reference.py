@@ -1,4 +1,4 @@
-"""A truth: reference transitions, each in decimal digits with a radius, and how they were come by."""
+"""A truth: reference transitions in decimal digits with radii, and the methods that computed them."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from henon_ref.harness.score.reference import NearGraze, ReferenceTransition, sp
 from henon_ref.trajectory import Status
 
 OUT_OF_TIME = "the truth's time limit passed"
-"""Begin of the reason of a truth that has been cut short by it."""
+"""Start of the reason of a truth that a time limit ended early."""
 
 
 class TruthError(HenonRefError):
-    """Two routes to the truth contradict each other, so that there is none to store."""
+    """Two routes to the truth contradict each other, so that no truth can be stored."""
 
 
 @dataclass(frozen=True)
 class Route:
-    """What one way of computing the truth found."""
+    """Result of one method of computing the truth."""
 
     method: str
-    """In words, with the library: ``heyoka 7.13.2, Taylor``."""
+    """Name of the method with its library: ``heyoka 7.13.2, Taylor``."""
     bits: tuple[int, ...]
-    """Precisions it ran at, the one that the digits come from first."""
+    """Working precisions, the one that the digits come from first."""
     seconds: float
     """Time taken [s]."""
     status: Status
@@ -33,14 +33,14 @@ class Route:
     reason: str
     """Why the status is not ``ok``."""
     end_digits: str
-    """Every transition up to this time is known [s]: the horizon, or where the run ends."""
+    """End of the known part of the run [s]: the horizon, or the end of the run."""
     end_radius: float
     transitions: tuple[ReferenceTransition, ...]
     near_grazes: tuple[NearGraze, ...] = ()
     undecided: str = ""
-    """What kept it from going on, where it is the method and not the system that ends the run."""
+    """Reason why the method stopped before the end of the run; empty if it did not."""
     accumulates: bool = False
-    """Transitions accumulate at the end; only those far enough apart for a double are listed."""
+    """Whether transitions accumulate at the end; only those that differ in double precision are listed."""
 
 
 @dataclass(frozen=True)
@@ -50,34 +50,34 @@ class Truth:
     case: str
     reading: str
     mathematics_hash: str
-    """Hash of the reading's mathematics that this is the truth of."""
+    """Hash of the mathematics that the truth belongs to."""
     status: Status
     reason: str
     end_digits: str
-    """Every transition up to this time is known [s]: the horizon, or where the exact run ends."""
+    """End of the known part of the run [s]: the horizon, or the end of the exact run."""
     end_radius: float
     transitions: tuple[ReferenceTransition, ...]
     near_grazes: tuple[NearGraze, ...]
     methods: tuple[tuple[str, tuple[int, ...], float], ...]
-    """(method, bits, seconds taken) of every route, the one that the digits come from first."""
+    """(method, bits, seconds taken) of every route, the route that the digits come from first."""
     certified: bool
-    """Every transition has a proven radius, and it is proven that there is no other."""
+    """Whether every transition has a proven radius and the list is proven to be complete."""
     uncertified_because: str = ""
-    """Why it is not certified."""
+    """Reason why the truth is not certified."""
 
     @cached_property
     def end_time(self) -> float:
-        """Where the exact run ends [s]: the horizon, or before it."""
+        """End of the known part of the exact run [s]."""
         return split_double(self.end_digits)[0]
 
     @property
     def radius(self) -> float:
-        """Largest radius of its transition times [s]; errors below it cannot be claimed."""
+        """Largest radius of the transition times [s], a lower bound of every error that can be measured."""
         return max((t.radius for t in self.transitions), default=0.0)
 
     @property
     def proven(self) -> int:
-        """How many transitions have a proven radius."""
+        """Number of transitions with a proven radius."""
         return sum(t.proven for t in self.transitions)
 
 

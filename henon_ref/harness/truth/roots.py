@@ -1,9 +1,9 @@
-"""Roots of a step's Taylor polynomial, every one of them: pairs, touches, roots at the very start.
+"""All roots of a step's Taylor polynomial, including close pairs, double roots and roots near the start.
 
-A polynomial on (0, END] in units of the step is halved and recentred until each piece shows, by the sizes of its
-own coefficients, that it has no root, one, one extremum, or is zero to the precision altogether. A double root
-counts as a touch where the extremum is zero to the precision, and its place is the root of the derivative,
-which is simple: nothing is lost to the square root of the precision.
+A polynomial on (0, END] in units of the step is bisected and recentred until the coefficients of each piece prove that
+the piece has no root, one root, one extremum, or is zero to the precision. An extremum whose value is zero to the
+precision counts as a double root (a graze) at the root of the derivative. That root is simple, so no digits are lost
+to the square root of the precision.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from math import factorial, perm
 from flint import arb, arb_poly
 
 END = 1 + 2.0**-40
-"""A little past the step, where its polynomial still holds: a root at the step's end falls in, not between."""
+"""End of the search, slightly after the step, where its polynomial still holds: finds a root at the step's end."""
 SPLIT = 0.5078125
-"""Where a piece is split: off the middle, so that a root at a round fraction of a step is on no boundary."""
+"""Split point of a piece, as a part of it; not 0.5, so that a root at a simple fraction of a step is on no boundary."""
 LEAST_SEPARATION = 2.0**-10
-"""Fraction of a step: a minimum that would have a pair of roots so close together is a near graze."""
+"""Distance of a pair of roots, as a part of the step, below which a minimum without roots counts as a near graze."""
 
 
 @dataclass(frozen=True)
@@ -27,18 +27,18 @@ class Root:
     """One root, in units of the step."""
 
     at: arb
-    """Its place; the radius is what the coefficients leave open."""
+    """The place of the root; its radius comes from the radii of the coefficients."""
     odd: bool
     """True: the polynomial changes sign; False: it touches zero."""
 
 
 @dataclass(frozen=True)
 class NearMiss:
-    """An extremum that nearly reaches zero, in units of the step."""
+    """An extremum near zero, in units of the step."""
 
     at: arb
     value: arb
-    """Value of the polynomial there."""
+    """Value of the polynomial at the extremum."""
 
 
 @dataclass
@@ -50,15 +50,15 @@ class Roots:
 
 
 def isolate(coefficients: Sequence[arb], zero: arb) -> Roots:
-    """All roots on (0, END].
+    """Locate all roots on (0, END].
 
     Parameters
     ----------
     coefficients : sequence of arb
-        Lowest first, in units of the step. The polynomial is not zero at 0: divide by the power of the
-        variable that is known to be a factor first.
+        Lowest first, in units of the step. The polynomial must not be zero at 0: divide it by any power of the
+        variable that is a known factor.
     zero : arb
-        A value below which an extremum counts as zero.
+        Bound below which an extremum counts as zero.
     """
     search = _Search(arb_poly(list(coefficients)), zero)
     search.piece(arb(0), arb(END), search.polynomial(arb_poly([END / 2, END / 2])))
@@ -66,7 +66,7 @@ def isolate(coefficients: Sequence[arb], zero: arb) -> Roots:
 
 
 def _ball(a: arb, b: arb) -> arb:
-    """A ball that holds [a, b]."""
+    """Return a ball that contains [a, b]."""
     return a.union(b)
 
 
@@ -77,7 +77,7 @@ def _sign(value: arb) -> int:
 
 
 class _Search:
-    """The search for all roots of one polynomial."""
+    """Search for all roots of one polynomial."""
 
     def __init__(self, polynomial: arb_poly, zero: arb) -> None:
         self.polynomial = polynomial
@@ -87,7 +87,7 @@ class _Search:
         self.found = Roots()
 
     def piece(self, a: arb, b: arb, local: arb_poly) -> None:
-        """Append the roots on (a, b], where the polynomial is ``local`` in a variable that runs from -1 to 1."""
+        """Append the roots on (a, b], where the polynomial is ``local`` in a variable from -1 to 1."""
         c = self._shortened(local)
         sizes = [abs(v).upper() for v in c]
         order = next((n for n in range(len(c)) if _dominates(c, sizes, n)), len(c))
@@ -107,7 +107,7 @@ class _Search:
             self.piece(middle.mid(), b, short(arb_poly([1 - right, right])))
 
     def _shortened(self, local: arb_poly) -> list[arb]:
-        """Coefficients without a tail that is far below what counts as zero; the first one's radius holds it."""
+        """Coefficients without negligible terms of high order, which are added to the radius of the first one."""
         c = local.coeffs()
         tail, negligible = arb(0), self.zero * 2.0**-40
         while len(c) > 4 and tail + abs(c[-1]) < negligible:
@@ -116,13 +116,13 @@ class _Search:
         return c
 
     def _between(self, a: arb, b: arb) -> None:
-        """The root on (a, b], if any, where the polynomial is monotone."""
+        """Append the root on (a, b], if any, of the monotone polynomial."""
         end = _sign(self.polynomial(b))
         if _sign(self.polynomial(a)) * end < 0 or end == 0:
             self.found.roots.append(Root(simple_root(self.polynomial, self.slope, a, b), odd=True))
 
     def _around_extremum(self, a: arb, b: arb) -> None:
-        """Roots on (a, b], where the second derivative keeps its sign: at most one extremum."""
+        """Append the roots on (a, b], where the second derivative has one sign: at most one extremum."""
         if _sign(self.slope(a)) * _sign(self.slope(b)) >= 0:
             self._between(a, b)
             return
@@ -130,14 +130,14 @@ class _Search:
         value, curvature = self.polynomial(at), self.curvature(at)
         if abs(value.mid()) <= self.zero:
             self.found.roots.append(Root(at, odd=False))
-        elif _sign(value) != _sign(curvature):  # the extremum lies beyond zero: a root on either side of it
+        elif _sign(value) != _sign(curvature):  # the extremum is across zero: one root on each side of it
             self._between(a, at)
             self._between(at, b)
         elif abs(2 * value / curvature) < LEAST_SEPARATION**2:
             self.found.near_misses.append(NearMiss(at, value))
 
     def _cluster(self, a: arb, b: arb, order: int) -> None:
-        """A root of multiplicity three or more: the simple root of the derivative before the one that dominates."""
+        """Append a root of multiplicity ``order`` >= 3: the simple root of the derivative of one order less."""
         before = self.polynomial
         for _ in range(order - 1):
             before = before.derivative()
@@ -148,13 +148,13 @@ class _Search:
 
 
 def _dominates(c: Sequence[arb], sizes: Sequence[arb], order: int) -> bool:
-    """Whether the derivative of an order keeps its sign for a variable from -1 to 1."""
+    """Whether the derivative of an order has one sign for a variable from -1 to 1."""
     rest = sum((perm(k, order) * sizes[k] for k in range(order + 1, len(c))), arb(0))
     return bool(factorial(order) * abs(c[order]) > rest)
 
 
 def simple_root(p: arb_poly, slope: arb_poly, a: arb, b: arb) -> arb:
-    """The root of a function that is monotone on [a, b] and changes sign: bisection and interval Newton."""
+    """Locate the root of a monotone function that changes sign on [a, b], by bisection and interval Newton."""
     sign_b = _sign(p(b))
     if sign_b == 0:
         return b
@@ -169,13 +169,13 @@ def simple_root(p: arb_poly, slope: arb_poly, a: arb, b: arb) -> arb:
         middle = x.mid()
         value = p(middle)
         step = middle - value / slope(x)
-        if not step.overlaps(x):  # rounding alone: the root lies on the rim
+        if not step.overlaps(x):  # only by rounding: the root is at the end of the bracket
             return middle
         narrower = step.intersection(x)
         if not narrower.rad() < x.rad() / 2:
             if value.contains(0):
                 return narrower
-            # The slope varies too much over the bracket (an extremum close by): halve it.
+            # The slope varies too much over the bracket, because of an extremum nearby: halve it.
             low, high = arb(x.lower()), arb(x.upper())
             narrower = _ball(low, middle) if _sign(value) == sign_b else _ball(middle, high)
             if not narrower.rad() < x.rad():

@@ -1,6 +1,6 @@
-"""Stored truths: one JSON file a reading, the same bytes for the same truth, a line a fact.
+"""Stored truths: one JSON file per reading, one entry per line, byte-identical for equal truths.
 
-The last entry is a checksum of all the others. A file that was changed in any way is no stored truth.
+The last entry is a checksum of all earlier ones. A file that was changed in any way is not a stored truth.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ _CHECKSUM = re.compile(r'(?<=\n "checksum": ")[0-9a-f]{64}(?="\n\}\n\Z)')
 
 
 class StoredTruthError(TruthError):
-    """What lies in the place of a stored truth is none: damaged, changed by hand, of another case, or unreadable.
+    """The file of a truth is unusable: damaged, edited, of another case, or unreadable.
 
     Attributes
     ----------
     content : Truth or None
-        What it says, where it is of the right form: to be compared, never to be scored against.
+        Content of the file if it can be parsed; for comparison, never for scoring.
     """
 
     def __init__(self, path: Path, reason: str, content: Truth | None = None) -> None:
@@ -38,10 +38,10 @@ class StoredTruthError(TruthError):
 
 
 def folder_of(case_file: Path | None) -> Path:
-    """Where the truths of a case file are kept.
+    """Return the folder of a case file's truths.
 
-    ``cases/truth`` for a case below a folder ``cases``; for any other case the user's cache, so that nothing
-    appears beside somebody's own file.
+    ``cases/truth`` for a case below a folder ``cases``, else the user's cache, so that no files appear next to a
+    user's own case file.
     """
     if case_file is not None:
         for parent in case_file.resolve().parents:
@@ -51,33 +51,33 @@ def folder_of(case_file: Path | None) -> Path:
 
 
 def folder_for_new(case_file: Path | None) -> Path:
-    """Where a new truth of a case file is put: beside the others, but never into an installed package."""
+    """Folder for a new truth of a case file: as :func:`folder_of`, but never inside an installed package."""
     folder = folder_of(case_file)
     return user_folder() if inside_package(folder) else folder
 
 
 def inside_package(folder: Path) -> bool:
-    """Whether a folder is part of the package, as the truths of the shipped cases are where a wheel is installed."""
+    """Whether a folder is part of the package, as the truths of the shipped cases in an installed wheel are."""
     return folder.resolve().is_relative_to(_PACKAGE)
 
 
 def user_folder() -> Path:
-    """Where truths are kept that have no place beside their case."""
+    """Folder of truths that are not stored next to their case."""
     return Path(platformdirs.user_cache_dir("henon_ref")) / "truth"
 
 
 def path_of(folder: Path, case: str, reading: str) -> Path:
-    """File of one reading."""
+    """Path of the truth of one reading."""
     return folder / case / f"{reading}.json"
 
 
 def load(folder: Path, case: str, reading: str) -> Truth | None:
-    """The stored truth, whatever mathematics it belongs to; None where there is none.
+    """Return the stored truth, regardless of its mathematics; None if there is none.
 
     Raises
     ------
     StoredTruthError
-        For a file that is not what this package has written for this reading; it says how to make it anew.
+        If the file was not written by this package for this reading; the message says how to recompute it.
     """
     path = path_of(folder, case, reading)
     try:
@@ -97,15 +97,15 @@ def load(folder: Path, case: str, reading: str) -> Truth | None:
 
 
 def save(folder: Path, truth: Truth) -> Path:
-    """Store a truth; the file is complete or not there.
+    """Store a truth; the file is written completely or not at all.
 
     Raises
     ------
     OSError
-        Where the folder cannot be written.
+        If the folder cannot be written.
     """
     path = path_of(folder, truth.case, truth.reading)
-    if folder == user_folder():  # with compiled code beside it, which is not used where others can write
+    if folder == user_folder():  # its parent also holds compiled code, which is not used if others can write there
         folder.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     path.parent.mkdir(parents=True, exist_ok=True)
     replace_file(path, dumps(truth).encode())
@@ -113,7 +113,7 @@ def save(folder: Path, truth: Truth) -> Path:
 
 
 def dumps(truth: Truth) -> str:
-    """A truth as JSON: keys in a fixed order, a line an entry."""
+    """Return a truth as JSON: keys in a fixed order, one entry per line."""
     whole = {
         "schema": SCHEMA,
         "case": truth.case,
@@ -137,7 +137,7 @@ def dumps(truth: Truth) -> str:
 
 
 def _checked(text: str) -> str:
-    """A stored truth's text with the checksum that belongs there: SHA-256 of the text without the checksum."""
+    """Insert the checksum into the text of a stored truth: SHA-256 of the text without the checksum."""
     found = _CHECKSUM.search(text)
     if found is None:
         return ""

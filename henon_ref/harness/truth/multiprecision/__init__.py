@@ -1,1 +1,1 @@
-"""The multiprecision route: heyoka in some hundred bits, and decisions in ball arithmetic."""
+"""The multiprecision route: heyoka at some hundred bits, with decisions in ball arithmetic."""

@@ -1,4 +1,4 @@
-"""SymPy expressions and exact numbers to heyoka's, of any precision."""
+"""Conversion of SymPy expressions and exact numbers to heyoka, at any precision."""
 
 from __future__ import annotations
 
@@ -20,22 +20,24 @@ Number = Callable[[sp.Expr], Any]
 
 
 def exact_real(number: sp.Expr, bits: int) -> Any:
-    """An exact number as a heyoka number of so many bits."""
+    """Convert an exact number to a heyoka number of a precision in bits."""
     return hy.real(exact_text(number, bits), bits)
 
 
 def to_real(value: arb, bits: int) -> Any:
-    """The midpoint of a ball as a heyoka number."""
+    """Convert the midpoint of a ball to a heyoka number."""
     return hy.real(value.mid().str(decimal_digits(bits), radius=False), bits)
 
 
 def real_constants(bits: int) -> Number:
-    """Exact numbers as heyoka constants of so many bits."""
+    """Function that converts exact numbers to heyoka constants of a precision in bits."""
     return lambda number: hy.expression(exact_real(number, bits))
 
 
 class RealParameters:
-    """Exact numbers as heyoka's run-time parameters, whole ones as constants: what is compiled does not depend on them.
+    """Converts exact numbers to heyoka's run-time parameters, and integers to constants.
+
+    The compiled integrator then does not depend on the numbers.
 
     Parameters
     ----------
@@ -45,7 +47,7 @@ class RealParameters:
 
     def __init__(self, bits: int) -> None:
         self._expressions: dict[sp.Expr, Any] = {}
-        """Numbers, and products and sums of numbers and switches, each with its parameter."""
+        """Parameter of each number, and of each product or sum of numbers and switches."""
         self._bits = bits
         self._constant = real_constants(bits)
         self._known: dict[sp.Expr, Any] = {}
@@ -59,7 +61,7 @@ class RealParameters:
         return self._expressions.setdefault(expression, hy.par[len(self._expressions)])
 
     def values(self, switches: Mapping[sp.Symbol, sp.Expr]) -> list[Any]:
-        """Heyoka numbers, in order, where the switches have these values."""
+        """Values of the parameters, in order, as heyoka numbers, for given values of the switches."""
         numbers = [e.xreplace(switches) for e in self._expressions]
         for number in numbers:
             if number not in self._known:
@@ -70,30 +72,30 @@ class RealParameters:
 def to_heyoka(
     expression: sp.Expr, symbols: Mapping[sp.Symbol, Any], constant: Number, switches: Collection[sp.Symbol] = ()
 ) -> Any:
-    """Translate a smooth expression.
+    """Translate a smooth expression to heyoka.
 
     Parameters
     ----------
     expression : Expr
-        Its symbols are those of ``symbols`` and ``switches``; everything else in it is an exact number.
+        Its symbols are those of ``symbols`` and ``switches``; all other parts are exact numbers.
     symbols : mapping
         Symbol -> heyoka expression (``hy.time`` for time).
     constant : callable
-        Exact number, or expression in switches -> heyoka constant, or run-time parameter.
+        Exact number or expression in switches -> heyoka constant or run-time parameter.
     switches : collection of Symbol
-        Symbols that are numbers in a run. A factor of them is one parameter: of a product of several heyoka would
-        make a series of its own, and a product of series costs as many operations as the square of the order.
+        Symbols that are numbers in a run. All switches and numbers of a product become one parameter, because heyoka
+        would compute a series for a product of several, and a product of series costs the square of the order.
 
     Raises
     ------
     ModelError
-        For a function that heyoka does not integrate.
+        If heyoka has no Taylor recurrence for a function.
     """
 
     telling = frozenset(switches)
 
     def parts(e: sp.Expr, walk: Walk[Any]) -> list[Any]:
-        """Those that move, then the product or sum of all numbers and switches among them, as one."""
+        """Convert the arguments that vary in time, and append all others, combined into one constant."""
         still = [a for a in e.args if a.free_symbols <= telling]
         moving = [walk(a) for a in e.args if not a.free_symbols <= telling]
         return [*moving, constant(e.func(*still))] if still else moving
@@ -129,7 +131,7 @@ def to_heyoka(
 
 
 def _natural_power(base: Any, exponent: int) -> Any:
-    """Products only: the recurrence of a general power divides by the base, which may be zero."""
+    """Power by products only: the recurrence of a general power divides by the base, which may be zero."""
     if exponent == 1:
         return base
     half = _natural_power(base, exponent // 2)

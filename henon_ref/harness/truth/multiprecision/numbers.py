@@ -1,4 +1,4 @@
-"""Exact numbers to digits and balls, and balls to digits; no double on the way, and no need of heyoka."""
+"""Conversion of exact numbers to digits and balls, and of balls to digits, without doubles and without heyoka."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from henon_ref.errors import ModelError
 from henon_ref.harness.truth.reference import ReferenceTransition
 
 GUARD_BITS = 32
-"""Ball arithmetic works with so many bits more than heyoka, so that it adds no rounding of its own."""
+"""Bits by which ball arithmetic exceeds heyoka's precision, so that its rounding does not matter."""
 
 
 def decimal_digits(bits: int) -> int:
-    """Decimal digits that hold a number of so many bits, a few to spare."""
+    """Number of decimal digits that hold a number of a precision in bits, with a few to spare."""
     return math.ceil(bits * math.log10(2)) + 5
 
 
 @lru_cache(maxsize=4096)
 def exact_text(number: sp.Expr, bits: int) -> str:
-    """An exact number in decimal digits, right to the precision asked for.
+    """Write an exact number in decimal digits that are correct to a precision in bits.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def exact_text(number: sp.Expr, bits: int) -> str:
     Raises
     ------
     ModelError
-        Where it is no real number.
+        If it is not a real number.
     """
     digits = decimal_digits(bits)
     value = sp.N(number, digits, maxn=10 * digits)
@@ -46,19 +46,19 @@ def exact_text(number: sp.Expr, bits: int) -> str:
 
 
 def exact_ball(number: sp.Expr, bits: int) -> arb:
-    """An exact number as a ball that holds it to so many bits."""
+    """Convert an exact number to a ball that contains it, accurate to a precision in bits."""
     if number.is_Rational:
         return arb(int(number.p)) / arb(int(number.q))
     return arb(exact_text(number, bits + GUARD_BITS))
 
 
 def to_ball(value: Any) -> arb:
-    """A heyoka number as a ball without radius (exact but for the last guard bits of ``flint.ctx``)."""
+    """Convert a heyoka number to a ball without radius (exact but for the last guard bits of ``flint.ctx``)."""
     return arb(str(value)).mid()
 
 
 def ball_text(value: arb, radius: float) -> str:
-    """The midpoint in as many digits as a radius is worth, and two more.
+    """Write the midpoint of a ball with two digits more than the radius justifies.
 
     Examples
     --------
@@ -76,7 +76,7 @@ def ball_text(value: arb, radius: float) -> str:
 def in_digits(
     t: EnclosedTransition, radius: float, state_radius: float, *, proven: bool = False
 ) -> ReferenceTransition:
-    """A transition in balls as it is kept: the digits that its radii are worth."""
+    """Convert a transition in balls to decimal digits, as many as its radii justify."""
     slope = abs(float(t.rate))
     return ReferenceTransition(
         kind=t.kind,

@@ -1,8 +1,8 @@
-"""Modes of a system at points in ball arithmetic, by series of the truth's own (:mod:`.series`).
+"""Modes of a system at points in ball arithmetic, by the truth's own series (:mod:`.series`).
 
-A point carries radii (what the precision leaves open), and a derivative is positive, negative or *zero to the
-precision*, where its ball holds zero: a tie within that radius counts as exact. The mode that follows is decided by the
-one rule of :mod:`henon_ref.modes.selection`; nothing that it is decided from shares code with the reference's.
+A point has radii for its accuracy. A derivative is positive, negative, or *zero to the precision* if its ball contains
+zero: a tie within the radius counts as exact. The next mode is decided by the common rule of
+:mod:`henon_ref.modes.selection`; the values that the rule uses share no code with the reference integrator.
 """
 
 from __future__ import annotations
@@ -22,37 +22,37 @@ from henon_ref.modes.selection import mode_by_signs
 from henon_ref.modes.system import FilippovSystem
 
 ORDERS = (1, 3, series.ORDER)
-"""Orders of the guards' series, tried in turn: in nearly all events the first one tells."""
+"""Orders of the guards' series, tried in turn; the first one decides nearly all events."""
 
 
 class SeriesEvaluation:
-    """The modes of one system at one precision; what :func:`henon_ref.modes.after_jump.after_jump` asks of numbers.
+    """The modes of one system at one precision: the arithmetic of :func:`henon_ref.modes.after_jump.after_jump`.
 
     Parameters
     ----------
     system : FilippovSystem
     bits : int
-        Precision of the exact numbers in its equations.
+        Precision of the exact numbers in the equations.
     """
 
     rounding = 0.0
-    """A point carries the radii to which it is known."""
+    """0, because the radii of a point contain all errors."""
 
     def __init__(self, system: FilippovSystem, bits: int) -> None:
         self.system, self.bits = system, bits
         self._numeric: dict[Mode, tuple[list[sp.Expr], list[sp.Expr]]] = {}
-        """Of each mode its field and its guards, parameters put in."""
+        """Field and guards of each mode, with numbers for the parameters."""
 
     def at(self, time: arb, state: Sequence[arb]) -> Point:
-        """A point, with the radii to which it is known."""
+        """Return a point; its balls have the radii of its accuracy."""
         return Point(self, time, tuple(state))
 
     def exactly(self, start: sp.Expr, initial: Sequence[sp.Expr]) -> Point:
-        """A point of exact numbers."""
+        """Return a point from exact numbers."""
         return self.at(series.exact_ball(start, self.bits), [series.exact_ball(v, self.bits) for v in initial])
 
     def values(self, expressions: Sequence[sp.Expr], t: arb, x: Sequence[arb]) -> list[arb]:
-        """Expressions in time and states at a point; ValueError where one has none that is finite."""
+        """Evaluate expressions in time and states at a point; raise ValueError if a value is not finite."""
         found = self.along([sp.Integer(0)] * len(x), expressions, t, x, 0)
         if not all(c[0].is_finite() for c in found):
             raise ValueError("a value is not finite")
@@ -76,15 +76,15 @@ class SeriesEvaluation:
         return series.along(rates, found, self.system.states, t, x, bits=self.bits, order=order)
 
     def sign(self, value: arb) -> int:
-        """0 where it cannot be told from zero."""
+        """Sign of a value; 0 if its ball contains zero."""
         return series.sign(value)
 
     def decide(self, t: arb, x: Sequence[arb], surfaces: Sequence[int], valid: Sequence[int]) -> Decision:
-        """The mode at a point where surfaces and ``valid`` expressions have these signs."""
+        """Select the mode at a point, given the signs of the surfaces and of the ``valid`` expressions."""
         return mode_by_signs(self.at(t, x), surfaces, valid, where="after the reset")
 
     def text(self, t: arb) -> str:
-        """A time as messages have it."""
+        """Time as written in messages."""
         return str(t.str(17, radius=False))
 
 
@@ -101,11 +101,11 @@ class Point:
 
     @property
     def when(self) -> str:
-        """See :class:`henon_ref.modes.arithmetic.Point`, and so on."""
+        """Time as written in messages."""
         return self._modes.text(self.time)
 
     def series(self, mode: Mode, order: int) -> list[list[arb]]:
-        """Taylor coefficients of a mode's guards; ZeroDivisionError or ValueError where they are not finite."""
+        """Taylor coefficients of a mode's guards; ZeroDivisionError or ValueError if they are not finite."""
         if (mode, order) not in self._series:
             found = self._modes.guard_series(mode, self.time, self.state, order)
             if not all(value.is_finite() for own in found for value in own[:2]):
@@ -154,21 +154,21 @@ class Point:
         return all(BALLS.equal(a, b) for a, b in zip(one, other, strict=True))
 
     def leading_terms(self, mode: Mode, active: frozenset[int]) -> list[Leading | None] | None:
-        """What each guard of a mode does first, just after the point; None where its field is not finite.
+        """Leading term of each guard of a mode just after the point; None if the field is not finite.
 
         Parameters
         ----------
         active : frozenset of int
-            Surfaces that the point is on, whatever rounding says.
+            Surfaces that the point is exactly on.
         """
         try:
             guards = self.system.equations(mode).guards
             first = [1 if g.kind == "surface" and g.index in active else 0 for g in guards]
             return [self.leading(mode, place, order) for place, order in enumerate(first)]
-        except (ZeroDivisionError, ValueError):  # python-flint's words for a series that does not exist
+        except (ZeroDivisionError, ValueError):  # python-flint raises these if a series does not exist
             return None
 
     def guard_values(self, mode: Mode) -> list[arb]:
-        """Values of a mode's guards at the middle of the point (balls drop digits below their radius)."""
+        """Values of a mode's guards at the midpoint of the point (balls would drop digits below their radius)."""
         middle = self.time.mid(), [v.mid() for v in self.state]
         return [c[0] for c in self._modes.guard_series(mode, *middle, order=0)]

@@ -1,9 +1,9 @@
-"""The multiprecision route: heyoka at two precisions, and the digits that they agree on.
+"""The multiprecision route: heyoka at two precisions, and the digits on which both agree.
 
-The digits come from the higher precision; the radius is twice the difference of the two, which is nearly all
-the error of the lower one, so that it overstates the error of the digits by some ten orders of magnitude. The
-two differ in order and in every step, not only in rounding. Where they do not agree well enough the
-precisions are doubled.
+The digits come from the higher precision. The radius is twice the difference of the two results, which is nearly the
+whole error of the lower precision, so that it exceeds the error of the digits by some ten orders of magnitude. The two
+runs differ in order and in every step, not only in rounding. If they do not agree well enough, the precisions are
+doubled.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from henon_ref.precision import working_precision
 log = logging.getLogger(__name__)
 
 LADDER = ((256, 224), (512, 448), (1024, 896))
-"""Pairs of precisions [bits], tried in turn; the digits come from the first of a pair."""
+"""Pairs of precisions [bits], tried in turn; the digits come from the first precision of a pair."""
 WANTED = 1e-30
-"""Radius asked for, as a part of the run's length."""
+"""Required radius, as a part of the run's length."""
 PARTS = (0.55, 1.0)
-"""Part of the time at which each of a pair has to stop: the lower precision takes less."""
+"""Part of the time limit at which each run of a pair stops; the lower precision takes less time."""
 ROUNDING = 2.0**16
-"""Roundings that a radius allows for even where two runs agree by luck."""
+"""Smallest radius, in units of rounding, in case two runs agree by chance."""
 
 
 def multiprecision(problem: Problem, *, progress: Progress | None = None, seconds: float | None = None) -> Route:
@@ -41,15 +41,15 @@ def multiprecision(problem: Problem, *, progress: Progress | None = None, second
     ----------
     problem : Problem
     progress : callable, optional
-        Told the part that is done, 0 to 1.
+        Called with the part that is done, 0 to 1.
     seconds : float, optional
-        Processor time after which it stops with what it has [s].
+        Processor time limit [s], after which the route ends with the transitions found so far.
 
     Returns
     -------
     Route
-        With status ``failed`` where the precisions do not suffice to tell what happens; its transitions are
-        then those up to where they do.
+        With status ``failed`` if the precisions do not suffice to decide an event; it then has the transitions
+        before that event.
     """
     began, begun = perf_counter(), process_time()
     deadlines = [None if seconds is None else begun + seconds * part for part in PARTS]
@@ -65,7 +65,7 @@ def multiprecision(problem: Problem, *, progress: Progress | None = None, second
 
 
 def _part(progress: Progress | None, index: int) -> Progress | None:
-    """Progress of one of two runs."""
+    """Progress function of one of two runs."""
     return None if progress is None else lambda done: progress((index + done) / 2)
 
 
@@ -76,7 +76,7 @@ def _same(a: Instant, b: Instant) -> bool:
 
 
 def _agreed(problem: Problem, high: Run, low: Run, *, seconds: float) -> Route:
-    """What two runs agree on."""
+    """Route up to the point to which two runs agree."""
     with working_precision(high.bits + GUARD_BITS):
         start, until = exact_ball(problem.start, high.bits), exact_ball(problem.until, high.bits)
         span = max(abs(float(start)), float(until - start))
@@ -116,7 +116,7 @@ def _agreed(problem: Problem, high: Run, low: Run, *, seconds: float) -> Route:
 
 
 def _radius(a: arb, b: arb, least: float) -> float:
-    """Twice the difference of two numbers, and never less than rounding leaves (or 0); two digits, rounded up."""
+    """Twice the difference of two numbers, but at least ``least``; two digits, rounded up."""
     return float(f"{1.1 * max(2 * abs(float(a - b)), least, sys.float_info.min):.1e}")
 
 
@@ -125,7 +125,7 @@ def _time_radius(high: Instant, low: Instant, least: float) -> float:
 
 
 def _transitions(high: Instant, low: Instant, least_time: float, least_state: float) -> list[ReferenceTransition]:
-    """One reference transition a surface."""
+    """One reference transition per surface."""
     radius = _time_radius(high, low, least_time)
     return [
         in_digits(a, radius, max(_radius(v, w, least_state) for v, w in zip(a.state, b.state, strict=True)))

@@ -1,4 +1,4 @@
-"""One run in multiprecision: heyoka's steps, the guards' roots, the modes decided in ball arithmetic."""
+"""One run in multiprecision: heyoka's steps, isolation of the guards' roots, mode decisions in ball arithmetic."""
 
 from __future__ import annotations
 
@@ -29,29 +29,30 @@ from henon_ref.precision import working_precision
 from henon_ref.trajectory import Kind, Status
 
 FINAL = 2.0**-80
-"""Part of the run that is left of accumulating impacts where their limit is taken: it is wrong by about its square."""
+"""Remaining time of accumulating impacts, as a part of the run, at which their limit is computed; the error of the
+limit is about the square of it."""
 MAX_STEPS = 1_000_000
-"""Taylor steps after which a run is given up: the time limit of a truth ends nearly all runs before."""
+"""Largest number of Taylor steps; the time limit of a truth ends nearly all runs earlier."""
 
 Progress = Callable[[float], None]
-"""Told the part of the run that is done, 0 to 1."""
+"""Called with the part of the run that is done, 0 to 1."""
 
 
 Instant = tuple[EnclosedTransition, ...]
-"""What happens at one time, in balls without a radius: one transition for each surface that changes, or is touched.
+"""The transitions at one time, in balls without radius: one for each surface that changes or is touched.
 
-The rate is the smallest with which a guard that ends the mode falls through zero. The state is the one that the
-surface's map has left, or all maps; a surface whose map is applied twice has two.
+The rate is the smallest rate of the guards that end the mode. The state is that after the surface's map, or after all
+maps if the surface has none; a surface whose map is applied twice has two transitions.
 """
 
 
 _States = Sequence[tuple[int, Sequence[arb]]]
-"""Surfaces, each with the state that is told of it."""
+"""Surfaces, each with the state that its transition reports."""
 
 
 @dataclass
 class Run:
-    """What one run in one precision found."""
+    """Result of one run at one precision."""
 
     bits: int
     status: Status = "ok"
@@ -60,9 +61,9 @@ class Run:
     near_grazes: list[NearGraze] = field(default_factory=list)
     end_time: arb = field(default_factory=arb)
     accumulates: bool = False
-    """Events accumulate at ``end_time``; there are infinitely many more before it."""
+    """Whether infinitely many events accumulate before ``end_time``."""
     out_of_time: bool = False
-    """Whether its deadline has ended it."""
+    """Whether the deadline ended the run."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +73,7 @@ class _Hit:
     guard: int
     transversality: float
     odd: bool
-    """Whether the guard goes through zero, or only touches it."""
+    """Whether the guard changes its sign; else it only touches zero."""
 
 
 def simulate(problem: Problem, bits: int, *, progress: Progress | None = None, deadline: float | None = None) -> Run:
@@ -90,12 +91,12 @@ def simulate(problem: Problem, bits: int, *, progress: Progress | None = None, d
     Returns
     -------
     Run
-        Every event up to the horizon, or up to where the run has to end.
+        Every event up to the horizon, or up to an earlier end of the run.
 
     Raises
     ------
     UnsupportedError
-        Where too many contacts with static friction act on each other at once.
+        If too many contacts with static friction act on each other at once.
     """
     with working_precision(bits + GUARD_BITS):
         return _Simulation(problem, bits, progress, deadline).run()
@@ -111,7 +112,7 @@ class _Simulation:
         self.zero = arb(2) ** (-(3 * bits) // 4)
         self.progress = progress
         self.modes = SeriesEvaluation(problem.system, bits)
-        # As heyoka rounds them: a horizon between two of its numbers would never be reached.
+        # Rounded as heyoka rounds them: a horizon between two of its numbers would never be reached.
         self.start, self.until = (to_ball(to_real(exact_ball(t, bits), bits)) for t in (problem.start, problem.until))
         self.span = float(self.until - self.start)
         self.result = Run(bits)
@@ -119,13 +120,13 @@ class _Simulation:
         self.point = self.modes.at(self.start, [exact_ball(v, bits) for v in problem.initial])
         self.mode: Mode = ()
         self.signs: list[int] = []
-        """Sign of each guard since the last root (0: it stays zero and is not watched)."""
+        """Sign of each guard since its last root (0: the guard stays zero and is not watched)."""
         self.skipped: list[int] = []
-        """Leading coefficients of each guard that are zero at the start of the next step."""
+        """Number of leading coefficients of each guard that are zero at the start of the next step."""
         self.termination = Termination(self.span, bits)
         self.approaches = Approaches(self.result.near_grazes)
         self.accumulating: tuple[int, ...] = ()
-        """The surface of impacts that have come to their limit, and are no longer told of."""
+        """Surfaces whose impacts are near their limit and are no longer recorded."""
 
     def run(self) -> Run:
         try:
@@ -160,7 +161,7 @@ class _Simulation:
         raise EndedError(decision.ending, decision.reason)
 
     def _enter(self, mode: Mode, active: frozenset[int]) -> None:
-        """Go on in a mode from the present point; what fails at once is the next event."""
+        """Enter a mode at the present point; guards that fail at once are the next event."""
         self.mode = mode
         self.approaches.keep()
         terms = self.point.leading_terms(mode, active)
@@ -190,7 +191,7 @@ class _Simulation:
         return self.steppers[key]
 
     def _advance(self) -> bool:
-        """One Taylor step and the event on it, if any; True at the horizon."""
+        """Take one Taylor step with its event, if any; return True at the horizon."""
         stepper = self.stepper
         step = stepper.step(self.until)
         if not step.finite or not np.isfinite(step.rough[:, :2]).all():
@@ -212,7 +213,7 @@ class _Simulation:
         return self._at_horizon()
 
     def _first_hits(self, step: Step) -> list[_Hit]:
-        """The guards that end the mode first on a step; several where they tie."""
+        """The guards that end the mode first on a step; several if they tie."""
         near: list[tuple[arb, NearGraze]] = []
         hits: list[_Hit] = []
         length, begin = to_ball(step.length), to_ball(step.time)
@@ -221,7 +222,7 @@ class _Simulation:
         watched = ((self.stepper.clear_until(step, i, self.skipped[i]), i) for i, s in enumerate(self.signs) if s)
         for clear, i in sorted(watched):
             if not clear < last + tie:
-                break  # nor can any of the others be the first
+                break  # later entries of the sorted list cannot be first either
             hit = self._hit(step, i, near)
             if hit is not None and hit.at <= room:
                 hits.append(hit)
@@ -230,7 +231,7 @@ class _Simulation:
         return [hit for hit in hits if hit.at - last <= tie]
 
     def _hit(self, step: Step, index: int, near: list[tuple[arb, NearGraze]]) -> _Hit | None:
-        """Where a guard first falls from positive to zero on a step, or touches it; keeps its sign up to date."""
+        """First root at which a guard falls from positive to zero or touches zero; updates the guard's sign if none."""
         stepper, guard = self.stepper, self.stepper.guards[index]
         skipped, sign = self.skipped[index], self.signs[index]
         polynomial = stepper.guard_polynomial(step, index)[skipped:]
@@ -253,7 +254,7 @@ class _Simulation:
         return None
 
     def _slope(self, step: Step, index: int, at: arb, skipped: int, polynomial: Sequence[arb], odd: bool) -> float:
-        """Speed with which a guard falls at a root [unit of the guard / s]; 0 at a touch."""
+        """Rate at which a guard falls at a root [unit of the guard / s]; 0 if it only touches zero."""
         if not odd:
             return 0.0
         slope = sum((k * c * at ** (k - 1) for k, c in enumerate(polynomial) if k), arb(0))
@@ -267,7 +268,7 @@ class _Simulation:
         self._change_mode([guards[hit.guard] for hit in hits], min(hit.transversality for hit in hits), touched=touched)
 
     def _change_mode(self, hits: Sequence[Guard], transversality: float, *, touched: bool = False) -> None:
-        """Decide the mode after an event, note the event, and go on."""
+        """Decide the mode after an event, record the event, and enter the mode."""
         before, point = self.mode, self.point
         self.result.end_time = point.time.mid()
         if not self.accumulating:
@@ -297,7 +298,7 @@ class _Simulation:
         self._enter(after, active)
 
     def _note(self, before: Mode, after: Mode, states: _States, rate: float = 0.0, resets: Sequence[int] = ()) -> None:
-        """Note what happens at the present point."""
+        """Record the transitions at the present point."""
         time, slope, instant = self.point.time.mid(), arb(rate), []
         for i, state in states:
             kind: Kind = "reset" if i in resets else transition_kind(before[i], after[i])
@@ -306,12 +307,12 @@ class _Simulation:
         self.result.instants.append(tuple(instant))
 
     def _turns_in_flight(self, hits: Sequence[Guard]) -> bool:
-        """Whether friction turns round at the height of a flight between impacts that accumulate."""
+        """Whether a friction force reverses at the top of a flight between accumulating impacts."""
         turning = frozenset().union(*(turning_in_flight(self.problem.system, i) for i in self.accumulating))
         return all(guard.kind == "surface" and guard.index in turning for guard in hits)
 
     def _come_to_rest(self, before: Mode, rest: Rest) -> None:
-        """Go to where a body comes to rest on a surface, or to the horizon before that."""
+        """Continue at the time at which a body comes to rest on a surface, or at the horizon if that is earlier."""
         time = (self.point.time + rest.remaining).mid()
         late = bool(time > self.until)
         self.accumulating = ()
@@ -322,21 +323,21 @@ class _Simulation:
         self._enter(rest.mode, frozenset(i for i, s in enumerate(rest.mode) if s == 0))
 
     def _jump(self, due: tuple[int, ...], hits: Sequence[Guard]) -> AfterJump:
-        """Let the state jump, and go over to the mode after it."""
+        """Apply the state jumps, and move to the point and mode after them."""
         system, time, least = self.problem.system, self.point.time, arb(REMAINING * self.span)
         after = after_jump(system, self.modes, self.mode, due, hits, time, self.point.state, least)
         self.mode, self.point = self._decided(after.decision), self.modes.at(time, after.state)
         return after
 
     def _blurred(self, time: arb, state: Sequence[arb], step: Step) -> Point:
-        """A point with the radii within which it counts as known."""
+        """Point with the radii of its assumed accuracy."""
         scale = max(abs(float(time)), float(step.length))
         sizes = self.stepper.sizes(step)
         known = [arb(v, self.zero * s) for v, s in zip(state, sizes, strict=True)]
         return self.modes.at(arb(time, self.zero * scale), known)
 
     def _at_horizon(self) -> bool:
-        """Whether the run is there, to the precision: heyoka's last step may end a rounding short."""
+        """Whether the horizon is reached to the precision: heyoka's last step may end one rounding error short."""
         time = self.point.time.mid()
         return bool(self.until - time <= self.zero * max(abs(float(time)), self.span))
 

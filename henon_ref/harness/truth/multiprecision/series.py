@@ -1,7 +1,7 @@
-"""Taylor series of smooth expressions in ball arithmetic: signs that are known, and signs that are not.
+"""Taylor series of smooth expressions in ball arithmetic, and proven signs of their coefficients.
 
-This is a walk over the SymPy expression with truncated power series; it shares no recurrence with the Taylor tape
-nor with heyoka, so that what it decides is a check on both.
+Expressions are evaluated over truncated power series. No recurrence is shared with the Taylor tape or with heyoka, so
+that decisions based on these series are a check on both.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from henon_ref.taylor.fold import Rules, Walk, fold
 from henon_ref.taylor.tape import TIME
 
 ORDER = 12
-"""Highest derivative looked at before a contact counts as one that never separates."""
+"""Highest derivative examined before a contact counts as one that never separates."""
 
 
 def series(expression: sp.Expr, values: Mapping[sp.Expr, arb_series], bits: int) -> arb_series:
-    """An expression evaluated over truncated power series (or, of length one, over balls).
+    """Evaluate an expression over truncated power series (of length one: over balls).
 
     Parameters
     ----------
@@ -31,12 +31,12 @@ def series(expression: sp.Expr, values: Mapping[sp.Expr, arb_series], bits: int)
     values : mapping
         Symbol -> series.
     bits : int
-        Precision of the exact numbers in it.
+        Precision of the exact numbers in the expression.
 
     Raises
     ------
     ModelError
-        For a function that has no power series here.
+        If a function has no power series here.
     """
 
     def power(e: sp.Expr, walk: Walk[arb_series]) -> arb_series:
@@ -90,15 +90,15 @@ def along(
     Parameters
     ----------
     field, outputs : sequence of Expr
-        x' and the functions wanted, in time and states; no parameters left in them.
+        x' and the functions, in time and states, without parameters.
     states : sequence of Symbol
     time, point : arb
-        Where the solution starts; with a radius where it is known to a radius.
+        Initial point of the solution, with its radii.
 
     Returns
     -------
     list of lists of arb
-        ``order + 1`` coefficients an output, each with everything that the radii allow.
+        ``order + 1`` coefficients per output; they enclose the coefficients for every point within the radii.
     """
     cap = ctx.cap
     ctx.cap = order + 1
@@ -124,12 +124,12 @@ def _coefficients(value: arb_series, order: int) -> list[arb]:
 
 
 def sign(value: arb) -> int:
-    """-1 or +1 where the ball excludes zero, else 0 (also where it is not finite)."""
+    """-1 or +1 if the ball excludes zero, else 0 (also if it is not finite)."""
     return 0 if not value.is_finite() or value.contains(0) else (1 if value > 0 else -1)
 
 
 def leading(coefficients: Sequence[arb], first: int = 0) -> tuple[int, int] | None:
-    """(index, sign) of the first coefficient from ``first`` on that is known not to be zero, or None."""
+    """(index, sign) of the first coefficient from ``first`` on that is proven nonzero, or None."""
     for k in range(first, len(coefficients)):
         if s := sign(coefficients[k]):
             return k, s

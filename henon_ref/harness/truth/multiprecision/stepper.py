@@ -1,8 +1,8 @@
-"""heyoka's Taylor steps in multiprecision, for all modes that share their sliding surfaces, or their equations.
+"""heyoka's Taylor steps in multiprecision, with one integrator for all modes that share sliding surfaces or equations.
 
-The guards are integrated beside the state, so that heyoka itself delivers their Taylor polynomials; their roots
-are found by :mod:`henon_ref.harness.truth.roots`. heyoka's own event detection is not used: it misses exact double
-roots, and after an event at the very start of a step it can miss the next one (its cooldown).
+The guards are integrated together with the state, so that heyoka computes their Taylor polynomials, whose roots
+:mod:`henon_ref.harness.truth.roots` isolates. heyoka's event detection is not used: it misses exact double roots, and
+after an event at the start of a step it can miss the next one (its cooldown).
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 
 PIECES = 16
-"""Pieces of a step on which a guard is first shown to be away from zero in double precision."""
+"""Subintervals of a step on which double precision first tries to show that a guard has no root."""
 HALVINGS = 100
-"""A step shortened so often does not converge at all."""
+"""Largest number of halvings of a step, after which it is considered not to converge."""
 LOOSE = 1e3
-"""A remainder's enclosure may be so much wider than what the solution does on the step."""
+"""Largest remainder that is accepted, as a multiple of the solution's change on the step."""
 ROUNDINGS = 2.0**8
-"""A remainder this many units in the last place wide is rounding, not a step that is too long."""
+"""Remainder that is accepted as rounding, in units in the last place."""
 
 
 @dataclass(frozen=True)
@@ -44,22 +44,22 @@ class Step:
     """One Taylor step."""
 
     finite: bool
-    """False: the field is not finite, nothing else holds."""
+    """False: the field is not finite, and the other fields are undefined."""
     time: Any
-    """Its start, a heyoka number."""
+    """Start of the step [s], a heyoka number."""
     length: Any
-    """A heyoka number."""
+    """Length [s], a heyoka number."""
     coefficients: NDArray[Any]
     """(states + guards, order + 1) heyoka numbers, in units of the step."""
     rough: NDArray[np.float64]
-    """The same in double precision."""
+    """The coefficients in double precision."""
 
 
 @lru_cache(maxsize=64)
 def _integrator(variables: tuple[Any, ...], rhs: tuple[Any, ...], bits: int, parameters: int) -> Any:
-    """An integrator, compiled once for all fields that differ in their numbers alone.
+    """Integrator, compiled once for all fields that differ only in their numbers.
 
-    Whoever uses it next sets its time, state and parameters anew.
+    Its users must set time, state and parameters before each use.
     """
     zero = hy.real("0", bits)
     return hy.taylor_adaptive(
@@ -69,14 +69,14 @@ def _integrator(variables: tuple[Any, ...], rhs: tuple[Any, ...], bits: int, par
         prec=bits,
         pars=[zero] * parameters,
         compact_mode=True,
-        opt_level=0,  # steps are calls of MPFR: as quick, with the same digits, and compiled in a fifth of the time
+        opt_level=0,  # steps call MPFR: the same speed and digits, and compilation takes a fifth of the time
     )
 
 
 def _unless_constant(slope: sp.Expr, system: FilippovSystem, sliding: Collection[int]) -> sp.Expr:
-    """A guard's derivative; 0 where the surfaces that are slid on, or rested on, keep it at zero.
+    """A guard's derivative; 0 if it is zero on the surfaces that the state slides or rests on.
 
-    Of a difference of two velocities that are one an enclosure could not tell that it is zero.
+    An enclosure of the difference of two equal velocities contains zero but does not prove it.
     """
     kept = slope
     for _ in sliding:
@@ -88,21 +88,21 @@ def _unless_constant(slope: sp.Expr, system: FilippovSystem, sliding: Collection
 
 
 class Stepper:
-    """Integrates every mode that has its equations in common with one.
+    """Integrates every mode that shares its equations with a given mode.
 
     Parameters
     ----------
     system : FilippovSystem
     mode : Mode
     bits : int
-        Precision; heyoka takes its order and step from it.
+        Precision, from which heyoka chooses its order and steps.
     """
 
     def __init__(self, system: FilippovSystem, mode: Mode, bits: int) -> None:
         self.bits, self._system = bits, system
         self._shared = system.shared
         self.guards: tuple[Guard, ...] = ()
-        """Of the mode, in the order of its equations."""
+        """Guards of the mode, in the order of its equations."""
         if self._shared is not None:
             written, ends = self._shared.field, self._shared.outputs
         else:
@@ -124,14 +124,14 @@ class Stepper:
         self._values: dict[sp.Symbol, sp.Expr] = {}
         self._rhs = [*field, *slopes]
         self._switches = [tuple(e.free_symbols.intersection(switches)) for e in self._rhs]
-        """Of each row those that stand in it."""
+        """Switches in each row."""
         self._own: dict[tuple[int, tuple[sp.Expr, ...]], sp.Expr] = {}
         self._linear: dict[tuple[int, tuple[sp.Expr, ...]], bool] = {}
         self._places = {x: i for i, x in enumerate(system.states)}
         self._numbers = RealParameters(bits)
         rhs = tuple([to_heyoka(e, symbols, self._numbers, switches) for e in self._rhs])
         self._shortened: Any = None
-        """Length of the last step, if heyoka's choice of it could not be trusted."""
+        """Length of the last step if heyoka's choice of it was shortened, else None."""
         self._integrator = _integrator(tuple(variables), rhs, bits, len(self._numbers))
 
     @property
@@ -140,7 +140,7 @@ class Stepper:
         return int(self._integrator.order)
 
     def start(self, mode: Mode, time: arb, state: Sequence[arb], guards: Sequence[arb]) -> None:
-        """Set a mode, a point, and the guards' values there."""
+        """Set the mode, the initial point, and the guards' values at the point."""
         integrator, outputs = self._integrator, list(guards)
         if self._shared is None:
             self._values = {s: sp.Integer(v) for s, v in zip(self._system.signs, mode, strict=True)}
@@ -155,9 +155,9 @@ class Stepper:
         self._shortened = None
 
     def step(self, limit: arb) -> Step:
-        """One step, not beyond a time; shortened where heyoka's choice of its length cannot be trusted.
+        """Take one step, not beyond a time; shorten it if heyoka's choice of its length is not confirmed.
 
-        In front of a singularity that is so step after step: one begins with twice the length of the last.
+        Near a singularity every step is shortened, so the next step starts with twice the length of the last one.
         """
         integrator, two = self._integrator, hy.real("2", self.bits)
         begin, state = integrator.time, integrator.state.copy()
@@ -175,22 +175,22 @@ class Stepper:
         return replace(step, finite=False)
 
     def _scaled(self, begin: Any, length: Any, outcome: Any) -> Step:
-        """The step that heyoka has just made, in units of its length."""
+        """The last step of heyoka, in units of its length."""
         finite = outcome in (hy.taylor_outcome.success, hy.taylor_outcome.time_limit)
         powers = [hy.real("1", self.bits)]
         for _ in range(self.order):
             powers.append(powers[-1] * length)
         scaled = self._integrator.tc * np.array(powers)
-        with np.errstate(invalid="ignore"):  # a field that is not finite
+        with np.errstate(invalid="ignore"):  # the field may not be finite
             return Step(finite, begin, length, scaled, scaled.astype(float))
 
     def _trusted(self, step: Step) -> bool:
-        """Whether the polynomials stand for the solution on the whole step.
+        """Check whether the polynomials approximate the solution on the whole step.
 
-        heyoka takes the length from the size of the last coefficients, which presumes that later ones are
-        smaller. Where a drive sleeps (a pulse far ahead, all of whose derivatives are next to nothing), they
-        grow first, and the step leaps over it. Where coefficients do not fall, the remainder of order
-        ``series.ORDER`` (Lagrange) is enclosed over the step.
+        heyoka chooses the length from the last coefficients, assuming that later ones are smaller. If a drive is almost
+        constant at first (a pulse in the far future, with tiny derivatives now), later coefficients are larger, and the
+        step would miss the pulse. For rows whose coefficients do not decrease, Lagrange's remainder of order
+        ``series.ORDER`` is therefore enclosed over the step.
         """
         tails = [np.abs(row[-4:]) for row in step.coefficients]
         rows = [i for i, c in enumerate(tails) if not max(c[2], c[3]) * hy.real("2", self.bits) < max(c[0], c[1])]
@@ -214,18 +214,18 @@ class Stepper:
         )
 
     def _entries(self, row: int) -> tuple[int, tuple[sp.Expr, ...]]:
-        """A row, and what the mode puts for the symbols in it that tell modes apart."""
+        """Cache key: a row, and the values of its switches in the mode."""
         return row, tuple(self._values[s] for s in self._switches[row])
 
     def _in_mode(self, row: int) -> sp.Expr:
-        """What a row's polynomial is the integral of, in the mode."""
+        """Derivative of a row's polynomial in the mode."""
         key = self._entries(row)
         if key not in self._own:
             self._own[key] = self._rhs[row].xreplace(self._values)
         return self._own[key]
 
     def _is_parabola(self, row: int) -> bool:
-        """Whether a row is of degree 2 at most: its rate is linear in time and in states whose rates are constant."""
+        """Whether a row has degree 2 at most: its rate is linear in time and in states whose rates are constant."""
         rate, places = self._in_mode(row), self._places
         if not all(s == TIME or (s in places and self._in_mode(places[s]).is_number) for s in rate.free_symbols):
             return False
@@ -235,7 +235,7 @@ class Stepper:
         return self._linear[key]
 
     def state_at(self, time: arb) -> list[arb]:
-        """State within (or a little past) the last step."""
+        """State within the last step, or slightly after it."""
         output = self._integrator.update_d_output(to_real(time, self.bits))
         return [to_ball(v) for v in output[: self._dimension]]
 
@@ -244,7 +244,7 @@ class Stepper:
         return to_ball(self._integrator.time), [to_ball(v) for v in self._integrator.state[: self._dimension]]
 
     def guard_at_end(self, guard: int) -> float:
-        """A guard's value after the last step."""
+        """Value of a guard after the last step."""
         return float(to_ball(self._integrator.state[self._rows[guard]]))
 
     def guard_polynomial(self, step: Step, guard: int) -> list[arb]:
@@ -252,16 +252,16 @@ class Stepper:
         return [to_ball(c) for c in step.coefficients[self._rows[guard]]]
 
     def sizes(self, step: Step) -> list[float]:
-        """Largest value that each state can have reached on a step."""
+        """Bound of each state's absolute value on a step."""
         return [float(s) for s in np.abs(step.rough[: self._dimension]).sum(axis=1)]
 
     def clear_until(self, step: Step, guard: int, skipped: int) -> float:
-        """Up to where double precision alone shows that a guard has no root on the step, in units of the step.
+        """End of the part of the step on which double precision shows that a guard has no root, in units of the step.
 
         Parameters
         ----------
         skipped : int
-            Leading coefficients that are known to be zero.
+            Number of leading coefficients that are known to be zero.
         """
         c = step.rough[self._rows[guard], skipped:]
         if not np.isfinite(c).all():
@@ -275,6 +275,6 @@ class Stepper:
 
 @cache
 def _pieces(terms: int) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Ends of the pieces of a step, and so many powers of these, and of the pieces' middles: shape (PIECES, terms)."""
+    """Ends of the subintervals of a step, and Vandermonde matrices (PIECES, terms) of the ends and of the midpoints."""
     ends = END * np.arange(1, PIECES + 1) / PIECES
     return ends, np.vander(ends, terms, increasing=True), np.vander(ends - ends[0] / 2, terms, increasing=True)

@@ -1,7 +1,7 @@
-"""What is watched beside the events of a run.
+"""Ends of a run before its horizon, and near grazes.
 
-How it ends before its horizon: blow-up, a field that ends, a model that ends, events that accumulate. And surfaces that
-come close without being reached.
+A run ends early by a blow-up, a singularity of the field, the end of the model, or accumulating events. Near grazes are
+surfaces that come close without being reached.
 """
 
 from __future__ import annotations
@@ -19,30 +19,30 @@ from henon_ref.modes.equations import Guard
 from henon_ref.trajectory import Status
 
 HUGE = 1e100
-"""A state beyond this has blown up."""
+"""Size of a state beyond which the solution has blown up."""
 RESOLUTION = 2.0**-53
-"""Events closer together than this part of the run are crowded."""
+"""Distance of two events, as a part of the run, below which they count as crowded."""
 CROWD = 16
-"""Crowded events in a row before transitions count as accumulating."""
+"""Number of successive crowded events from which on transitions count as accumulating."""
 CYCLE = 4
-"""Gaps between crowded events fall geometrically from one to the next so many later (or a divisor of it)."""
+"""Number of events, a multiple of a cycle's, after which the gaps between crowded events shrink by one factor."""
 GRAZE_DISTANCE, GRAZE_FACTOR = 1e-3, 0.1
-"""A surface that is approached so closely is noted, and again where it is as much closer."""
+"""Distance below which the approach to a surface is recorded, and the factor by which the next record is closer."""
 MEMORY = 24
-"""Steps looked back on to tell a blow-up (increments last) from a field that ends (they fade)."""
+"""Number of steps compared to distinguish a blow-up (increments persist) from a singular field (they decrease)."""
 
 
 class EndedError(Exception):
-    """The run is over before its horizon.
+    """The run ends before its horizon.
 
     Parameters
     ----------
     status : Status
     reason : str
     time : arb, optional
-        Where it ends [s], if not where the run has got to.
+        End of the run [s], if it is not the time that the run has reached.
     accumulates : bool
-        There are infinitely many more events before that time.
+        Whether infinitely many further events are before that time.
     """
 
     def __init__(self, status: Status, reason: str, time: arb | None = None, *, accumulates: bool = False) -> None:
@@ -54,14 +54,14 @@ class EndedError(Exception):
 
 
 class Termination:
-    """Watches one run for an early end.
+    """Detects an early end of one run.
 
     Parameters
     ----------
     span : float
         Length of the run [s].
     bits : int
-        Precision; a step shorter than ``2**(-bits / 2)`` of the run has met a singularity.
+        Precision; a step shorter than ``2**(-bits / 2)`` of the run indicates a singularity.
     """
 
     def __init__(self, span: float, bits: int) -> None:
@@ -71,12 +71,12 @@ class Termination:
         self._crowded = 0
 
     def event(self, times: Sequence[arb]) -> None:
-        """Look at the times of the latest events (the last ``CROWD`` will do), the new one included.
+        """Check the times of the latest events (the last ``CROWD`` are enough), including the new event.
 
         Raises
         ------
         EndedError
-            Where events accumulate (Zeno); the limit is that of a geometric sequence.
+            If events accumulate (Zeno); the limit is extrapolated as that of a geometric sequence.
         """
         self._increments.clear()
         if len(times) < 3 or float(times[-1] - times[-2]) > RESOLUTION * max(abs(float(times[-1])), self.span):
@@ -90,19 +90,19 @@ class Termination:
         raise EndedError("failed", f"transitions accumulate at t = {written(limit)}", limit, accumulates=True)
 
     def step(self, step: Step, states: int, guards: Sequence[Guard], room: arb) -> None:
-        """Look at a step without an event.
+        """Check a step without an event.
 
         Parameters
         ----------
         states : int
-            How many rows of the step's coefficients are states; the guards' follow.
+            Number of states: the first rows of the step's coefficients; the guards' rows follow.
         room : arb
             Time left to the horizon [s].
 
         Raises
         ------
         EndedError
-            Where the solution, or what its events are told from, does not go on.
+            If the solution, or a function that its events depend on, ends.
         """
         rough = step.rough[:states]
         if np.abs(rough).max() > HUGE:
@@ -111,7 +111,7 @@ class Termination:
         if float(step.length) > self.shortest or room < self.shortest:
             return
         row, ahead = step.rough[np.abs(step.rough[:, -1]).argmax()], 1.0
-        if row[-1] and np.isfinite(row[-2] / row[-1]):  # the ratio test says how far the singularity is
+        if row[-1] and np.isfinite(row[-2] / row[-1]):  # distance to the singularity by the ratio test
             ahead = float(row[-2] / row[-1])
         limit = (to_ball(step.time) + arb(ahead) * to_ball(step.length)).mid()
         for guard, row in zip(guards, step.rough[states:], strict=True):
@@ -125,21 +125,21 @@ class Termination:
 
 
 class Approaches:
-    """Surfaces that come closer for as long as a mode lasts.
+    """Near grazes: surfaces that come closer during a mode without being reached.
 
     Parameters
     ----------
     found : list of NearGraze
-        They are added to it as the mode ends.
+        List to which the near grazes of a mode are appended when it ends.
     """
 
     def __init__(self, found: list[NearGraze]) -> None:
         self._found = found
         self._of: dict[int, list[NearGraze]] = {}
-        """By surface, how close it has come since the mode began, as long as it comes no farther."""
+        """Closest approaches per surface since the mode began, in order of decreasing distance."""
 
     def step(self, end: float, values: Iterable[tuple[int, float]]) -> None:
-        """Note how close surfaces are behind a step without an event: (surface, its value) of each."""
+        """Record the distances of surfaces after a step without an event, from pairs (surface, its value)."""
         for surface, value in values:
             distance, known = abs(value), self._of.setdefault(surface, [])
             while known and known[-1].distance <= distance:
@@ -148,11 +148,11 @@ class Approaches:
                 known.append(NearGraze(end, surface, distance, lasts=True))
 
     def keep(self) -> None:
-        """The mode ends."""
+        """End the mode: move its near grazes to the list."""
         self._found += [graze for known in self._of.values() for graze in known]
         self._of.clear()
 
 
 def written(time: arb) -> str:
-    """A time as reasons write it."""
+    """Time as written in reasons."""
     return str(time.mid().str(17, radius=False))
