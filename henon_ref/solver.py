@@ -1,7 +1,7 @@
-"""The contract that Hénon's integrator and every baseline meet.
+"""The interface of all solvers, Hénon's integrator and the baselines.
 
-To add a solver, write a class with the attributes and the one method of :class:`Solver` and register an
-instance under the entry-point group ``henon_ref.solvers``.
+To add a solver, write a class with the attributes and the method of :class:`Solver` and register an instance under the
+entry-point group ``henon_ref.solvers``.
 """
 
 from __future__ import annotations
@@ -16,24 +16,24 @@ from henon_ref.modes.problem import Problem
 from henon_ref.trajectory import Trajectory
 
 MEMBERS = ("name", "fixed_step", "landing", "prepare")
-"""What an object must have to be a solver."""
+"""Attributes required of a solver."""
 Run = Callable[[], Trajectory]
-"""A prepared run: no arguments, may be called again and again, each call does the whole run afresh."""
+"""A prepared run, without arguments; each call performs the whole run independently of earlier calls."""
 
 
 @runtime_checkable
 class SelfTimedRun(Protocol):
-    """A prepared run that is timed by a clock of its own: a program's, say, without the program's start."""
+    """A prepared run that measures its own time, such as a program without its start-up time."""
 
     wall_s: float
-    """Wall time of the latest call [s]; NaN where it is not known."""
+    """Wall time of the latest call [s]; NaN if unknown."""
 
     def __call__(self) -> Trajectory:
-        """Do the whole run afresh."""
+        """Perform the whole run, independently of earlier calls."""
         ...
 
     def times(self, count: int) -> tuple[float, ...]:
-        """Wall times of so many further runs [s]."""
+        """Wall times of ``count`` further runs [s]."""
         ...
 
 
@@ -43,34 +43,34 @@ class Solver(Protocol):
 
     Implementer's checklist
     -----------------------
-    * ``prepare`` does all that is done once a model: code generation, compilation, lambdify, warm-up of a
-      JIT. Its time is reported as ``compile_s``; the run's time does not hold it.
-    * The returned callable does the whole run and has no memory of earlier calls.
-    * Transitions come in order of time; every one of them is reported, also after a failure.
-    * Where ``problem.system.resets`` holds a surface, the state jumps as it falls through zero: a transition ``reset``
-      with the state after, also where the mode stays. A map that carries another such surface from above zero to zero
-      or below triggers that one's reset at the same instant: a transition each, with the state that its map has left
-      (:mod:`henon_ref.modes.cascade`). Impacts that accumulate are reported until all later ones last
-      less than 2^-26 of the run; their limit is a ``stick`` on that surface (:mod:`henon_ref.modes.resets`).
-    * What the run returns is checked (:mod:`henon_ref.harness.campaign.contract_check`): a :class:`Trajectory`, an
-      entry a state and a surface, times in order and from the start to the horizon; with status ``ok`` the end at the
-      horizon and finite states; no more transitions than ten times the truth's and 100000. NumPy's numbers will do,
-      and words are cut to one line. What fails the check is a row ``failed``.
-    * ``UnsupportedError`` from ``prepare`` where the solver cannot do the problem; ``UnavailableError``
-      where its library is missing. Other failures of a library are status ``failed`` with the reason.
-    * The docstring says what ``steps``, ``rhs_evaluations`` and ``event_evaluations`` count.
+    * ``prepare`` does everything that is done once per model: code generation, compilation, lambdify, warm-up of a
+      JIT. Its time is reported as ``compile_s`` and is not part of the run's time.
+    * The returned callable performs the whole run and does not depend on earlier calls.
+    * All transitions are reported in order of time, also those before a failure.
+    * If ``problem.system.resets`` contains a surface, the state jumps when the surface falls through zero: a transition
+      ``reset`` with the state after the jump, even if the mode stays. A map that moves another surface with a reset
+      from above zero to zero or below triggers that reset at the same instant: one transition per map, with the state
+      after the map (:mod:`henon_ref.modes.cascade`). Accumulating impacts are reported as long as all later ones
+      together last at least 2^-26 of the run; their limit is a ``stick`` on that surface (:mod:`henon_ref.modes.resets`).
+    * The result of a run is checked (:mod:`henon_ref.harness.campaign.contract_check`): a :class:`Trajectory`, one
+      entry per state and per surface, times in order from the start to the horizon; with status ``ok`` the end at the
+      horizon and finite states; at most ten times the truth's transitions plus 100000. NumPy numbers are accepted, and
+      texts are cut to one line. A result that fails the check gives a row ``failed``.
+    * ``prepare`` raises ``UnsupportedError`` if the solver cannot solve the problem, and ``UnavailableError`` if its
+      library is missing. Other failures of a library give status ``failed`` with the reason.
+    * The solver's docstring states what ``steps``, ``rhs_evaluations`` and ``event_evaluations`` count.
     """
 
     name: str
-    """The name used in case files and reports, e.g. ``scipy-dop853``."""
+    """Name in case files and reports, e.g. ``scipy-dop853``."""
     fixed_step: bool
     """True: driven by ``step`` [s]; False: driven by ``rtol`` and ``atol``."""
     landing: str
-    """How it puts a step's end on the surface, for the ``landing`` column."""
+    """Method that puts the end of a step on the surface, for the column ``landing``."""
 
     @property
     def version(self) -> str:
-        """Version of the library underneath (``""`` where it is not installed)."""
+        """Version of the library (``""`` if it is not installed)."""
         ...
 
     def prepare(
@@ -83,7 +83,7 @@ class Solver(Protocol):
         sample_times: NDArray[np.float64] | None = None,
         deadline: float | None = None,
     ) -> Run:
-        """Get ready to run a problem.
+        """Prepare a run of a problem.
 
         Parameters
         ----------
@@ -93,19 +93,19 @@ class Solver(Protocol):
         step : float, optional
             Step [s], for ``fixed_step = True``.
         sample_times : ndarray, shape (k,), optional
-            Increasing times at which the state is wanted (figures only); solvers that cannot sample ignore it.
+            Increasing times at which the state is sampled for figures; solvers that cannot sample ignore them.
         deadline : float, optional
-            Processor time that a run may take [s] (:func:`time.process_time`), what it compiles on the way apart; past
-            it the run returns status ``timeout`` with what it has. One that goes on for a quarter more, or for several
-            times as much wall time, is stopped from outside: a defect.
+            Processor time limit of a run [s] (:func:`time.process_time`), without compilation during the run. Past the
+            limit, the run returns status ``timeout`` with its transitions so far. A run that exceeds the limit by a
+            quarter, or several times in wall time, is stopped from outside, which counts as a defect.
         """
         ...
 
 
 def fault(candidate: object) -> str:
-    """What keeps an object from being a solver, as the end of a sentence; empty where nothing does.
+    """Reason why an object is not a solver, as the end of a sentence; empty if it is one.
 
-    The version is not asked for: that may import the library.
+    ``version`` is not read, because that may import the library.
     """
     if isinstance(candidate, type):
         return f"is the class {candidate.__name__}, wanted an instance of it: {candidate.__name__}()"

@@ -1,4 +1,4 @@
-"""What a solver is given and what it returns."""
+"""Results of solvers: transitions, trajectories, sticks and samples."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ Status = Literal["ok", "wrong", "diverged", "nonunique", "invalid", "timeout", "
 class Transition:
     """One change of mode (or a touch) at one instant.
 
-    When several surfaces change at the same instant there is one ``Transition`` a surface, in the
-    order of the surfaces, each with the joint modes before and after.
+    If several surfaces change at the same instant, there is one ``Transition`` per surface, in the order of the
+    surfaces, each with the modes of all surfaces before and after.
     """
 
     kind: Kind
-    """``stick`` (slip to sliding), ``release`` (sliding to slip), ``crossing``, ``graze`` (touch and go),
+    """``stick`` (slip to sliding), ``release`` (sliding to slip), ``crossing``, ``graze`` (touch without crossing),
     ``reset`` (the state jumps)."""
     surface: int
     """Index of the surface that changes."""
@@ -37,32 +37,32 @@ class Transition:
     time: float
     """Time [s], rounded to double."""
     state: tuple[float, ...]
-    """State at the transition; after the jump, where several surfaces change and one of them resets it too."""
+    """State at the transition; after the jump if another surface resets the state at the same instant."""
     time_low: float = 0.0
-    """What rounding ``time`` lost [s]: the time is ``time + time_low`` (0 where a solver does not know it)."""
+    """Rounding error of ``time`` [s]: the time is ``time + time_low`` (0 if a solver does not provide it)."""
     landing: str = ""
-    """How the event was put on the surface: ``henon``, ``newton``, ``brent``, ``bracket``, or the library's way."""
+    """Method that located the event: ``henon``, ``newton``, ``brent``, ``bracket``, or the library's method."""
 
     def _replace(self, **changes: Any) -> Transition:
-        """A copy with other values, as :class:`Trajectory` and :class:`Counts` have it."""
+        """Return a copy with changed values, as the named tuples :class:`Trajectory` and :class:`Counts` do."""
         return replace(self, **changes)
 
 
 class Decisions(NamedTuple):
-    """How often a run of the reference has gone from its compiled loop to Python, by what it needed there."""
+    """Number of decisions of a reference run that its compiled loop left to Python, by kind."""
 
     new_modes: int = 0
-    """Modes that were compiled on the way."""
+    """Modes that were compiled during the run."""
     mode_selections: int = 0
-    """Modes after an event that normal velocities do not clearly settle."""
+    """Mode selections after an event that normal velocities do not clearly decide."""
     event_locations: int = 0
-    """Steps with an event that double precision does not decide, located in multiprecision."""
+    """Steps with an event that double precision does not decide, so that it is located in multiprecision."""
     jumps: int = 0
-    """Jumps of the state at which something is not clear, several maps at one instant, and limits of impacts."""
+    """Jumps of the state with an undecided sign, with several maps at one instant, or at a limit of impacts."""
     branch_points: int = 0
     """Branch points of a guard that were passed."""
     ranges: int = 0
-    """Steps on which an overflow or an underflow might count."""
+    """Steps on which an overflow or underflow may matter."""
 
 
 class _Work(NamedTuple):
@@ -72,27 +72,27 @@ class _Work(NamedTuple):
 
 
 class Counts(_Work):
-    """Work done by one run: ``steps``, ``rhs_evaluations``, ``event_evaluations``; the solver's docstring says of what.
+    """Work of one run: ``steps``, ``rhs_evaluations``, ``event_evaluations``, as defined by the solver's docstring.
 
     Attributes
     ----------
     decisions : Decisions
-        Of the reference. It depends on what was compiled before, and is no part of a comparison.
+        Of the reference. They depend on what was compiled before and are not compared.
     """
 
     decisions: Decisions = Decisions()
 
 
 class Trajectory(NamedTuple):
-    """What a run returns: every transition so far, and how it ended (a tuple: quick to make).
+    """Result of a run: every transition so far, and how the run ended.
 
-    A run that stops early (``diverged``, ``nonunique``, ``invalid``, ``timeout``, ``failed``) still holds
-    all transitions up to there. A solver never says ``wrong``: scoring does.
+    A run that stops early (``diverged``, ``nonunique``, ``invalid``, ``timeout``, ``failed``) still has all its
+    transitions up to the end. Solvers never return ``wrong``, which is set by scoring.
     """
 
     status: Status
     transitions: Sequence[Transition]
-    """In order of time; may be a view of arrays that makes each ``Transition`` when it is looked at."""
+    """In order of time; may be a view of arrays that creates each ``Transition`` on access."""
     end_time: float
     end_state: tuple[float, ...]
     end_mode: Mode
@@ -100,18 +100,18 @@ class Trajectory(NamedTuple):
     """Why the status is not ``ok``: one sentence."""
     counts: Counts = Counts()
     max_surface_drift: float = 0.0
-    """Largest abs(h_i) seen on a surface the run claims to be on (at transitions and at the end of sticks)."""
+    """Largest abs(h_i) on a surface that the run claims to be on (at transitions and at the end of sticks)."""
     samples: NDArray[np.float64] | None = None
-    """(k, n) states at the sample times asked for (NaN past an early end), or None."""
+    """(k, n) states at the sample times (NaN after an early end), or None."""
     sample_modes: tuple[Mode, ...] | None = None
     """Mode at each sample time, or None."""
     undecided_after: tuple[tuple[int, float], ...] = ()
-    """Surfaces (-1: an expression of the model's end) that the solver decides nothing of from a time on [s], being
-    below their own rounding: of those it reports no later transition."""
+    """Surfaces (-1: an expression of the model's end) with a time [s] from which on they are below the solver's
+    rounding: no later transition of them is reported."""
 
 
 class Event(Protocol):
-    """A transition, a run's or the truth's: what matching, time errors, sticks and figures need to know of it."""
+    """A transition of a run or of the truth, as used by matching, time errors, sticks and figures."""
 
     @property
     def kind(self) -> str: ...
@@ -131,24 +131,24 @@ class Event(Protocol):
 
 @dataclass(frozen=True)
 class Stick:
-    """One whole stick on one surface."""
+    """One complete stick on one surface."""
 
     surface: int
     """Index of the surface."""
     begin: int | None
-    """Index of the transition that starts it; None for a run that starts in it."""
+    """Index of the transition that starts the stick; None if the run starts in it."""
     end: int
-    """Index of the transition that ends it."""
+    """Index of the transition that ends the stick."""
     start: float
-    """Time at which it starts [s]."""
+    """Start time [s]."""
     duration: float
-    """How long it lasts [s]."""
+    """Duration [s]."""
 
 
 def sticks(transitions: Sequence[Event], *, start: float, after: float) -> tuple[Stick, ...]:
-    """The whole sticks of a sequence that do not end before ``after``, in order of their ends.
+    """Complete sticks of a sequence that end at ``after`` or later, in order of their ends.
 
-    A stick that the horizon cuts off has no end and is left out; one that the run starts in begins at ``start``.
+    A stick that the horizon cuts off is left out; a stick that the run starts in begins at ``start``.
 
     Parameters
     ----------
@@ -178,7 +178,7 @@ def sticks(transitions: Sequence[Event], *, start: float, after: float) -> tuple
 
 
 def without_hidden_kinks(found: Trajectory, system: FilippovSystem) -> Trajectory:
-    """A run without transitions on kinks that another branch hides (see :mod:`henon_ref.modes.kinks`)."""
+    """Remove transitions on kinks that another branch hides (see :mod:`henon_ref.modes.kinks`)."""
     if not system.kinks:
         return found
     end_mode = HiddenKinks(system).shown(found.end_mode)

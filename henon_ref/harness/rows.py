@@ -1,7 +1,7 @@
-"""Rows of the result files as dataclasses: columns, types and units, and their CSV, each written down once.
+"""Rows of the result files as dataclasses: columns, types and units, and their CSV.
 
-The fields of a row are the columns of its file in their order: a contract, so that new ones go to the end. A missing
-value is None, an empty field of the file, never 0.
+The fields of a row are the columns of its file, in order. They are part of the contract, so new fields go to the end. A
+missing value is None and an empty field in the file, never 0.
 """
 
 from __future__ import annotations
@@ -18,27 +18,27 @@ from henon_ref.harness.table import setting
 from henon_ref.text import cell, from_cell, shortened
 
 NOT_RUN = ("unsupported", "unavailable")
-"""Statuses of runs that were not made."""
+"""Statuses of rows whose run was not made."""
 REPEATED = "a repeated run ended otherwise than the first one, "
-"""How the reason of a run's row begins to tell of that."""
+"""Start of the reason of a run's row if a repeated run ended differently."""
 STATE = "state"
-"""The field of a transition's row that is several columns: a column a state."""
+"""Field of a transition's row that stands for several columns: one per state."""
 
 Key = tuple[str, str, str, float | None, float | None]
-"""Case, reading, solver, tolerance and step: what tells a run apart from all others."""
+"""Case, reading, solver, tolerance and step, which identify a run."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """A row of a result file: its fields are the file's columns; a file need not have those that have a default."""
+    """A row of a result file; the fields are the columns, and columns of fields with a default may be missing."""
 
     @classmethod
     def columns(cls, states: Sequence[str] = ()) -> tuple[str, ...]:
-        """The columns of a file; ``states``: names of the states, where a row has them."""
+        """Columns of a file; ``states``: names of the states if the row has them."""
         return tuple(name for own in fields(cls) for name in (states if own.name == STATE else (own.name,)))
 
     def values(self, columns: Iterable[str]) -> list[object]:
-        """The values in some columns, None in those that the row does not have."""
+        """Values of some columns; None for columns that the row does not have."""
         known = vars(self)
         return list(map((known | known[STATE] if STATE in known else known).get, columns))
 
@@ -52,17 +52,17 @@ class RunRow(Row):
     solver: str
     library_version: str | None = None
     rtol: float | None = None
-    """Relative tolerance; None for a solver that is driven by a step."""
+    """Relative tolerance; None for a fixed-step solver."""
     atol: float | None = None
     """Absolute tolerance, in units of the state."""
     step_s: float | None = None
-    """Step [s]; None for a solver that is driven by tolerances."""
+    """Step [s]; None for a solver with tolerances."""
     status: str = ""
-    """As scored: ok, wrong, diverged, nonunique, invalid, timeout, failed, unsupported, unavailable."""
+    """Status after scoring: ok, wrong, diverged, nonunique, invalid, timeout, failed, unsupported, unavailable."""
     landing: str | None = None
-    """How the last step of an event's location is made."""
+    """Method of the last step of event location."""
     reference_transitions: int | None = None
-    """Transitions of the truth, like all counts without touches."""
+    """Number of the truth's transitions; like all counts without touches."""
     found_transitions: int | None = None
     matched: int | None = None
     missed: int | None = None
@@ -73,7 +73,7 @@ class RunRow(Row):
     max_state_error: float | None = None
     """Largest error of a state at a matched transition [unit of the state]."""
     max_surface_drift: float | None = None
-    """Farthest that a stick leaves its surface [unit of the surface]."""
+    """Largest distance of a stick from its surface [unit of the surface]."""
     stick_count: int | None = None
     max_stick_error_s: float | None = None
     """Largest error of a stick's duration [s]."""
@@ -88,9 +88,9 @@ class RunRow(Row):
     event_evaluations: int | None = None
     status_reason: str | None = None
     expected_status: str | None = None
-    """How the truth ends; None where nothing is known of it after the start."""
+    """Status of the truth; None if nothing is known after the start."""
     verdict: str | None = None
-    """Whose fault a wrong run is (:mod:`henon_ref.harness.score.verdict`); None where it was not scored."""
+    """Classification of a run (:mod:`henon_ref.harness.score.verdict`); None if it was not scored."""
     digits: float | None = None
     """Decimal digits of the worst transition time, counted from ``time_unit_s``."""
     time_unit_s: float | None = None
@@ -98,25 +98,25 @@ class RunRow(Row):
     reference_radius_s: float | None = None
     """Radius of the truth's transition times [s]."""
     missed_touches: int | None = None
-    """Touches, which change no mode, are not counted as missed or spurious."""
+    """Touches change no mode and are not counted as missed or spurious."""
     spurious_touches: int | None = None
     cut_off: int | None = None
-    """Transitions that the horizon cuts off."""
+    """Number of transitions that the horizon cuts off."""
     wall_s_low: float | None = None
     """Lower end of the 95 % bootstrap interval of the median [s]."""
     wall_s_high: float | None = None
     timed_runs: int | None = None
-    """Samples behind the median."""
+    """Number of wall times of which the median is taken."""
     verdict_basis: str | None = None
-    """What the verdict on a run that is not right rests on."""
+    """Reason of the verdict on a run that is not right."""
     cause: str | None = None
-    """Cause of a solver's defect, where one is known for certain (:mod:`henon_ref.harness.campaign.causes`)."""
+    """Certain cause of a solver's defect, if one is known (:mod:`henon_ref.harness.campaign.causes`)."""
     undecided_after_s: float | None = None
-    """From when on the solver decides nothing of some surface, which is below its own rounding [s]."""
+    """Time from which on some surface is below the solver's rounding, so that its transitions are undecided [s]."""
 
     @property
     def key(self) -> Key:
-        """What tells the run apart from all others."""
+        """Key that identifies the run."""
         return self.case, self.reading, self.solver, self.rtol, self.step_s
 
     @property
@@ -126,28 +126,28 @@ class RunRow(Row):
 
     @property
     def size(self) -> float:
-        """Tolerance or step: the smaller, the tighter; infinite where there is neither."""
+        """Tolerance or step (smaller is tighter); infinite if there is neither."""
         size = self.step_s if self.rtol is None else self.rtol
         return math.inf if size is None else size
 
     @property
     def setting(self) -> str:
-        """Tolerance or step as tables have it."""
+        """Tolerance or step in the form used in tables."""
         return setting(self.rtol, self.step_s)
 
     @property
     def repeated(self) -> bool:
-        """Whether it ended otherwise when it was repeated."""
+        """Whether a repeated run ended differently."""
         return REPEATED in (self.status_reason or "")
 
     @property
     def status_text(self) -> str:
-        """Status, and the reason where there is one."""
+        """Status with its reason, if any."""
         return f"{self.status} ({self.status_reason})" if self.status_reason else self.status
 
     @property
     def label(self) -> str:
-        """Solver and setting, as messages name them.
+        """Solver and setting in messages.
 
         Examples
         --------
@@ -160,13 +160,13 @@ class RunRow(Row):
 
     @property
     def name(self) -> str:
-        """The run in a message, with case and reading."""
+        """Case, reading and label in messages."""
         return f"{self.case}: {self.reading}: {self.label}"
 
 
 @dataclass(frozen=True)
 class PartRow(Row):
-    """What a run has several of, by their number."""
+    """A part of a run, identified by its index."""
 
     case: str
     reading: str
@@ -178,7 +178,7 @@ class PartRow(Row):
 
 @dataclass(frozen=True)
 class TransitionRow(PartRow):
-    """A transition, of the truth or of the run or (matched) of both (``transitions.csv``)."""
+    """A transition of the truth, of the run, or of both if matched (``transitions.csv``)."""
 
     kind: str
     surface: str
@@ -191,45 +191,45 @@ class TransitionRow(PartRow):
     time_error_s: float | None = None
     """Signed [s]."""
     conditioning: float | None = None
-    """By how much the time moves with an error of the state [s / unit of the state]."""
+    """Sensitivity of the time to an error of the state [s / unit of the state]."""
     state: Mapping[str, float | None] = field(default_factory=dict)
-    """The run's state by name: a column each."""
+    """State of the run by name: one column each."""
     transversality: float | None = None
-    """The guard's speed through zero [unit of the guard / s]."""
+    """Rate at which the guard falls through zero [unit of the guard / s]."""
     graze_distance: float | None = None
-    """Depth to which the surface function goes between the transition and its neighbour, on the parabola through both
+    """Depth of the surface function between the transition and its neighbour, on the parabola through both
     [unit of the surface]."""
     outcome: str | None = None
     """matched, missed, spurious, cut off (beyond the horizon within the run's error), touch (no mode changes)."""
     verdict: str | None = None
-    """On one that is missed or spurious (:mod:`henon_ref.harness.score.verdict`)."""
+    """Verdict on a missed or spurious transition (:mod:`henon_ref.harness.score.verdict`)."""
 
 
 @dataclass(frozen=True)
 class StickRow(PartRow):
-    """A stick that ends within the measured window, of the truth or of the run or of both (``sticks.csv``)."""
+    """A stick of the truth, of the run, or of both that ends within the measured window (``sticks.csv``)."""
 
     start_s: float | None = None
     duration_s: float | None = None
     reference_s: float | None = None
-    """Duration by the truth [s]."""
+    """Duration in the truth [s]."""
     error_s: float | None = None
     published_s: float | None = None
     published_error_s: float | None = None
     length: float | None = None
-    """How far the first state moves [its unit]."""
+    """Displacement of the first state [its unit]."""
 
 
 AnyRow = TypeVar("AnyRow", bound=Row)
 
 
 def number(value: float | None) -> float:
-    """A number, NaN where it is missing."""
+    """Return the number, NaN if it is missing."""
     return math.nan if value is None else value
 
 
 def csv_text(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """Rows of values as CSV (RFC 4180, with plain line feeds)."""
+    """Write rows of values as CSV (RFC 4180, with plain line feeds)."""
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
     writer.writerow(map(csv_field, columns))
@@ -238,13 +238,13 @@ def csv_text(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
 
 
 def rows_text(kind: type[AnyRow], rows: Iterable[AnyRow], states: Sequence[str] = ()) -> str:
-    """Rows of one kind as CSV; ``states``: names of the states, where a row has them."""
+    """Write rows of one kind as CSV; ``states``: names of the states if the rows have them."""
     columns = kind.columns(states)
     return csv_text(columns, (row.values(columns) for row in rows))
 
 
 def csv_field(value: object) -> str:
-    """One value: floats with the fewest digits that read back the same, missing ones empty, never 0.
+    """Write one value: floats with the fewest digits that read back the same, missing values empty.
 
     Examples
     --------
@@ -261,7 +261,7 @@ def csv_field(value: object) -> str:
 
 
 class TableError(ValueError):
-    """What is wrong with a result file, and where: line and column (of a character), counted from 1."""
+    """A fault of a result file, with line and column (of a character), counted from 1."""
 
     def __init__(self, message: str, line: int = 1, column: int = 1) -> None:
         super().__init__(message)
@@ -269,14 +269,14 @@ class TableError(ValueError):
 
 
 def read_rows(kind: type[AnyRow], path: Path) -> list[AnyRow]:
-    """Rows of a result file; columns that it has beside those of its kind are states, or left out.
+    """Read the rows of a result file; columns that are not fields are states, or ignored.
 
     Raises
     ------
     OSError, UnicodeDecodeError
-        Where it cannot be read.
+        If the file cannot be read.
     TableError
-        Where it is no such file.
+        If the file is not a valid result file of this kind.
     """
     with path.open(encoding="utf-8-sig", newline="") as file:
         lines = list(file)
@@ -302,7 +302,7 @@ def read_rows(kind: type[AnyRow], path: Path) -> list[AnyRow]:
 
 
 def earlier_rows(kind: type[AnyRow], path: Path) -> list[AnyRow]:
-    """Rows of a result file; none where it is not there, or is no such file."""
+    """Read the rows of a result file; empty if the file is missing or invalid."""
     try:
         return read_rows(kind, path)
     except (OSError, ValueError):
@@ -313,7 +313,7 @@ Reader = Callable[[str], Any]
 
 
 def _readers(kind: type[Row], present: Sequence[str]) -> dict[str, Reader]:
-    """How each column of a file is read: by the field's type, and of a transition's row what is no field is a state."""
+    """Reader of each column, by the field's type; additional columns of a transition's row are states."""
     types = get_type_hints(kind)
     needed = [own.name for own in fields(kind) if own.default is MISSING and own.default_factory is MISSING]
     for column in needed:
@@ -352,7 +352,7 @@ _READERS: Mapping[object, Reader] = {
     int | None: _optional(_count),
     float | None: _optional(_number),
 }
-"""How a field is read, by its type."""
+"""Reader of a field, by its type."""
 
 
 def _read(reader: Reader, text: str, line: int, written: str) -> Any:

@@ -1,4 +1,4 @@
-"""Tables: of text, set as markdown, as plain columns for a terminal, as HTML for a notebook; and numbers in them."""
+"""Tables of text as markdown, as plain columns for a terminal and as HTML for a notebook; formats of numbers."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ class Table:
 
     @property
     def markdown(self) -> str:
-        """As a markdown table; its cells are markdown."""
+        """Markdown table; the cells are markdown."""
         marks = {"l": "---", "r": "---:"}
         lines = [self.headings, tuple(marks[side] for side in self.alignment), *self.rows]
         return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
 
     @property
     def text(self) -> str:
-        """As lines of plain columns; its cells are text, without control characters when shown.
+        """Lines of plain columns; the cells are text, shown without control characters.
 
         Examples
         --------
@@ -45,14 +45,14 @@ class Table:
 
     @property
     def html(self) -> str:
-        """As an HTML table; its cells are text, nothing in them is a tag or a formula."""
+        """HTML table; the cells are text, in which tags and formulas are escaped."""
         head = "".join(f"<th>{html(cell)}</th>" for cell in self.headings)
         body = "".join(f"<tr>{''.join(f'<td>{html(cell)}</td>' for cell in row)}</tr>" for row in self.rows)
         return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
 
 
 def duration(seconds: object) -> str:
-    """A wall time with three digits and a unit.
+    """Format a wall time with three digits and a unit.
 
     Examples
     --------
@@ -69,7 +69,7 @@ def duration(seconds: object) -> str:
 
 
 def significant(value: float, places: int = 3) -> str:
-    """A number rounded to so many significant places, without an exponent where that reads well.
+    """Round a number to significant places, without an exponent if it is neither large nor small.
 
     Examples
     --------
@@ -87,7 +87,7 @@ def significant(value: float, places: int = 3) -> str:
 
 
 def exponential(value: float, places: int = 2) -> str:
-    """A number in scientific notation, without zeros in the exponent.
+    """Format a number in scientific notation, without leading zeros in the exponent.
 
     Examples
     --------
@@ -99,7 +99,7 @@ def exponential(value: float, places: int = 2) -> str:
 
 
 def error(value: object, floor: float = 0.0) -> str:
-    """An error of a time [s]; one that is below what can be claimed is not claimed.
+    """Format a time error [s]; an error below ``floor`` is shown as a bound.
 
     Examples
     --------
@@ -114,7 +114,7 @@ def error(value: object, floor: float = 0.0) -> str:
 
 
 def digits(value: float | None) -> str:
-    """A number of digits, rounded down.
+    """Format a number of digits, rounded down.
 
     Examples
     --------
@@ -125,7 +125,7 @@ def digits(value: float | None) -> str:
 
 
 def setting(rtol: object, step: object) -> str:
-    """What a run was asked for.
+    """Format the tolerance or step of a run.
 
     Examples
     --------
@@ -138,7 +138,7 @@ def setting(rtol: object, step: object) -> str:
 
 
 def listing(items: Sequence[str]) -> str:
-    """Items as a phrase.
+    """Join items to a phrase.
 
     Examples
     --------
@@ -149,7 +149,7 @@ def listing(items: Sequence[str]) -> str:
 
 
 def count(number: int, noun: str) -> str:
-    """A number with its noun.
+    """Format a number with its noun.
 
     Examples
     --------

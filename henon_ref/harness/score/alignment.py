@@ -1,8 +1,8 @@
-"""The alignment of two keyed sequences with the fewest edits, ties broken by time.
+"""Alignment of two keyed sequences with the fewest edits, ties broken by time.
 
-A banded Needleman-Wunsch recursion, one row a reference transition, vectorised along the row. Only pairs
-whose times agree within a bound are allowed, so that a row needs no more than the run's transitions near it:
-memory is ``BAND`` bytes a row, whatever the run did.
+A banded Needleman-Wunsch recursion (*J. Mol. Biol.* 48, 1970), one row per reference transition, vectorised along the
+row. Only pairs whose times agree within a bound are allowed, so a row needs only the run's transitions near it: memory
+is at most ``BAND`` bytes per row for any run.
 """
 
 from __future__ import annotations
@@ -13,27 +13,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 BAND = 128
-"""Transitions of the run, the nearest in time, that one reference transition may be paired with."""
+"""Largest number of the run's transitions, the nearest in time, that a reference transition may be paired with."""
 TIE = 1e-7
-"""Weight of a full time bound against one edit; below 1 / (number of transitions), so that edits come first."""
+"""Weight of a time difference at its bound, relative to one edit; small enough that edits are minimised first."""
 _UP, _LEFT, _DIAGONAL = 0, 1, 2
 
 
 class Keyed(NamedTuple):
-    """Transitions as they are aligned."""
+    """Transitions in the form used by the alignment."""
 
     keys: NDArray[np.int64]
-    """(n, 2) integers; the second is an alternative, -1 where there is none."""
+    """(n, 2) integers; the second is an alternative key, -1 if there is none."""
     times: NDArray[np.float64]
     """(n,) [s]."""
 
     def since(self, first: int) -> Keyed:
-        """Those from one on."""
+        """Return the transitions from index ``first`` on."""
         return Keyed(self.keys[first:], self.times[first:])
 
 
 def align(ref: Keyed, run: Keyed, bound: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Pairs of an alignment with the fewest edits, and the least sum of time differences among those.
+    """Align two sequences with the fewest edits, and with the least sum of time differences among those alignments.
 
     Parameters
     ----------
@@ -85,15 +85,15 @@ def _windows(
 def _fill(
     ref: Keyed, run: Keyed, bound: NDArray[np.float64], low: NDArray[np.intp], high: NDArray[np.intp]
 ) -> list[NDArray[np.int8]]:
-    """Where each cell's best alignment comes from.
+    """Return the best choice (up, left or diagonal) in each cell of the recursion, row by row.
 
-    ``before[k]`` is the best value of the rows above with the run's first ``low - 1 + k`` transitions used.
+    ``before[k]`` is the best value of the rows above if the first ``low + k`` transitions of the run are used.
     """
     choice: list[NDArray[np.int8]] = []
     edge_low, before = int(low[0]), np.zeros(1)
     for i in range(len(ref.times)):
         start, stop = int(low[i]), int(high[i])
-        # The row above, on this row's columns: constant past its end, cut off before this row's start.
+        # The row above in this row's columns: constant after its end, cut off before this row's start.
         above = before[np.minimum(np.arange(start, stop + 1) - edge_low, before.size - 1)]
         slips = np.abs(ref.times[i] - run.times[start:stop])
         allowed = _allowed(ref.keys[i], run.keys[start:stop].T, slips, bound[i])
@@ -107,7 +107,7 @@ def _fill(
 
 
 def _trace(choice: list[NDArray[np.int8]], low: NDArray[np.intp], high: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Walk back from the last cell along the choices made."""
+    """Trace the choices back from the last cell to the pairs."""
     pairs: list[tuple[int, int]] = []
     i, j = len(choice) - 1, int(high[-1])
     while i >= 0:

@@ -1,8 +1,8 @@
-"""Errors of a run against the truth, and a verdict on it.
+"""Errors of a run against the truth, and the status and verdict that follow.
 
-Times are compared as double-doubles: the truth is ``time + time_low``, a run's time is ``time + time_low`` as
-far as the solver knows it. An error can come out below the truth's radius; it is kept as it is, and ``digits``
-is what is claimed: never more than the radius and the format of the times allow.
+Times are compared as double-doubles: the truth is ``time + time_low``, and so is a run's time as far as the solver
+provides it. A computed error may be below the truth's radius; it is kept, but ``digits`` never claims more than the
+radius and the format of the times allow.
 """
 
 from __future__ import annotations
@@ -20,24 +20,24 @@ from henon_ref.harness.score.verdict import FIXED_STEP_TOLERANCE, RIGHT, Verdict
 from henon_ref.trajectory import Event, Status, Trajectory
 
 EARLY = ("diverged", "nonunique", "invalid")
-"""Statuses with which a run may rightly end before the horizon."""
+"""Statuses with which a run may correctly end before the horizon."""
 CROWD_FRACTION = 1e-6
-"""Where transitions accumulate, those within this fraction of the run from the last instant may be left out."""
+"""Part of the run before the end in which accumulating transitions may be left out."""
 END_FRACTION = 1e-3
-"""A run that rightly ends early does so within this fraction of the run from the truth's end."""
+"""Largest distance of a correct early end from the truth's end, as a part of the run."""
 
 
 @dataclass(frozen=True)
 class Score:
-    """A run against the truth. None where there is nothing to measure."""
+    """Score of a run against the truth; None for quantities that have nothing to be measured on."""
 
     matching: Matching
     status: Status
     reason: str
     verdict: Verdict
-    """Whose fault a wrong run is."""
+    """Classification of a wrong run: fault of the solver, or of the problem."""
     time_errors: dict[int, float]
-    """Reference index -> signed time error [s], touches included."""
+    """Reference index -> signed time error [s], grazes included."""
     max_time_error: float | None
     rms_time_error: float | None
     max_state_error: float | None
@@ -51,7 +51,7 @@ def time_error(event: Event, reference: Event) -> float:
 
 
 def score(trajectory: Trajectory, expected: Expected, *, tolerance: float | None) -> Score:
-    """Match a run of some relative tolerance (None: it has none) with the truth, and take its errors."""
+    """Match a run with the truth and compute its errors; ``tolerance``: relative, None for a fixed-step run."""
     limit = _last_scored(expected)
     found = list(takewhile(lambda event: event.time <= limit, trajectory.transitions))
     slack = _end_slack(expected, tolerance)
@@ -92,10 +92,10 @@ def score(trajectory: Trajectory, expected: Expected, *, tolerance: float | None
 
 
 def _decided(events: Sequence[Event], since: Mapping[int, float]) -> tuple[dict[int, Event], int | None]:
-    """Transitions that are matched, by their places: those of a surface up to where the run decides nothing of it.
+    """Transitions to be matched, by index, and the first omitted transition that changes a mode.
 
-    ``since``: surface -> from when on it does not [s]; its entries in the modes of other transitions are 0 from there
-    on. Beside them the first transition that changes a mode and is left out.
+    ``since``: surface -> time [s] after which the run decides nothing about it. Later transitions of the surface are
+    omitted, and its entries in the modes of later transitions of other surfaces are set to 0.
     """
     kept = {i: event for i, event in enumerate(events) if not event.time > since.get(event.surface, math.inf)}
     out = (i for i, event in enumerate(events) if i not in kept and event.kind != "graze")
@@ -114,7 +114,7 @@ def _hidden(event: Event, since: Mapping[int, float]) -> Event:
 
 
 def digits(error: float, expected: Expected) -> float:
-    """Decimal digits that an error leaves, never more than the truth's radius and double precision allow."""
+    """Correct decimal digits for an error, at most those that the truth's radius and double precision allow."""
     floor = max(abs(error), expected.radius, HALF_ULP * expected.time_unit)
     return -math.log10(floor / expected.time_unit)
 
@@ -129,7 +129,7 @@ def _last_scored(expected: Expected) -> float:
 
 
 def _end_slack(expected: Expected, tolerance: float | None) -> float:
-    """Time before the end [s] in which it is left to a run of this tolerance what it finds."""
+    """Time before the end [s] in which transitions of a run at this tolerance are not counted against it."""
     fraction = FIXED_STEP_TOLERANCE if tolerance is None else tolerance
     if expected.status == "failed":
         fraction = max(fraction, CROWD_FRACTION)
@@ -148,16 +148,16 @@ def _state_error(trajectory: Trajectory, expected: Expected, matching: Matching)
 
 
 def _status(trajectory: Trajectory, expected: Expected, matching: Matching, reached: bool) -> tuple[Status, str, bool]:
-    """A run's status after scoring, the reason in one sentence, and whether the run is right.
+    """Status of a run after scoring, the reason in one sentence, and whether the run is right.
 
-    ``reached``: it went as far as the truth is known, however it ended there.
+    ``reached``: the run reached the end of the known truth, regardless of its status.
     """
     status, reason = trajectory.status, trajectory.reason
     if expected.nothing_known:
         return status, reason, False
     if expected.partial and reached:
         return (status, reason, True) if matching.exact else ("wrong", _edits(matching, expected), False)
-    if status not in ("ok", *EARLY, expected.status):  # it did not run to its own end
+    if status not in ("ok", *EARLY, expected.status):  # the run was stopped before its own end
         return status, reason, False
     if status != expected.status:
         if status != "ok":
@@ -178,7 +178,7 @@ def _status(trajectory: Trajectory, expected: Expected, matching: Matching, reac
 
 
 def _edits(matching: Matching, expected: Expected) -> str:
-    """What is missed and spurious, and where it starts."""
+    """Count of missed and spurious transitions, and the first missed one, for messages."""
     words = [f"{len(matching.missed)} missed", f"{len(matching.spurious)} spurious"]
     if matching.missed:
         event = expected.transitions[matching.missed[0]]
@@ -187,9 +187,9 @@ def _edits(matching: Matching, expected: Expected) -> str:
 
 
 def published_partners(durations: Sequence[float | None], published: Sequence[float]) -> tuple[float | None, ...]:
-    """The published duration that belongs to each stick: the list, one period, repeated and started where it fits best.
+    """Assign published durations to sticks: the list, one period, is repeated with the shift that fits best.
 
-    ``durations`` [s] are in order, None for a stick that the run does not have (it keeps its place).
+    ``durations`` [s] are in order; None for a stick that the run does not have (it still counts as a position).
     """
     if not published:
         return (None,) * len(durations)

@@ -1,4 +1,4 @@
-"""The gate: bounds that a case sets its solvers, solvers of which it is demanded that they are right, earlier rows."""
+"""The gate: a case's bounds for its solvers, solvers that are required to be right, and regressions of earlier rows."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ from henon_ref.harness.rows import Key, RunRow
 from henon_ref.harness.score.reference import HALF_ULP
 
 LOST = 0.5
-"""Digits that a row may lose."""
+"""Digits of time accuracy that a row may lose."""
 _RANKS = {
     **dict.fromkeys(("ok", "wrong", "diverged", "nonunique", "invalid"), 1),
     **dict.fromkeys(("timeout", "failed"), 2),
     **dict.fromkeys(("unsupported", "unavailable"), 3),
 }
-"""Statuses of rows that are not right, by how little is left: another result, none, no run. A right row has rank 0."""
+"""Rank of rows that are not right, by status: another result, no result, not run. Right rows have rank 0."""
 _RANK_NAMES = ("right", "not right", "without a result", "not run")
 
 
 @dataclass(frozen=True)
 class Bounds:
-    """What the gate of a case asks of one solver on one reading."""
+    """Bounds that the gate of a case sets for one solver on one reading."""
 
     case: str
     reading: str
     solver: str
     rtol: float
-    """Tolerance of the run that they speak of; of a solver that is driven by a step it is the one with the smallest."""
+    """Relative tolerance of the run that the bounds apply to; for a fixed-step solver the smallest step counts."""
     status: str
     max_time_error: float | None = None
     """[s]."""
@@ -38,11 +38,11 @@ class Bounds:
 
     @property
     def count(self) -> int:
-        """How many bounds there are: the status, and every largest error."""
+        """Number of bounds: the status, and every error bound."""
         return 1 + (self.max_time_error is not None) + (self.max_stick_error is not None)
 
     def unmet(self, row: RunRow) -> list[str]:
-        """A sentence for each that a run does not meet."""
+        """Return one sentence for each bound that a run does not meet."""
         found: list[str] = []
         if row.undecided_after_s is not None and row.verdict == "not judged":
             found.append(f"decided until t = {row.undecided_after_s} s only: {row.verdict_basis}")
@@ -64,7 +64,7 @@ class Bounds:
 
 
 def bounds_of(case: Case) -> list[Bounds]:
-    """The bounds of all readings; those without a tolerance of their own are at the tightest of the reading."""
+    """Bounds of all readings; without a tolerance of their own they apply to the reading's smallest tolerance."""
     return [
         Bounds(
             case.name,
@@ -82,19 +82,19 @@ def bounds_of(case: Case) -> list[Bounds]:
 
 @dataclass(frozen=True)
 class Gate:
-    """What became of bounds."""
+    """Result of checking bounds."""
 
     total: int = 0
     checked: int = 0
-    """Bounds on a run that was made."""
+    """Number of bounds on runs that were made."""
     left_out: tuple[tuple[str, float | None], ...] = ()
-    """What the others are on: a solver, and the tolerance that did not run (None: the solver did not)."""
+    """Solver and tolerance of the bounds that were not checked (tolerance None: the solver did not run)."""
     unmet: tuple[tuple[RunRow, str], ...] = ()
-    """A sentence for each bound that is not met, with its run."""
+    """Run and sentence of each unmet bound."""
 
     @property
     def missing(self) -> bool:
-        """There are bounds, and none of them was checked."""
+        """Whether bounds exist but none was checked."""
         return self.total > 0 and not self.checked
 
     def __add__(self, other: Gate) -> Gate:
@@ -107,7 +107,7 @@ class Gate:
 
 
 def gate(bounds: Iterable[Bounds], rows: Sequence[RunRow]) -> Gate:
-    """Hold runs against bounds; those on what did not run are left out."""
+    """Check runs against bounds; bounds on missing runs are recorded in ``left_out``."""
     found = Gate()
     for own in bounds:
         ran = [row for row in rows if (*row.problem, row.solver) == (own.case, own.reading, own.solver)]
@@ -123,16 +123,16 @@ def gate(bounds: Iterable[Bounds], rows: Sequence[RunRow]) -> Gate:
 
 @dataclass(frozen=True)
 class Demand:
-    """What became of a solver that has to be right wherever double precision decides."""
+    """Result for a solver that is required to be right wherever double precision decides."""
 
     right: int = 0
-    """Readings in which it is right."""
+    """Number of readings in which the solver is right."""
     judged: int = 0
-    """Those and the ones in which it is wrong by its own fault."""
+    """Number of readings in which it is right, or wrong by its own fault."""
     failures: tuple[str, ...] = ()
-    """A sentence for each in which it is not right by its own fault, or could not be run."""
+    """One sentence for each reading in which it is wrong by its own fault or is not available."""
     known: int = 0
-    """Readings in which it fails as expected; they are not judged."""
+    """Number of readings with an expected failure; they are not judged."""
 
     def __add__(self, other: Demand) -> Demand:
         return Demand(
@@ -143,16 +143,17 @@ class Demand:
         )
 
     def unmet(self, solver: str) -> tuple[str, ...]:
-        """The failures of a solver; where it was judged nowhere, that."""
+        """Return the failures of a solver, or one sentence if no reading could be judged."""
         judged = self.judged or self.known
         return self.failures or (() if judged else (f"there is no reading in which {solver} can be judged",))
 
 
 def demand(solver: str, rows: Sequence[RunRow], known: Callable[[RunRow], bool] = lambda row: False) -> Demand:
-    """Whether a solver is right in every reading, at its tightest setting.
+    """Check whether a solver is right in every reading, at its tightest setting.
 
-    What it does not support, and what is ill-conditioned, not unique or out of time by its own word, is not judged;
-    nor is a failure that is ``known`` (expected, see :class:`henon_ref.harness.score.row_result.KnownFailure`).
+    Readings that the solver does not support, and results that are ill-conditioned, not unique or not judged, do not
+    count; nor does a failure for which ``known`` is true (see
+    :class:`henon_ref.harness.score.row_result.KnownFailure`).
     """
     found = Demand()
     by_reading: dict[tuple[str, str], list[RunRow]] = {}
@@ -162,7 +163,7 @@ def demand(solver: str, rows: Sequence[RunRow], known: Callable[[RunRow], bool] 
     for own in by_reading.values():
         row = min(own, key=lambda row: row.size)
         failure = f"{row.name}: {row.status_text}"
-        defect = row.repeated or row.verdict == "solver defect"  # right once, and then a crash, or a deadline ignored
+        defect = row.repeated or row.verdict == "solver defect"  # repeated: right, then a crash or a missed deadline
         if (defect or row.status == "unavailable") and known(row):
             found += Demand(known=1)
         elif row.status == "unavailable":
@@ -176,20 +177,20 @@ def demand(solver: str, rows: Sequence[RunRow], known: Callable[[RunRow], bool] 
 
 @dataclass(frozen=True)
 class Regression:
-    """What became of earlier rows."""
+    """Comparison with earlier rows."""
 
     compared: int
-    """Rows that there are now and were there earlier."""
+    """Number of rows in both sets."""
     worse: dict[Key, str]
-    """Rows that got worse, and in what."""
+    """Key of each row that got worse, with a description."""
     missing: tuple[RunRow, ...]
-    """Earlier rows that are not among those of now."""
+    """Earlier rows without a present one."""
 
 
 def held_against(rows: Iterable[RunRow], earlier: Iterable[RunRow]) -> Regression:
-    """Hold rows against earlier ones of the same case, reading, solver, tolerance and step.
+    """Compare rows with earlier rows of the same case, reading, solver, tolerance and step.
 
-    Of these only the key, ``status`` and ``max_time_error_s`` are needed.
+    Only the key, ``status`` and ``max_time_error_s`` of the earlier rows are used.
     """
     before = {row.key: row for row in earlier}
     now = {row.key: row for row in rows}
@@ -203,11 +204,11 @@ def held_against(rows: Iterable[RunRow], earlier: Iterable[RunRow]) -> Regressio
 
 
 def _change(before: RunRow, now: RunRow) -> str:
-    """In what a row got worse; empty where it did not."""
+    """Describe how a row got worse; empty if it did not."""
     ranks = _rank(before), _rank(now)
     if ranks[1] > ranks[0]:
         return f"was {_state(before, ranks[0])}, is {_state(now, ranks[1])}"
-    if ranks != (0, 0):  # once a run has gone wrong, the last bit decides where it goes
+    if ranks != (0, 0):  # the course of a wrong run depends on rounding, so its errors are not compared
         return ""
     was, now_is = before.max_time_error_s, now.max_time_error_s
     if was is None or now_is is None:
@@ -230,6 +231,6 @@ def _state(row: RunRow, rank: int) -> str:
 
 
 def _floor(row: RunRow) -> float:
-    """The least error that is told apart from none [s]: the truth's radius, or half a unit in a time's last place."""
+    """Smallest measurable error [s]: the truth's radius, or half a unit in the last place of a time."""
     latest = max(abs(row.end_time_s or 0.0), row.time_unit_s or 1.0)
     return max(row.reference_radius_s or 0.0, HALF_ULP * latest)

@@ -1,4 +1,4 @@
-"""The kind of a case, from its exact run: what a solver has to be good at."""
+"""The kind of a case, from its exact run: the ability of a solver that the case tests."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ Kind = Literal[
     "no truth",
 ]
 KINDS: tuple[Kind, ...] = get_args(Kind)
-"""In the order of tables."""
+"""All kinds, in the order of tables."""
 CLOSE = 1 / 400
-"""Two transitions of one surface are close where the time between them is less than this part of the mean time between
+"""Two transitions of one surface are close if the time between them is less than this part of the mean time between
 transitions. Motions of the suite that are not built to have close roots stay above 1/320 of it."""
 
 
 def kind_of(expected: Expected | None, surfaces: int) -> Kind:
-    """The kind of a reading (its truth, how many surfaces it has); the first of these that holds.
+    """Return the kind of a reading from its truth and its number of surfaces: the first one that applies.
 
     * ``no truth``: nothing is known of the exact run after its start;
     * ``ends early``: it cannot reach its horizon (its future is not unique, the model no longer holds, it diverges);
-    * ``graze or close roots``: it touches a surface, comes close to one without reaching it (by the truth's own
-      list of near grazes), or two transitions of one surface are close;
+    * ``graze or close roots``: it touches a surface, comes close to one without reaching it (a near graze of the
+      truth), or two transitions of one surface are close;
     * ``no transition``;
     * ``jumps``: the state jumps;
     * ``several surfaces``: the system has more than one;
     * ``stick-slip``: it enters or leaves sliding;
-    * ``crossings``: it crosses the surface, and that is all.
+    * ``crossings``: it only crosses the surface.
     """
     if expected is None or expected.nothing_known:
         return "no truth"

@@ -1,21 +1,21 @@
-"""Matching a run's transitions with the reference's, by order and mode, before any error is taken.
+"""Matching of a run's transitions with the reference's by order and mode, before any error is computed.
 
-The alignment has the fewest edits (transitions missed or spurious) among those that keep the order and pair
-only transitions of the same kind, surface, mode before and mode after. Times do two things only: they break
-ties, and they bound what may be paired. Until the first edit the bound is half the longest distance between
-reference transitions of that kind, so that an error of any honest size stays an error and a chain of
-transitions that crowd together is matched by order alone. From the first edit on a pair must agree to a
-thousandth of the distance to its neighbours or to ten times the median error before the edit: a run that went
-wrong half way gets no credit for what it meets by chance, or because the same drive moves both.
+The alignment has the fewest edits (transitions missed or spurious) among those that keep the order and pair only
+transitions of the same kind, surface, mode before and mode after. Times only break ties and bound the pairs. Up to the
+first edit the bound is half the longest distance between reference transitions of that kind, so that a plausible error
+is measured as an error, and crowded transitions are matched by order alone. From the first edit on, a pair must agree
+to a thousandth of the distance to its neighbours, or to ten times the median error before the edit. A run that went
+wrong half way is therefore not credited with transitions that agree by chance, or because both follow the same drive.
 
-Touches (``graze``: touch and go, no mode changes) do not change a trajectory and few solvers report them.
-They are matched apart, and a touch missed or reported in vain counts neither as missed nor as spurious.
+Touches (``graze``) change no mode, and few solvers report them. They are matched separately, and a missed or spurious
+touch is not counted as a missed or spurious transition.
 
-Transitions of several surfaces at one instant may come in any order, but where a reset is applied there several times:
-these follow from each other.
+Transitions of several surfaces at one instant may have any order. The exception is an instant at which a reset is
+applied several times: its transitions follow from each other.
 
-What a run has just before the horizon may lie beyond it in the exact run, and the other way round: neither is held
-against the run. It may not have more there than the exact run has anywhere in so short a time, or a pair a surface.
+A transition of a run just before the horizon may be after it in the exact run, and vice versa: neither counts against
+the run. The number of such transitions is limited to the largest number that the exact run has in an equally short
+time, or to one pair per surface.
 """
 
 from __future__ import annotations
@@ -33,48 +33,48 @@ from henon_ref.harness.score.alignment import Keyed, align
 from henon_ref.trajectory import Event
 
 IN_STEP_FRACTION = 1e-3
-"""After an edit, a pair agrees to this fraction of the distance to the neighbouring transitions of its kind."""
+"""Agreement required of a pair after an edit, as a part of the distance to the neighbouring transitions of its kind;"""
 IN_STEP_FACTOR = 10.0
-"""... or to this multiple of the median error before the edit."""
+"""or as a multiple of the median error before the edit."""
 IN_STEP_PAIRS = 3
-"""Pairs before the edit that it takes to know that median; with fewer, a pair agrees to ``ROUGH_FRACTION``."""
+"""Number of pairs before the edit that the median requires; with fewer, pairs agree to ``ROUGH_FRACTION``."""
 ROUGH_FRACTION = 0.05
-"""Fraction of the distance to the neighbours that counts as agreement where the error is not known yet."""
+"""Part of the distance to the neighbours that counts as agreement if the median error is unknown."""
 HORIZON_FACTOR = 3.0
-"""A transition this many worst errors before the horizon may fall on its other side."""
+"""Multiple of the worst error within which a transition near the horizon may be on its other side."""
 MOST_PAST_HORIZON = 2
-"""Transitions of a surface that may lie just beyond the horizon (a pair), or as many as the exact run has together."""
+"""Transitions per surface that may be just past the horizon (a pair), if the exact run is nowhere denser."""
 
 
 @dataclass(frozen=True)
 class Matching:
-    """Which transition of a run is which of the reference; indices into the two sequences."""
+    """Pairs of a run's and the reference's transitions, as indices into the two sequences."""
 
     pairs: tuple[tuple[int, int], ...]
-    """(reference, found), increasing in both but for transitions at one instant; touches left out."""
+    """(reference, found), increasing in both except for transitions at one instant; touches excluded."""
     missed: tuple[int, ...]
-    """Reference transitions that the run does not have."""
+    """Reference transitions without a partner in the run."""
     spurious: tuple[int, ...]
-    """Transitions of the run that the reference does not have."""
+    """Transitions of the run without a partner in the reference."""
     touch_pairs: tuple[tuple[int, int], ...] = ()
-    """Touches (``graze``) matched."""
+    """Matched touches (``graze``)."""
     missed_touches: tuple[int, ...] = ()
-    """Touches of the reference that the run does not report; not an error of the sequence."""
+    """Touches of the reference that the run does not report; not counted as errors."""
     spurious_touches: tuple[int, ...] = ()
-    """Touches reported that the reference does not have; not an error of the sequence."""
+    """Touches of the run that the reference does not have; not counted as errors."""
     cut_reference: tuple[int, ...] = ()
-    """Reference transitions so near the horizon that the run's own time error may put them beyond it."""
+    """Unmatched reference transitions so near the horizon that the run may have them after it."""
     cut_found: tuple[int, ...] = ()
-    """Transitions of the run so near the horizon that the reference has them beyond it."""
+    """Unmatched transitions of the run so near the horizon that the reference may have them after it."""
 
     @property
     def exact(self) -> bool:
-        """No transition missed, none spurious."""
+        """Whether no transition is missed or spurious."""
         return not self.missed and not self.spurious
 
 
 Events = Mapping[int, Event]
-"""Transitions in order of time, by their places among all."""
+"""Transitions in order of time; the keys are their indices in the full sequence."""
 
 
 def match(
@@ -93,15 +93,15 @@ def match(
     Parameters
     ----------
     reference, found : mapping of Event
-        Both in order of time; the matching names them by their keys.
+        Both in order of time; the matching contains their keys.
     start, until : float
         The reading's initial time and horizon [s].
     radius : float
         Radius of the reference's times [s]; transitions of different surfaces closer than this are one instant.
     reached_horizon : bool
-        False for a run that ended early: what it did not reach is missed, not cut off by the horizon.
+        False for a run that ended early: transitions after its end are missed, not cut off by the horizon.
     end_slack : float
-        Time before the horizon [s] in which a transition may be left out, or be there, whatever the run's error is.
+        Time before the horizon [s] in which unmatched transitions are cut off, regardless of the run's error.
     accumulating : bool
         Whether transitions accumulate at the horizon, so that a run may have any number of them there.
 
@@ -149,7 +149,7 @@ def _key(event: Event) -> tuple[object, ...]:
 
 
 def _own_key(event: Event) -> tuple[object, ...]:
-    """What a transition does to its own surface, whatever the others do at that instant."""
+    """Key of a transition by its own surface alone, without the other surfaces at that instant."""
     s = event.surface
     return (event.kind, s, event.from_mode[s], event.to_mode[s])
 
@@ -162,7 +162,7 @@ def _align(
     span: float,
     radius: float,
 ) -> list[tuple[int, int]]:
-    """Pairs (reference, found): loosely bounded up to the first edit, tightly from there on."""
+    """Pairs (reference, found): with loose bounds up to the first edit, with tight bounds from there on."""
     if not ref_slots or not run_slots:
         return []
     ref, run = _keyed(reference, ref_slots, found, run_slots, radius)
@@ -188,7 +188,7 @@ def _first_edit(pairs: NDArray[np.intp], n_ref: int, n_run: int) -> int:
 def _keyed(
     reference: Events, ref_slots: list[int], found: Events, run_slots: list[int], radius: float
 ) -> tuple[Keyed, Keyed]:
-    """Times, and integer keys, two a transition: the full one, and the own-surface one (for reference groups only)."""
+    """Times and integer keys: the full key, and the own-surface key (of the reference only in groups)."""
     table: dict[tuple[object, ...], int] = {}
 
     def code(key: tuple[object, ...]) -> int:
@@ -204,12 +204,12 @@ def _keyed(
 
 
 def _bounds(times: NDArray[np.float64], keys: NDArray[np.int64], span: float) -> tuple[NDArray[np.float64], ...]:
-    """How far a pair may be apart before the first edit, and how far the nearest of its kind is [s]."""
+    """Bound of a pair's time difference before the first edit, and distance to the nearest of its kind [s]."""
     loose = np.full(times.size, span / 2)
     nearest = np.full(times.size, span)
     for key in np.unique(keys):
         where = np.nonzero(keys == key)[0]
-        instants, own = np.unique(times[where], return_inverse=True)  # a reset may be applied several times at one
+        instants, own = np.unique(times[where], return_inverse=True)  # one instant may have several resets
         gaps = np.diff(instants)
         if gaps.size:
             loose[where] = gaps.max() / 2
@@ -218,14 +218,14 @@ def _bounds(times: NDArray[np.float64], keys: NDArray[np.int64], span: float) ->
 
 
 def _in_step_bound(gaps: NDArray[np.float64], slips: NDArray[np.float64]) -> NDArray[np.float64]:
-    """How far a pair may be apart after the first edit [s], given the errors before it."""
+    """Bound of a pair's time difference after the first edit [s], from the errors before it."""
     if slips.size < IN_STEP_PAIRS:
         return gaps * ROUGH_FRACTION
     return np.maximum(gaps * IN_STEP_FRACTION, IN_STEP_FACTOR * float(np.median(slips)))
 
 
 def _groups(events: Events, slots: list[int], radius: float) -> list[set[int]]:
-    """Sets of slots whose transitions are at one instant, on different surfaces."""
+    """Sets of reference keys whose transitions are at one instant, on different surfaces."""
     groups: list[set[int]] = []
     instant: list[int] = slots[:1]
     repeated: set[int] = set()
@@ -248,7 +248,7 @@ def _groups(events: Events, slots: list[int], radius: float) -> list[set[int]]:
 def _simultaneous_in_run_order(
     reference: Events, ref_slots: list[int], found: Events, run_slots: list[int], radius: float
 ) -> list[int]:
-    """The reference's slots, those at one instant put into the order in which the run has them."""
+    """The reference's keys, with those at one instant reordered as in the run."""
     groups, none = _groups(reference, ref_slots, radius), max(found, default=-1) + 1
     if not groups or not run_slots:
         return ref_slots
@@ -269,14 +269,14 @@ def _simultaneous_in_run_order(
 
 
 def _nearest(candidates: list[tuple[float, int]], instant: float, none: int) -> int:
-    """The candidate, of some in order of (time, place), that is nearest to an instant; ``none`` where there is none."""
+    """Index of the candidate nearest to an instant, from a list sorted by (time, index); ``none`` if it is empty."""
     at = bisect_left(candidates, (instant, -1))
     near = candidates[max(at - 1, 0) : at + 1]
     return min(near, key=lambda entry: abs(entry[0] - instant), default=(instant, none))[1]
 
 
 def _horizon_margin(reference: Events, found: Events, pairs: list[tuple[int, int]], span: float, until: float) -> float:
-    """How near the horizon the run's own time error may move a transition across it [s]."""
+    """Distance to the horizon [s] within which the run's time error may move a transition across it."""
     worst = max((abs(reference[i].time - found[j].time) for i, j in pairs), default=0.0)
     return max(min(HORIZON_FACTOR * worst, span * ROUGH_FRACTION), 4 * float(np.spacing(abs(until))))
 
@@ -284,10 +284,9 @@ def _horizon_margin(reference: Events, found: Events, pairs: list[tuple[int, int
 def _cut_off(
     events: Events, unmatched: list[int], last: int, bounds: tuple[float, float]
 ) -> tuple[list[int], list[int]]:
-    """Split unmatched transitions into those that count and those at the horizon.
+    """Split unmatched transitions into those that count and those cut off by the horizon.
 
-    ``bounds``: past the last pair, transitions from the first of the two times on are cut off; anywhere, those
-    from the second on.
+    ``bounds``: transitions from the second time on are cut off, and after the last pair also from the first time on.
     """
     counting: list[int] = []
     cut: list[int] = []
@@ -298,7 +297,7 @@ def _cut_off(
 
 
 def _most_past_horizon(reference: Events, found: Events, length: float) -> int:
-    """How many transitions may lie just beyond the horizon: as many as the reference has in any such length of time."""
+    """Largest number of cut-off transitions: as many as the reference has in any interval of that length."""
     times = np.sort([event.time for event in reference.values() if event.kind != "graze"])
     together = int((np.searchsorted(times, times + length, side="right") - np.arange(times.size)).max(initial=0))
     surfaces = max((len(next(iter(own.values())).from_mode) for own in (reference, found) if own), default=1)

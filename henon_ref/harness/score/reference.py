@@ -1,4 +1,4 @@
-"""What a run is scored against: the truth of one reading, in doubles and double-doubles."""
+"""Reference of scoring: the truth of one reading, in doubles and double-doubles."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ HALF_ULP = 2.0**-53
 
 @dataclass(frozen=True)
 class ReferenceTransition:
-    """One transition, known to far more digits than a double holds."""
+    """One transition, far more accurate than a double."""
 
     kind: Kind
     surface: int
@@ -30,19 +30,19 @@ class ReferenceTransition:
     time_digits: str
     """Time [s] in decimal digits."""
     radius: float
-    """The true time is within this of ``time_digits`` [s]: proven, or what two precisions agree to."""
+    """Bound of the error of ``time_digits`` [s]: proven, or from the agreement of two precisions."""
     state: tuple[str, ...]
     """State in decimal digits."""
     state_radius: float
-    """The largest radius among the states."""
+    """Largest radius of the state's components."""
     transversality: float = 0.0
-    """Speed with which the guard falls through zero [unit of the guard / s]; 0: it only touches."""
+    """Rate at which the guard falls through zero [unit of the guard / s]; 0 for a touch."""
     conditioning: float = inf
-    """Largest growth of an earlier error into this time [s / unit of state]; see truth.conditioning."""
+    """Largest growth of an earlier error into this time [s / unit of state]; see ``harness/truth/conditioning.py``."""
     proven: bool = False
-    """Ball arithmetic has enclosed it; without ``closed_form`` the radius is that of the enclosure."""
+    """Whether ball arithmetic has enclosed the transition; without ``closed_form`` the radius is the enclosure's."""
     closed_form: bool = False
-    """The time is the case's closed form, which lies within the radius of what was computed or proven."""
+    """Whether the time is the case's closed form, which is within the radius of the computed or proven time."""
 
     @cached_property
     def time(self) -> float:
@@ -51,27 +51,27 @@ class ReferenceTransition:
 
     @cached_property
     def time_low(self) -> float:
-        """What rounding ``time`` lost [s]."""
+        """Rounding error of ``time`` [s]: the time is ``time + time_low``."""
         return split_double(self.time_digits)[1]
 
 
 @dataclass(frozen=True)
 class NearGraze:
-    """An instant at which a surface is nearly touched."""
+    """An instant at which the state nearly touches a surface."""
 
     time: float
     """[s]."""
     surface: int
     distance: float
-    """abs(h) there [unit of the surface]."""
+    """abs(h) at this instant [unit of the surface]."""
     lasts: bool = False
-    """Whether it comes no farther away until the mode changes: the surface is approached for as long."""
+    """Whether the distance does not grow until the mode changes, so that the approach continues until then."""
 
 
 class NearGrazes:
-    """Instants at which a surface is nearly touched, found by time.
+    """Near grazes, searchable by time.
 
-    ``changes`` are the times [s] at which the mode changes, in order: no surface is approached beyond one.
+    ``changes`` are the times [s] at which the mode changes, in order: an approach ends at a change.
     """
 
     def __init__(self, grazes: Sequence[NearGraze], changes: Sequence[float] = ()) -> None:
@@ -82,10 +82,10 @@ class NearGrazes:
         self._lasting = np.array([graze.lasts for graze in self._grazes], dtype=bool)
 
     def closest(self, time: float, within: float) -> NearGraze | None:
-        """The one that comes closest to its surface of those no more than ``within`` from a time [s].
+        """Return the near graze with the smallest distance at most ``within`` [s] from a time.
 
-        Of those that last, the ones that have begun by then; between two of them the surface is as close as where it is
-        approached exponentially.
+        Near grazes that last count only if they are not later than the time. Between two of them the distance is
+        interpolated exponentially.
         """
         begin, end = bisect_left(self._times, time - within), bisect_right(self._times, time + within)
         later = self._lasting[begin:end] & (self._times[begin:end] > time)
@@ -94,7 +94,7 @@ class NearGrazes:
         return min([*found, *self._approached(time)], key=lambda graze: graze.distance, default=None)
 
     def _approached(self, time: float) -> Iterator[NearGraze]:
-        """Surfaces that are approached before and after a time, at that time."""
+        """Near grazes interpolated to a time within a lasting approach."""
         last: dict[int, NearGraze] = {}
         for graze in self._grazes if self._lasting.any() else ():
             before = last.get(graze.surface)
@@ -114,39 +114,39 @@ class NearGrazes:
         return bisect_right(self._changes, before.time) == bisect_right(self._changes, after.time)
 
     def from_nearest(self, time: float) -> float | None:
-        """How far the nearest is from a time [s]; None where there is none."""
+        """Distance from a time to the nearest near graze [s]; None if there is none."""
         at = bisect_left(self._times, time)
         return min((abs(float(other) - time) for other in self._times[max(at - 1, 0) : at + 1]), default=None)
 
 
 @dataclass(frozen=True)
 class Expected:
-    """What a run is scored against: the truth of one reading, in doubles and double-doubles."""
+    """Reference of scoring: the truth of one reading, in doubles and double-doubles."""
 
     status: Status
-    """How the exact run ends."""
+    """Status of the exact run."""
     transitions: Sequence[ReferenceTransition]
-    """Every transition up to that end."""
+    """Every transition up to ``end_time``."""
     start: float
     """Initial time [s]."""
     until: float
     """Horizon [s]."""
     end_time: float
-    """Where the exact run ends: the horizon, or before it [s]."""
+    """End of the exact run [s]: the horizon, or an earlier time."""
     near_grazes: Sequence[NearGraze] = ()
     start_size: float = 0.0
-    """Largest entry of the state at the start."""
+    """Largest absolute value in the initial state."""
     partial: bool = False
-    """What happens after ``end_time`` is not known: runs are scored up to there, however they end."""
+    """Whether the exact run after ``end_time`` is unknown: runs are then scored up to that time only."""
 
     @property
     def nothing_known(self) -> bool:
-        """The truth could not leave the start: there is nothing that a run could be held against."""
+        """Whether the truth ends at the start, so that no run can be scored."""
         return self.partial and not self.transitions and self.end_time <= self.start
 
     @property
     def radius(self) -> float:
-        """Largest radius of its transition times [s]."""
+        """Largest radius of the transition times [s]."""
         return max((e.radius for e in self.transitions), default=0.0)
 
     @property
@@ -157,14 +157,14 @@ class Expected:
 
     @property
     def state_size(self) -> float:
-        """Largest entry of a state at a transition; 0 where there is none."""
+        """Largest absolute value of a state at a transition; 0 if there is none."""
         return max((abs(float(str(value))) for event in self.transitions for value in event.state), default=0.0)
 
     @cached_property
     def gaps(self) -> list[float]:
-        """Distance of each transition to the nearest other of its surface [s]; the run's length without.
+        """Distance of each transition to the nearest other one of its surface [s]; the run's length if there is none.
 
-        A reset that is applied several times at one instant is one there.
+        A reset that is applied several times at one instant counts once.
         """
         span = self.until - self.start
         nearest: dict[tuple[object, ...], float] = {}
@@ -191,24 +191,23 @@ class Expected:
         return found
 
     def nearest(self, surface: int, time: float) -> int | None:
-        """Index of the transition of this surface that is nearest to a time; None where it has none."""
+        """Index of the transition of a surface that is nearest to a time; None if there is none."""
         times, places = self._of_surface.get(surface, ([], []))
         at = bisect_left(times, time)
         return min(places[max(at - 1, 0) : at + 1], key=lambda i: abs(self.transitions[i].time - time), default=None)
 
     @cached_property
     def grazes_by_time(self) -> NearGrazes:
-        """Its near grazes, found by time."""
         return NearGrazes(self.near_grazes, [t.time for t in self.transitions])
 
     @property
     def scale(self) -> float:
-        """Size of the state that tolerances are relative to: at the start and at the transitions."""
+        """Size of the state that tolerances are relative to: its largest value at the start and at transitions."""
         return max(self.start_size, self.state_size, HALF_ULP)
 
 
 def split_double(digits: str) -> tuple[float, float]:
-    """The double nearest to a decimal number, and what that rounding lost.
+    """Split a decimal number into the nearest double and the rounding error.
 
     Examples
     --------

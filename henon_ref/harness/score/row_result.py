@@ -1,4 +1,4 @@
-"""What a row is to a test runner (passed, a failure, an error, skipped), and failures that are expected."""
+"""Result of a row for a test runner (passed, failure, error, skipped), and expected failures."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from henon_ref.trajectory import Status
 Kind = Literal["passed", "failure", "error", "skipped", "known"]
 STATUSES: tuple[str, ...] = get_args(Status)
 UNDECIDED = ("ill-conditioned", "not unique", "not judged", None)
-"""Verdicts on rows that are not right by no fault of the solver."""
+"""Verdicts on rows that are not right, but not by the solver's fault."""
 
 
 @dataclass(frozen=True)
 class KnownFailure(Row):
-    """Rows that are expected to fail; None stands for any.
+    """Rows that are expected to fail; a field that is None matches any value.
 
     Raises
     ------
     ValueError
-        Where it would be any failure, or its status is none with which a row fails.
+        If it would match every row, or if its status is not one with which a row fails.
     """
 
     case: str | None = None
@@ -34,9 +34,9 @@ class KnownFailure(Row):
     step_s: float | None = None
     """Step [s]."""
     status: str | None = None
-    """The status with which they fail."""
+    """Status of the failure."""
     reason: str | None = None
-    """Why that is expected."""
+    """Why the failure is expected."""
 
     def __post_init__(self) -> None:
         if not (self.case or self.reading or self.solver):
@@ -48,7 +48,7 @@ class KnownFailure(Row):
 
     @property
     def name(self) -> str:
-        """As messages name it.
+        """Description in messages.
 
         Examples
         --------
@@ -59,22 +59,22 @@ class KnownFailure(Row):
         return ", ".join(f"{what} {value}" for what, value in given if value is not None)
 
     def names(self, row: RunRow) -> bool:
-        """Whether it speaks of a row, whatever that row's status."""
+        """Whether the row matches, regardless of its status."""
         own = (self.case, self.reading, self.solver, self.rtol, self.step_s)
         return all(wanted in (None, value) for wanted, value in zip(own, row.key, strict=True))
 
     def covers(self, row: RunRow) -> bool:
-        """Whether a failure of this row is the one that is expected."""
+        """Whether a failure of the row is the expected one."""
         return self.names(row) and self.status in (None, row.status)
 
 
 def check_status(status: str) -> None:
-    """See that a word is a row's status.
+    """Check that a text is a status of a row.
 
     Raises
     ------
     ValueError
-        Where it is none: which there are.
+        If it is not; the message lists the statuses.
     """
     if status not in STATUSES:
         hint = did_you_mean(status, STATUSES)
@@ -83,21 +83,21 @@ def check_status(status: str) -> None:
 
 @dataclass(frozen=True)
 class RowResult:
-    """What a row is to a test runner."""
+    """Result of a row for a test runner."""
 
     kind: Kind
-    """``known``: it fails as expected."""
+    """``known``: the row fails as expected."""
     reason: str = ""
-    """Why it has not passed."""
+    """Why the row has not passed."""
 
 
 def row_result(row: RunRow, complaints: Collection[str] = (), *, known: bool = False) -> RowResult:
-    """What a row is to a test runner.
+    """Classify a row for a test runner.
 
-    A failure: it is not right and its solver is to blame, it ran out of time, or there are complaints. An error:
-    there is no result (a crash, an exception, too much memory), or the run did not end so when it was repeated.
-    Skipped: it did not run, or double precision does not decide what is right. ``complaints`` are what else is wrong
-    with it: a bound that is not met, digits lost since earlier; ``known``: whether a failure of it is expected.
+    Failure: it is wrong by its solver's fault, it ran out of time, or there are complaints. Error: it has no result (a
+    crash, an exception, too much memory), or a repeated run ended differently. Skipped: it did not run, or double
+    precision does not decide the right result. ``complaints``: further faults, such as unmet bounds or digits lost
+    since an earlier run; ``known``: whether a failure of the row is expected.
     """
     kind: Kind
     verdict = row.verdict

@@ -1,4 +1,4 @@
-"""Who is right most often, to how many digits, at what cost: a line a solver at its tightest settings."""
+"""Ranking of solvers by right readings, with digits and cost: one line per solver at its tightest settings."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ RIGHT = "right"
 
 @dataclass(frozen=True)
 class SolverLine:
-    """One solver over all readings, each at its tightest setting."""
+    """Summary of one solver over all readings, each at its tightest setting."""
 
     solver: str
     right: int
-    """Readings in which it is right."""
+    """Number of readings in which the solver is right."""
     judged: int
-    """Those and the ones in which it is wrong by its own fault."""
+    """Number of readings in which it is right, or wrong by its own fault."""
     digits: float | None
-    """The fewest in any reading in which it is right."""
+    """Smallest number of digits in a reading in which it is right."""
     time_s: float | None
     """Median wall time of its right runs [s]."""
     times_as_long: float | None
-    """As the fastest right solver's run of the same reading; the geometric mean over readings."""
+    """Wall time relative to the fastest right run of the same reading; geometric mean over readings."""
 
 
 def standings(rows: Iterable[RunRow]) -> list[SolverLine]:
-    """A line a solver: those that are right most often first, among them the fastest.
+    """Rank the solvers: first by right readings, then by relative time.
 
-    All numbers are of each reading's tightest setting.
+    All numbers are those of each reading's tightest setting.
     """
     fastest: dict[tuple[str, str], float] = {}
     solvers: dict[str, list[RunRow]] = {}
@@ -46,7 +46,7 @@ def standings(rows: Iterable[RunRow]) -> list[SolverLine]:
 
 
 def standings_table(lines: Iterable[SolverLine], notes: Mapping[str, str] | None = None) -> Table:
-    """The same as a table; ``notes``: what is said of each solver in a column of its own."""
+    """Return the ranking as a table; ``notes``: text of an additional column for each solver."""
     cells = [
         (
             line.solver,
@@ -64,7 +64,7 @@ def standings_table(lines: Iterable[SolverLine], notes: Mapping[str, str] | None
 
 
 def tightest(rows: Iterable[RunRow]) -> list[RunRow]:
-    """Of each reading and solver the row with the smallest tolerance or step."""
+    """Select the row with the smallest tolerance or step of each reading and solver."""
     found: dict[tuple[tuple[str, str], str], RunRow] = {}
     for row in rows:
         key = row.problem, row.solver
@@ -88,5 +88,5 @@ def _line(solver: str, rows: Sequence[RunRow], fastest: Mapping[tuple[str, str],
 
 
 def _time(row: RunRow) -> float:
-    """Wall time of a right run [s]; infinite for any other."""
+    """Wall time of a right run [s]; infinite if the run is not right or has no time."""
     return row.wall_s if row.verdict == RIGHT and row.wall_s else math.inf

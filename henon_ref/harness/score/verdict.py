@@ -1,20 +1,18 @@
-"""Whose fault a wrong run is: the solver's, or the question's.
+"""Verdict on a run that is not right: fault of the solver, or an ill-conditioned problem.
 
-A run at tolerance r is granted an error of ``e = r * size of the state`` in the state at any instant. What such an
-error does to a transition is known from the truth: it moves its time by ``conditioning * e``. Where that is a good
-part of the distance to the next transition of the same surface, the run cannot know whether the two are there at all.
-On a parabola whose slope at its roots is h' and whose roots are a gap apart the surface function goes to a depth of
-``h' * gap / 4``, and ``conditioning * h'`` is by how much an error in the state moves it: the pair is gone once
-``conditioning * e >= gap / 4``. Where a surface is nearly touched without a transition, the distance itself is
-compared with e.
+A run at tolerance r is granted an error of ``e = r * size of the state`` in the state at any instant. The truth gives
+the effect of such an error on a transition: it moves its time by ``conditioning * e``. If that is a large part of the
+distance to the next transition of the same surface, the run cannot decide whether the two exist. On a parabola whose
+slope at its roots is h' and whose roots are a gap apart, the surface function reaches a depth of ``h' * gap / 4``, and
+an error in the state moves it by ``conditioning * h' * e``: the pair of roots vanishes if ``conditioning * e >=
+gap / 4``. If a surface is nearly touched without a transition, the distance itself is compared with e.
 
-Where a field ends, and where events accumulate, an error in the state moves the end itself by about its root (by
-Torricelli's law a level falls with its root). A run that ends so, too, is granted as much.
+At a singularity of the field, or if events accumulate, an error in the state moves the end by about its square root (by
+Torricelli's law a level falls with its root). A run that ends likewise is granted that difference of the end time.
 
-``not unique`` is for runs that are right up to the instant from which on the exact one has several futures;
-``not judged`` for runs that are right up to where the time limit stopped them: how far they come is the machine's
-doing, too; for runs that are right, and decide nothing of a surface of which the exact one has transitions later; and
-for all runs where nothing is known of the exact one after its start.
+``not unique``: the run is right up to the instant from which on the exact run has several futures. ``not judged``: the
+run is right up to the time limit (how far it comes depends on the machine); or it is right, but does not decide
+anything about a surface that has transitions later; or nothing is known of the exact run after its start.
 """
 
 from __future__ import annotations
@@ -31,27 +29,27 @@ from henon_ref.trajectory import Status, Transition
 Word = Literal["right", "solver defect", "ill-conditioned", "not unique", "not judged"]
 
 FIXED_STEP_TOLERANCE = 1e-12
-"""Stands for the tolerance of a run that has none."""
+"""Tolerance that is assumed for a run without tolerances."""
 END_TOLERANCES = 200.0
-"""Tolerances that the error of a run has grown to at its end: BDF's at 1e-12."""
+"""Growth of a run's error up to its end, in tolerances (as measured for BDF at 1e-12)."""
 PARABOLA_PART = 0.25
-"""Part of the distance to its neighbour by which a transition has to move for the pair to be gone (a parabola)."""
+"""Part of the distance to its neighbour by which a transition has to move for the pair to vanish (a parabola)."""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """A verdict, and what it rests on."""
+    """A verdict with its reason."""
 
     word: Word
     basis: str = ""
-    """In one phrase; empty for ``right``."""
+    """Reason in one phrase; empty for ``right``."""
 
 
 RIGHT = Verdict("right")
 
 
 def granted_error(expected: Expected, tolerance: float | None) -> float:
-    """Error in the state that a run of this tolerance is granted."""
+    """Error in the state that a run at this tolerance is granted."""
     return (FIXED_STEP_TOLERANCE if tolerance is None else tolerance) * expected.scale
 
 
@@ -64,10 +62,10 @@ def verdict(
     status: Status,
     ended: float,
 ) -> Verdict:
-    """The verdict on a run that is not right, from the first transition that it misses or invents.
+    """Verdict on a run that is not right, by its first missed or spurious transition.
 
-    ``found``: its transitions that were matched; ``tolerance``: None where it has none; ``status``, ``ended``: how and
-    where it ended [s].
+    ``found``: the run's transitions that were matched; ``tolerance``: None for a fixed-step run; ``status``, ``ended``:
+    status and end time [s] of the run.
     """
     if expected.nothing_known:
         return Verdict("not judged", "nothing is known of the exact run after its start")
@@ -94,12 +92,12 @@ def verdict(
 
 
 def undecided_verdict(event: ReferenceTransition) -> Verdict:
-    """The verdict on a right run that decides nothing of a surface any more where this transition of it comes."""
+    """Verdict on a right run that does not decide anything about the surface of this later transition."""
     return Verdict("not judged", f"nothing is decided of the surface of the {event.kind} at t = {event.time:.9g} s")
 
 
 def missed_verdict(expected: Expected, index: int, allowed: float) -> Verdict:
-    """The verdict on a transition that a run misses."""
+    """Verdict on a missed transition."""
     event = expected.transitions[index]
     what = f"{event.kind} at t = {event.time:.9g} s"
     if event.conditioning == float("inf"):
@@ -113,7 +111,7 @@ def missed_verdict(expected: Expected, index: int, allowed: float) -> Verdict:
 
 
 def spurious_verdict(expected: Expected, event: Transition, allowed: float) -> Verdict:
-    """The verdict on a transition that a run invents."""
+    """Verdict on a spurious transition."""
     what = f"{event.kind} at t = {event.time:.9g} s"
     close = expected.nearest(event.surface, event.time)
     if close is not None:
@@ -138,13 +136,13 @@ def spurious_verdict(expected: Expected, event: Transition, allowed: float) -> V
 
 
 def graze_distance(expected: Expected, index: int) -> float:
-    """How far a transition is from a graze [unit of the surface]: depth of the parabola to its neighbour's root."""
+    """Distance of a transition from a graze [unit of the surface]: depth of the parabola to its neighbour's root."""
     event: ReferenceTransition = expected.transitions[index]
     return PARABOLA_PART * event.transversality * expected.gaps[index]
 
 
 def _graze_within(expected: Expected, where: float, gap: float, allowed: float) -> NearGraze | None:
-    """A near graze within reach of the granted error, around this time."""
+    """Near graze around this time whose distance is within the granted error, if any."""
     graze = expected.grazes_by_time.closest(where, gap)
     return graze if graze is not None and graze.distance <= allowed else None
 
