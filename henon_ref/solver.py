@@ -51,7 +51,8 @@ class Solver(Protocol):
       ``reset`` with the state after the jump, even if the mode stays. A map that moves another surface with a reset
       from above zero to zero or below triggers that reset at the same instant: one transition per map, with the state
       after the map (:mod:`henon_ref.modes.cascade`). Accumulating impacts are reported as long as all later ones
-      together last at least 2^-26 of the run; their limit is a ``stick`` on that surface (:mod:`henon_ref.modes.resets`).
+      together last at least 2^-26 of the run; their limit is a ``stick`` on that surface
+      (:mod:`henon_ref.modes.resets`).
     * The result of a run is checked (:mod:`henon_ref.harness.campaign.contract_check`): a :class:`Trajectory`, one
       entry per state and per surface, times in order from the start to the horizon; with status ``ok`` the end at the
       horizon and finite states; at most ten times the truth's transitions plus 100000. NumPy numbers are accepted, and
