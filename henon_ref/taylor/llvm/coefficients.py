@@ -1,4 +1,4 @@
-"""What recurrences read: coefficients of nodes, constants of the tape, and values that several of them want."""
+"""Inputs of recurrences: coefficients of nodes, constants of the tape, and values used by several recurrences."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from henon_ref.taylor.tape import Tape
 
 
 class Coefficients(list[Value]):
-    """Taylor coefficients of one node, as far as they are written; a structural zero is None."""
+    """Taylor coefficients of one node as far as they are written; a structural zero is None."""
 
     def __init__(self, w: IRWriter, values: Sequence[Value] = ()) -> None:
         super().__init__(values)
@@ -20,26 +20,26 @@ class Coefficients(list[Value]):
         self._weighted: dict[int, Value] = {}
 
     def doubled(self, j: int) -> Value:
-        """2 a_j, made once."""
+        """2 a_j, computed once."""
         if j not in self._doubled:
             self._doubled[j] = self._w.add(self[j], self[j])
         return self._doubled[j]
 
     def weighted(self, j: int) -> Value:
-        """j a_j, made once: coefficient j - 1 of the derivative."""
+        """j a_j, computed once: coefficient j - 1 of the derivative."""
         if j not in self._weighted:
             self._weighted[j] = self._w.scaled(float(j), self[j])
         return self._weighted[j]
 
     def inner_square(self, k: int) -> Value:
-        """Sum of a_j a_(k-j) over 1 <= j <= k - 1, each product formed once."""
+        """Sum of a_j a_(k-j) over 1 <= j <= k - 1, without repeating equal products."""
         old: list[tuple[Value, Value]] = [(self[k // 2], self[k // 2])] if k % 2 == 0 else []
         old += [(self.doubled(j), self[k - j]) for j in range((k - 1) // 2, 0, -1)]
         return self._w.total(old[:-3], old[-3:])
 
 
 class Constants:
-    """The constants of a tape, loaded before anything else: they wait for nothing."""
+    """The constants of a tape, loaded first."""
 
     def __init__(self, w: IRWriter, tape: Tape) -> None:
         self._w, self._count = w, len(tape.constants)
@@ -59,11 +59,11 @@ class Constants:
         return self._loaded[index]
 
     def lost(self, index: int) -> str:
-        """What rounding a constant lost."""
+        """Rounding error of a constant."""
         return self.value(index + self._count)
 
     def total(self, factors: Sequence[Factor]) -> Value:
-        """A sum of products of constants (1 for an empty product), made once."""
+        """Sum of products of constants (an empty product is 1), computed once."""
         key = tuple(factors)
         if key not in self._sums:
             total: Value = None
@@ -84,7 +84,7 @@ class Constants:
 
 
 class Functions:
-    """Functions of values, each made once however many nodes want it."""
+    """Functions of values, each computed once for all nodes that use it."""
 
     def __init__(self, w: IRWriter) -> None:
         self._w = w
@@ -101,7 +101,7 @@ class Functions:
         return self._inverses[below]
 
     def call(self, op: str, value: Value) -> str:
-        """A function of the C library, sine and cosine apart: those are made together, by code of our own."""
+        """Call a function of the C library; sine and cosine are computed together by :func:`sin_cos`."""
         argument = value or ZERO
         if op in ("sin", "cos"):
             if argument not in self._sines:
@@ -112,7 +112,7 @@ class Functions:
         return self._calls[op, argument]
 
     def product(self, a: Value, b: Value) -> Value:
-        """A product that is wanted at every order."""
+        """Product that is used at every order, computed once."""
         if (a, b) not in self._products:
             self._products[a, b] = self._w.mul(a, b)
         return self._products[a, b]

@@ -1,4 +1,4 @@
-"""Sums of products of coefficients, several at a time in the lanes of vectors."""
+"""Convolutions of coefficients, several at once in the lanes of vectors."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from henon_ref.jit.ir_writer import LANES, ZERO, IRWriter, Value
 from henon_ref.taylor.tape import INFINITE, Tape
 
 VECTOR_ORDER = 8
-"""Order from which convolutions go in vectors: below it a sum has one or two products for a lane."""
+"""Order from which convolutions use vectors; at lower orders a lane would have only one or two products."""
 
 Pair = tuple[int, int, int]
-"""Nodes u and v, and the node whose recurrence wants the sum of u_j v_(k-j)."""
+"""Nodes u and v, and the node whose recurrence uses the sum of u_j v_(k-j)."""
 
 
 class Convolutions:
-    """The older parts of all convolutions of an order, several at a time in the lanes of vectors.
+    """Sums of the older products of all convolutions of an order, several at once in the lanes of vectors.
 
-    u * v at order k is the sum of u_j v_(k-j): the lanes u_j v_(k-j) and v_j u_(k-j), for j from 2 to below
-    k/2, take two vectors of the same shape, one the other with neighbours swapped. What is left (j = 0 and 1
-    and the middle) is for whoever asks.
+    u * v at order k is the sum of u_j v_(k-j). For 2 <= j < k/2 the products u_j v_(k-j) and v_j u_(k-j) are lanes of
+    the product of two packed vectors, one with its neighbours swapped. The products with j = 0 and 1, and the middle
+    one, are left to the recurrence.
     """
 
     def __init__(self, w: IRWriter, series: Mapping[int, Sequence[Value]], pairs: Sequence[Pair], order: int) -> None:
@@ -34,11 +34,11 @@ class Convolutions:
         self._scaled: dict[tuple[Pair, int], Value] = {}
 
     def scale(self, pair: Pair, factor: Value) -> None:
-        """From now on take u of a pair times a factor."""
+        """Multiply u of a pair by a factor from now on."""
         self._scales[pair] = factor
 
     def left(self, pair: Pair, k: int) -> Value:
-        """u_k of a pair, times its factor if it has one."""
+        """u_k of a pair, times the factor if one is set."""
         if pair not in self._scales:
             return self.series[pair[0]][k]
         if (pair, k) not in self._scaled:
@@ -46,7 +46,7 @@ class Convolutions:
         return self._scaled[pair, k]
 
     def pack(self, k: int) -> None:
-        """Take in the coefficients of order k, once they are all known."""
+        """Pack the coefficients of order k, once all of them are known."""
         if k < 2 or k > self.order - 2:
             return
         for group, operands in zip(self.groups, self.operands, strict=True):
@@ -56,7 +56,7 @@ class Convolutions:
             operands[k] = packed, swapped
 
     def add_up(self, k: int) -> None:
-        """Sums for order k, of coefficients up to k - 2."""
+        """Add the sums for order k, from coefficients up to k - 2."""
         if k < 5:
             return
         w = self.w
@@ -69,7 +69,7 @@ class Convolutions:
                 self.sums[pair, k] = w.lane(lanes, total, 2 * at)
 
     def parts(self, pair: Pair, k: int) -> tuple[Value, Value]:
-        """Sum of u_j v_(k-j) over 2 <= j <= k - 2 in two parts: what comes late, and what is there early."""
+        """Sum of u_j v_(k-j) over 2 <= j <= k - 2 in two parts, which are available late and early."""
         w, v = self.w, self.series[pair[1]]
         if pair not in self.grouped:
             return None, w.total([(self.left(pair, j), v[k - j]) for j in range(2, k - 1)])
@@ -89,7 +89,7 @@ class Convolutions:
 
 
 def convolved(tape: Tape, denominator: Callable[[int], int]) -> list[Pair]:
-    """The products worth a lane: of nodes that are no polynomials in time; ``denominator``: what a node is read as."""
+    """Products that use lanes: of nodes that are not polynomials in time; ``denominator``: see :class:`Forms`."""
     pairs: list[Pair] = []
     for at, node in enumerate(tape.nodes):
         if node.op == "mul":

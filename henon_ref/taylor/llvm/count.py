@@ -1,4 +1,4 @@
-"""Floating-point operations, counted in LLVM code."""
+"""Count of floating-point operations in LLVM code."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import re
 
 
 def count(ir: str) -> int:
-    """Floating-point operations in LLVM IR: a lane of a vector is one, a fused product and sum are two."""
+    """Count floating-point operations in LLVM IR: each lane of a vector counts, a fused multiply-add counts twice."""
     total = 0
     for line in ir.splitlines():
         if not re.search(r"\b(fadd|fsub|fmul|fdiv)\b|llvm\.fma", line) or line.startswith("declare"):

@@ -1,11 +1,11 @@
 """Straight-line machine code for the Taylor coefficients of one mode, from its tape.
 
-The tape is unrolled to a fixed order and written as LLVM IR: every coefficient is one value, structural zeros (a
-constant's derivatives, a clock's beyond the first) never become instructions, squares are halved, sums are taken
-together (:mod:`henon_ref.taylor.llvm.linear_forms`), convolutions share the lanes of vectors
-(:mod:`henon_ref.taylor.llvm.convolutions`). One object a node writes its coefficients in turn (``recurrences``,
-``sums``, ``functions_of_time``); here they are made and called. Time is measured in a unit of about
-the size of a step, so that coefficients neither overflow nor vanish whatever the units of the model.
+The tape is unrolled to a fixed order and written as LLVM IR. Every coefficient is one value; structural zeros (a
+constant's derivatives, a clock's after the first) never become instructions; squares take half the products; sums are
+flattened (:mod:`henon_ref.taylor.llvm.linear_forms`); convolutions share the lanes of vectors
+(:mod:`henon_ref.taylor.llvm.convolutions`). Each node has an object that writes its coefficients in turn
+(``recurrences``, ``sums``, ``functions_of_time``), created and called here. The time unit is about the size of a step,
+so that coefficients neither overflow nor underflow in any units of the model.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ from henon_ref.taylor.tape import Tape
 def expansion_ir(tape: Tape, states: int, order: int, name: str, width: int | None = None) -> str:
     """LLVM IR of ``void name(double t_hi, double t_lo, double unit, double* x, double* K, double* C)``.
 
-    ``t_hi + t_lo`` is the time at the start [s], ``unit`` the unit of time of the coefficients [s], ``x`` the state.
-    ``K`` holds the constants rounded to double, then what that rounding lost. ``C`` receives the Taylor
-    coefficients in that unit of time, a row a state, then one an output; and behind the rows, for ``order`` >= 3, the
-    largest last and last but one coefficient relative to the row's size on a step of one unit, a sum that is not finite
-    where any coefficient is not, and the longest step that the exponentials allow.
+    ``t_hi + t_lo`` is the initial time [s], ``unit`` the time unit of the coefficients [s], ``x`` the state. ``K``
+    holds the constants rounded to double, followed by their rounding errors. ``C`` receives the Taylor coefficients in
+    the time unit: one row per state, then one per output. If ``order`` >= 3, the rows are followed by the largest last
+    and the largest last but one coefficient relative to the row's size on a step of one unit, a sum that is not finite if
+    any coefficient is not, and the longest step that the exponentials allow.
 
     Parameters
     ----------
@@ -42,11 +42,11 @@ def expansion_ir(tape: Tape, states: int, order: int, name: str, width: int | No
     states : int
         Number of states n.
     order : int
-        Highest coefficient; 0 gives the values of the outputs only.
+        Highest order; 0 gives only the values of the outputs.
     name : str
         Name of the function.
     width : int, optional
-        Doubles from one row to the next where that is not the :func:`row_length` of the order (an order below 4).
+        Doubles from one row to the next, if it is not the :func:`row_length` of the order (an order below 4).
     """
     w = IRWriter()
     expansion = Expansion(w, tape, states, order)
@@ -62,14 +62,14 @@ def expansion_ir(tape: Tape, states: int, order: int, name: str, width: int | No
 
 
 def values_ir(tape: Tape, states: int, name: str, places: Sequence[int]) -> str:
-    """LLVM IR of the same kind of function, which puts the values of a tape's outputs, each at its place, and no more.
+    """LLVM IR of a function of the same signature that only stores the value of each output at a given place.
 
     Parameters
     ----------
     tape, states, name
         See :func:`expansion_ir`.
     places : sequence of int
-        Of each output, in ``C``.
+        Place of each output in ``C``.
     """
     w = IRWriter()
     expansion = Expansion(w, tape, states, 0)
@@ -80,7 +80,7 @@ def values_ir(tape: Tape, states: int, name: str, places: Sequence[int]) -> str:
 
 
 def function_ir(w: IRWriter, name: str) -> str:
-    """The function of the instructions written; see :func:`expansion_ir`."""
+    """Wrap the written instructions into a function; see :func:`expansion_ir`."""
     body = "\n".join(w.lines)
     return (
         f"define void @{name}(double %t_hi, double %t_lo, double %unit, ptr noalias %x, ptr noalias %K, "
@@ -129,7 +129,7 @@ class Expansion:
         self.sizes: list[str] = []
 
     def run(self) -> None:
-        """Write the coefficients of all nodes that are wanted, of the states and of the outputs."""
+        """Write the required coefficients of the nodes, states and outputs."""
         w, order = self.w, self.order
         leaves = (leaf for form in self.output_forms for leaf in form.terms)
         last = read_by(self.tape, self.forms, self.kept, leaves)
@@ -142,13 +142,13 @@ class Expansion:
                 for row, rate in zip(self.solution, self.rates, strict=True):
                     row.append(rate.coefficient(k + 1))
             self.convolutions.pack(k)
-            if k == 2 and order >= 3:  # divisions are waited for least where they begin early
+            if k == 2 and order >= 3:  # divisions have a long latency and start as early as possible
                 rows = [*self.solution, *([target.coefficient(j) for j in range(3)] for target in self.targets)]
                 self.sizes = [inverse_size(w, values) for values in rows]
         self.outputs = [self._output(target) for target in self.targets]
 
     def store(self, width: int) -> None:
-        """Store all rows: of a state that is another's integral and of an output from rows that are there already."""
+        """Store all rows; rows of integral states and of linear outputs are computed from rows already stored."""
         w, order = self.w, self.order
 
         def row(i: int) -> Row:
@@ -167,30 +167,30 @@ class Expansion:
                 store_values(w, found, row(r))
 
     def _output(self, target: LinearForm) -> list[Value]:
-        """Coefficients of an output; of one that is linear in the states only those that the norms read."""
+        """Coefficients of an output; if it is linear in the states, only those that the norms read."""
         ends = {0, 1, 2, self.order - 1, self.order}
         sparse = self._by_vectors(target)
         return [target.coefficient(k) if not sparse or k in ends else None for k in range(self.order + 1)]
 
     def _by_vectors(self, target: LinearForm) -> bool:
-        """Whether the row of an output is combined from the states' rows (the rig: a run takes 2 to 16 % less)."""
+        """Whether the row of an output is combined from the states' rows, which saves 2 to 16 % of a run of the rig."""
         return self.order >= LANES and all(self._state(leaf) >= 0 for leaf in target.leaves)
 
     def _state(self, leaf: int) -> int:
-        """Index of the state that a leaf is; -1 for any other."""
+        """Index of the state that a leaf is, or -1."""
         node = self.tape.nodes[leaf]
         return node.args[0] if node.op == "state" else -1
 
     def _integral_states(self) -> dict[int, StateIntegral]:
-        """By :func:`integral_states`, each with its factor."""
+        """Result of :func:`integral_states` with the factors."""
         found = integral_states(self.tape, [rate.form for rate in self.rates], self.order)
         return {i: StateIntegral(self._state(leaf), self.rates[i].rates[leaf]) for i, leaf in found.items()}
 
 
 def integral_states(tape: Tape, field: Sequence[Form], order: int) -> dict[int, int]:
-    """States whose rate is a multiple of another state, which is no such one itself (Fig. 8: 4 to 6 % of a run).
+    """States whose rate is a multiple of another state that is not such a state itself (Fig. 8: 4 to 6 % of a run).
 
-    Each with the node of that other state. ``field``: the rates as forms.
+    Each with the node of the other state. ``field``: the rates as forms.
     """
     found: dict[int, int] = {}
     sources: set[int] = set()
@@ -206,7 +206,7 @@ def integral_states(tape: Tape, field: Sequence[Form], order: int) -> dict[int, 
 
 
 def read_by(tape: Tape, forms: Forms, kept: Mapping[int, Form], roots: Iterable[int]) -> set[int]:
-    """Every node that these read, and these; states apart. ``kept``: what linear nodes are made of."""
+    """Nodes that the roots depend on, including the roots but not states; ``kept``: forms of linear nodes."""
     found: set[int] = set()
     waiting = list(roots)
     while waiting:

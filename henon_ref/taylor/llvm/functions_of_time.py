@@ -1,4 +1,4 @@
-"""Recurrences of functions of time alone: a clock, and its sine and cosine."""
+"""Recurrences of functions of time alone: a linear function (clock), and its sine and cosine."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from henon_ref.taylor.llvm.sin_cos import sin_cos
 
 
 class Clock:
-    """y = c0 + c1 t in double-double, so that a phase loses nothing at large times."""
+    """y = c0 + c1 t in double-double, so that a phase is accurate at large times."""
 
     def __init__(self, w: IRWriter, constants: Constants, start: int, slope: int, order: int) -> None:
         self.w, self.constants, self.start, self.slope, self.order = w, constants, start, slope, order
@@ -42,7 +42,7 @@ class Clock:
         return w.binary("fadd", total, low)
 
     def powers_and_sines(self) -> tuple[list[str], tuple[str, str]]:
-        """Powers of c1 unit up to the order, in vectors (none for order 0); sine and cosine of c0 + c1 t."""
+        """Powers of c1 unit up to the order, as vectors (none for order 0), and sine and cosine of c0 + c1 t."""
         if self._powers_and_sines is None:
             powers: list[str] = []
             if self.order:
@@ -78,7 +78,7 @@ class SineOfTime:
 
 
 def powers_of(w: IRWriter, x: str, vectors: int) -> list[str]:
-    """x^0, x^1, ... in vectors."""
+    """x^0, x^1, ... as vectors."""
     square = w.binary("fmul", x, x)
     powers = [w.vector([ONE, x, square, w.binary("fmul", square, x)])]
     if vectors > 1:

@@ -1,4 +1,4 @@
-"""Rows of coefficients as they lie in memory: how long they are, and code that stores them."""
+"""Memory layout of rows of coefficients, and code that stores them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _VECTOR = f"<{LANES} x double>"
 
 
 Row = tuple[str, int]
-"""An array, and where in it a row begins."""
+"""An array, and the offset of a row in it."""
 
 
 def store_values(w: IRWriter, values: Sequence[Value], row: Row) -> None:
@@ -21,9 +21,9 @@ def store_values(w: IRWriter, values: Sequence[Value], row: Row) -> None:
 
 
 def store_integral(w: IRWriter, values: Sequence[Value], row: Row, source: Row, factor: Value, order: int) -> None:
-    """Store the row of a state whose rate is a multiple of another one: from that one's row, which is there.
+    """Store the row of a state whose rate is a multiple of another state, from the stored row of the other state.
 
-    Coefficient k is factor / k times the other's coefficient k - 1.
+    Coefficient k is factor / k times coefficient k - 1 of the other state.
     """
     store_values(w, values[:LANES], row)
     scale = w.vector([factor or ZERO] * LANES)
@@ -35,7 +35,7 @@ def store_integral(w: IRWriter, values: Sequence[Value], row: Row, source: Row, 
 
 
 def store_combination(w: IRWriter, first: Value, row: Row, parts: Sequence[tuple[Row, Value]], order: int) -> None:
-    """Store a sum of rows times factors; its first coefficient, where a constant may come in, is given."""
+    """Store a sum of rows times factors; its first coefficient is passed, since it may contain a constant."""
     factors = [(source, w.vector([factor or ZERO] * LANES)) for source, factor in parts]
     for k in range(0, row_length(order), LANES):
         total = ""

@@ -1,7 +1,7 @@
-"""Sums of a tape taken together: what a linear node is in terms of the nodes that are not.
+"""Linear nodes of a tape, flattened to sums of nodes that are not linear.
 
-The recurrence of a sum costs an operation a term; a chain of `scale`, `add`, `shift` nodes costs one a node.
-Flattened, every term is one fused multiply-add, and a state's rate is folded into its factors.
+The recurrence of a flattened sum costs one fused multiply-add per term, whereas a chain of `scale`, `add`, `shift`
+nodes costs one operation per node. A state's rate is folded into the factors of the terms.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ class Form:
 class Forms:
     """The linear forms of a tape.
 
-    ``kept`` are the linear nodes whose coefficients are wanted by themselves (a product reads them); a form
-    stops there as it does at every node that is not linear.
+    ``kept`` are the linear nodes whose own coefficients are required (because a product reads them). A form ends at
+    kept nodes and at nodes that are not linear.
     """
 
     def __init__(self, tape: Tape) -> None:
@@ -60,7 +60,7 @@ class Forms:
             uses[root] += 1
         self.uses = uses
         self.affine_arguments: dict[int, tuple[int, Form]] = {}
-        """For a reciprocal of ``a x + b``: x, and that form; x is read in its place."""
+        """Denominator of a reciprocal, if it is ``a x + b`` -> (x, its form); the recurrence reads x instead of it."""
         for node in tape.nodes:
             if node.op == "recip":
                 self._find_affine_argument(node.args[0])
@@ -82,11 +82,11 @@ class Forms:
                 self.affine_arguments[at] = leaf, form
 
     def of(self, at: int) -> Form:
-        """The form of a node; of a kept one, what it is made of."""
+        """Form of a node; a kept node is expanded too."""
         return self._flat(at, self.kept)
 
     def denominator(self, at: int) -> int:
-        """The node that a reciprocal reads: x where its denominator is ``a x + b`` (Fig. 8: 5 to 12 % of a run)."""
+        """Node that a reciprocal reads: x if its denominator is ``a x + b`` (saves 5 to 12 % of a run of Fig. 8)."""
         return self.affine_arguments[at][0] if at in self.affine_arguments else at
 
     def below(self, at: int) -> Form:
@@ -94,7 +94,7 @@ class Forms:
         return self.affine_arguments[at][1] if at in self.affine_arguments else Form({at: [Factor()]})
 
     def _flat(self, at: int, stops: Collection[int]) -> Form:
-        """A node as a form of nodes at which this stops, itself apart."""
+        """Expand a node into a form of nodes that are not linear or are in ``stops``; the node itself is expanded."""
         form = Form()
         waiting = [(at, Factor())]
         while waiting:

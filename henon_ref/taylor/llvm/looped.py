@@ -1,13 +1,13 @@
 """Machine code for the Taylor coefficients of a long tape: loops over nodes whose recurrences have the same shape.
 
-A tape of thousands of operations holds a few kinds of them many times. As in heyoka's compact mode (Biscani and Izzo,
-*MNRAS* 504, 2021, Sec. 2.4) there is one function a shape and order, which goes over all nodes of that shape by a table
-of the places that they read, so that compiling takes no longer for more of them. The functions are written by the
-recurrences of the straight-line code (:mod:`henon_ref.taylor.llvm.expansion`) for one node, cut into pieces
+A tape of thousands of operations has few kinds of them. As in heyoka's compact mode (Biscani and Izzo, *MNRAS* 504,
+2021, Sec. 2.4) there is one function per shape and order. It loops over all nodes of the shape by a table of the places
+that they read, so that compilation time does not grow with their number. The functions are written by the recurrences
+of the straight-line code (:mod:`henon_ref.taylor.llvm.expansion`) for one node, cut into pieces
 (:mod:`henon_ref.taylor.llvm.pieces`), and compute the same bits.
 
-Series of states stand in the rows of ``C``, those of nodes in memory that is taken for the call, ``S``: behind the
-constants in the sums that multiply something, each once, and the numbers that the step size is chosen by.
+Series of states are in the rows of ``C``. Series of nodes are in memory ``S`` that is allocated for the call, which
+also holds the sums of constants that are used as factors, each once, and the numbers for the choice of the step size.
 """
 
 from __future__ import annotations
@@ -36,16 +36,16 @@ _POINTER = re.compile(r"%p(\d+)\b")
 _ARGUMENTS = "ptr noalias %C, ptr noalias %S, ptr noalias %K"
 _TIMES = "double %unit, double %t_hi, double %t_lo"
 NOTHING = 1e30
-"""Longest step where no function bounds it."""
+"""Longest step if no function bounds it."""
 
 
 def looped_expansion_ir(tape: Tape, states: int, order: int, name: str, width: int | None = None) -> str:
-    """The same as :func:`henon_ref.taylor.llvm.expansion.expansion_ir`, as loops."""
+    """LLVM IR as :func:`henon_ref.taylor.llvm.expansion.expansion_ir`, with loops."""
     return _LoopedExpansion(tape, states, order, name, row_length(order) if width is None else width).text()
 
 
 class _Series(Coefficients):
-    """Coefficients that are in memory, each read once."""
+    """Coefficients in memory, each loaded once."""
 
     def __init__(self, w: IRWriter, pointer: str, degree: int) -> None:
         super().__init__(w)
@@ -61,7 +61,7 @@ class _Series(Coefficients):
 
 
 class _Constants(Constants):
-    """Constants of one node, by their places among them; of a clock's two what rounding lost stands behind them."""
+    """Constants of one node by their index among its operands; a clock's two are followed by their rounding errors."""
 
     def __init__(self, w: IRWriter, first: int, count: int) -> None:
         self._w, self._first, self._count = w, first, count // 2
@@ -74,7 +74,7 @@ class _Constants(Constants):
 
 
 class _OneNode:
-    """What writes the code of one node of a shape. Pointers: ``%p0`` its own row, then its series, then constants."""
+    """Writes the code of one node of a shape. Pointers: ``%p0`` its row, then its series, then its constants."""
 
     def __init__(self, shape: Shape, order: int) -> None:
         self.shape, self.order, own = shape, order, len(shape.series)
@@ -94,7 +94,7 @@ class _OneNode:
         self.form = Form({label: list(found) for label, found in shape.terms}, list(shape.constant))
 
     def recurrence(self) -> Recurrence:
-        """Of a node that is no rate."""
+        """Recurrence of a node that is not a rate."""
         shape, own = self.shape, len(self.shape.series)
         if shape.op in ("sum", "output"):
             return self.made.linear(self.form)
@@ -108,7 +108,7 @@ class _OneNode:
         return self.made.of(own, Node(shape.op, shape.args, numbers), None, None)
 
     def pieces(self) -> Pieces:
-        """Of a node, a piece an order."""
+        """Code of a node, one piece per order."""
         recurrence, y = self.recurrence(), self.y
         for k in range(self.order + 1):
             if k:
@@ -119,7 +119,7 @@ class _OneNode:
         return self.w.pieces({k: (k, v) for k, v in enumerate(y) if v is not None}, "%p0", self.order + 1)
 
     def rate_pieces(self) -> Pieces:
-        """Of a state, from each order the next coefficient."""
+        """Code of a state: the next coefficient from each order."""
         state = IntegralOfForm(self.w, self.constants, self.form, self.series, None)
         results = {}
         for k in range(self.order):
@@ -129,7 +129,7 @@ class _OneNode:
         return self.w.pieces(results, "%p0", self.order + 1)
 
     def output(self) -> tuple[list[str], int]:
-        """Lines of an output: its row, and its ratios as :func:`_ratios` puts them."""
+        """Lines of an output: its row, and its ratios as stored by :func:`_ratios`."""
         w, order, target = self.w, self.order, self.made.linear(self.form)
         in_rows = order >= LANES and all(self.shape.series[label][0] for label in self.form.terms)
         wanted = {0, 1, 2, order - 1, order} if in_rows else range(order + 1)
@@ -145,7 +145,7 @@ class _OneNode:
 
 
 def _ratios(w: IRWriter, values: Sequence[Value], pointer: int) -> None:
-    """Put a row's last but one and last coefficient, relative to its size, behind a pointer and the next one."""
+    """Store a row's last two coefficients, relative to its size, at a pointer and the next one."""
     inverse = inverse_size(w, values[:3])
     for value in values[-2:]:
         if value is not None:
@@ -154,7 +154,7 @@ def _ratios(w: IRWriter, values: Sequence[Value], pointer: int) -> None:
 
 
 class _LoopedExpansion:
-    """Writes the module's functions and calls."""
+    """Writer of the module's functions and calls."""
 
     def __init__(self, tape: Tape, states: int, order: int, name: str, width: int) -> None:
         self.tape, self.states, self.order, self.name, self.width = tape, states, order, name, width
@@ -163,15 +163,14 @@ class _LoopedExpansion:
         self.globals: list[str] = []
         self.calls: list[str] = []
         self.memory = 0
-        """Doubles of ``S`` that are taken."""
+        """Number of doubles of ``S`` allocated so far."""
         self.totals: dict[Factors, int] = {}
-        """Where in ``S`` each sum of constants stands."""
+        """Place in ``S`` of each sum of constants."""
         self.pieces: dict[Shape, Pieces] = {}
         self.rows: dict[int, int] = {}
-        """Where in ``S`` the row of each node stands."""
+        """Place in ``S`` of the row of each node."""
 
     def text(self) -> str:
-        """The LLVM IR."""
         self._constants()
         self._node_rows()
         self._orders()
@@ -191,14 +190,14 @@ class _LoopedExpansion:
         )
 
     def _taken(self, count: int) -> int:
-        """So many doubles of ``S``."""
+        """Allocate doubles of ``S``."""
         first, self.memory = self.memory, self.memory + count
         return first
 
     def _loop(
         self, key: Hashable, bases: Sequence[str], lines: Callable[[], Iterable[str]], table: tuple[str, int]
     ) -> None:
-        """Call a loop over a table, whose function is written where it is not there yet."""
+        """Add a call of a loop over a table, and write its function if it does not exist yet."""
         if key not in self.functions:
             self.functions[key] = f"{self.name}.{len(self.functions)}"
             self.globals.append(_loop_ir(self.functions[key], bases, list(lines())))
@@ -206,14 +205,14 @@ class _LoopedExpansion:
         self.calls.append(f"  call void @{self.functions[key]}(ptr %C, ptr %S, ptr %K, {rows}, {_TIMES})")
 
     def _table(self, rows: Sequence[Sequence[int]]) -> tuple[str, int]:
-        """A table of places, as a constant of the module."""
+        """Add a table of places as a constant of the module."""
         name = f"{self.name}.table{len(self.globals)}"
         numbers = ", ".join(f"i32 {place}" for row in rows for place in row)
         self.globals.append(f"@{name} = private constant [{sum(map(len, rows))} x i32] [{numbers}]")
         return name, len(rows)
 
     def _constants(self) -> None:
-        """All sums of constants, each once."""
+        """Compute all sums of constants, each once."""
         found = [*self.shapes.nodes.values(), *self.shapes.rates, *self.shapes.outputs]
         for _, operands in found:
             for factors in operands.constants:
@@ -240,7 +239,7 @@ class _LoopedExpansion:
         return [*("%C" if state else "%S" for state, _ in shape.series), *["%S"] * shape.constants]
 
     def _orders(self) -> None:
-        """Coefficients of all nodes, then the next ones of the states, order by order."""
+        """Compute the coefficients of all nodes and the next ones of the states, order by order."""
         shapes, order = self.shapes, self.order
         groups = []
         for (_, shape, last), members in _grouped(
@@ -262,7 +261,7 @@ class _LoopedExpansion:
                 self._loop((shape, k), ["%C", *self._bases(shape)], pieces.lines[k].copy, table)
 
     def _outputs(self, ratios: dict[int, list[int]]) -> None:
-        """Rows of the outputs; ``ratios``: places of those of each row."""
+        """Compute the rows of the outputs; ``ratios``: places of each row's ratios."""
         shapes, n = self.shapes, self.states
         for shape, members in _grouped(range(len(shapes.outputs)), lambda r: shapes.outputs[r][0]):
             rows = [
@@ -273,7 +272,7 @@ class _LoopedExpansion:
             self._loop((shape, "row"), bases[: len(rows[0])], lambda made=made: made.output()[0], self._table(rows))  # type: ignore[misc]
 
     def _norms(self) -> None:
-        """Rows of the outputs, and what stands behind the rows."""
+        """Compute the rows of the outputs, and the numbers after the rows."""
         shapes, order, n = self.shapes, self.order, self.states
         degrees = [*(shapes.degree(-1 - i) for i in range(n)), *(shape.degree for shape, _ in shapes.outputs)]
         counts = [sum(degree >= k for degree in degrees) for k in (order - 1, order)]
@@ -306,7 +305,7 @@ class _LoopedExpansion:
             self.calls += [at.format(f"out{i}", "C", first + i), f"  store double %norm{i}, ptr %out{i}, align 8"]
 
     def _longest_step(self) -> int:
-        """Where in ``S`` the longest step stands that the exponentials allow."""
+        """Compute the longest step that the exponentials allow; return its place in ``S``."""
         shapes, order, place = self.shapes, self.order, self._taken(1)
         self.calls += [
             f"  %step = getelementptr double, ptr %S, i64 {place}",
@@ -327,7 +326,7 @@ class _LoopedExpansion:
 
 
 def _grouped(items: Iterable[T], key: Callable[[T], Key]) -> Iterator[tuple[Key, list[T]]]:
-    """Items by what they have in common, in the order in which that first comes."""
+    """Group items by a key, in the order of the first occurrence of each key."""
     groups: dict[Key, list[T]] = {}
     for item in items:
         groups.setdefault(key(item), []).append(item)
@@ -335,7 +334,7 @@ def _grouped(items: Iterable[T], key: Callable[[T], Key]) -> Iterator[tuple[Key,
 
 
 def _total(kind: Sequence[tuple[int, int]]) -> list[str]:
-    """A sum of products, of so many constants each with a sign, put behind ``%p0``."""
+    """Store a sum of products at ``%p0``; ``kind``: sign and number of constants of each product."""
     w, factors, first = IRWriter(), [], 0
     for sign, count in kind:
         factors.append(Factor(sign, tuple(range(first, first + count))))
@@ -345,7 +344,7 @@ def _total(kind: Sequence[tuple[int, int]]) -> list[str]:
 
 
 def _state_row(degree: int, order: int) -> list[str]:
-    """A state's ratios; coefficients beyond its degree are zero already."""
+    """Store the ratios of a state; coefficients above its degree are zero already."""
     w = IRWriter()
     row = _Series(w, "%p0", degree)
     _ratios(w, [row[k] for k in range(order + 1)], 1)
@@ -353,7 +352,7 @@ def _state_row(degree: int, order: int) -> list[str]:
 
 
 def _bound(op: str, state: bool, degree: int, highest: int) -> list[str]:
-    """The longest step that a function's argument allows, where it is below what ``%p0`` points to."""
+    """Replace the number at ``%p0`` by the longest step that a function's argument allows, if that is shorter."""
     w = IRWriter()
     argument = _Series(w, "%p1", degree)
     bound = longest_step(w, [(op, [argument[k] for k in range(highest + 1)])])
@@ -362,7 +361,7 @@ def _bound(op: str, state: bool, degree: int, highest: int) -> list[str]:
 
 
 def _loop_ir(name: str, bases: Sequence[str], lines: list[str]) -> str:
-    """A loop over the rows of a table: pointer i leads to entry i of the row, in doubles from a base."""
+    """Loop over the rows of a table: pointer i is entry i of the row, as an offset in doubles from base i."""
     pointers = []
     for i in sorted({int(found) for line in lines for found in _POINTER.findall(line)}):
         pointers += [
@@ -377,7 +376,7 @@ def _loop_ir(name: str, bases: Sequence[str], lines: list[str]) -> str:
 
 
 def _copy_ir(name: str) -> str:
-    """Numbers put one after the other, at ``%stride`` doubles from each other."""
+    """Copy consecutive numbers to places ``%stride`` doubles apart."""
     lines = [
         "%place = mul i64 %at, %stride",
         "%source = getelementptr double, ptr %from, i64 %at",
@@ -431,6 +430,6 @@ nothing:
   ret double 0.0
 }}
 """
-"""All numbers taken together in pairs of pairs (:meth:`henon_ref.jit.ir_writer.IRWriter.paired`)."""
+"""Reduction of all numbers in pairs of pairs (:meth:`henon_ref.jit.ir_writer.IRWriter.paired`)."""
 _LARGER = "%greater = fcmp ogt double %a, %b\n  %c = select i1 %greater, double %a, double %b"
 _SUM = "%c = fadd double %a, %b"

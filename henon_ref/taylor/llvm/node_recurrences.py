@@ -1,4 +1,4 @@
-"""What writes the coefficients of a node of a tape: made of the series, constants and convolutions that it reads."""
+"""Creation of the recurrences of a tape's nodes from the series, constants and convolutions that they read."""
 
 from __future__ import annotations
 
@@ -30,26 +30,26 @@ from henon_ref.taylor.tape import Node
 
 @dataclass(frozen=True, eq=False)
 class NodeRecurrences:
-    """Makes them."""
+    """Creates the recurrences of nodes."""
 
     w: IRWriter
     constants: Constants
     functions: Functions
     series: Mapping[int, Coefficients]
-    """Of each node."""
+    """Series of each node."""
     convolutions: Convolutions
     integrals: Mapping[int, tuple[Coefficients, Value]]
-    """Of nodes that are states which are integrals of others: that other one, and the factor."""
+    """States that are integrals of other states: the other state's series, and the factor."""
     order: int
 
     def linear(self, form: Form) -> LinearForm:
-        """Of a sum."""
+        """Recurrence of a sum."""
         return LinearForm(self.w, self.constants, self.functions, form, self.series, self.integrals)
 
     def of(self, at: int, node: Node, clock: Clock | None, below: Form | None) -> Recurrence:
-        """Of a node that is no sum.
+        """Recurrence of a node that is not a sum.
 
-        ``clock``: what it reads, if that is one; ``below``: the denominator of a reciprocal.
+        ``clock``: the argument, if it is a clock; ``below``: the denominator of a reciprocal.
         """
         w, functions, y = self.w, self.functions, self.series[at]
         numbers = [self.constants.value(index) for index in node.constants]

@@ -1,4 +1,4 @@
-"""Straight-line code cut into pieces, one an order, which keep in memory what a later one reads again."""
+"""Straight-line code cut into pieces, one per order, which store the values that later pieces read."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import NamedTuple
 from henon_ref.jit.ir_writer import ZERO, IRWriter, Value
 
 CHEAP = 3
-"""Operations up to which a value is computed again in place of being kept."""
+"""Largest number of operations for which a value is computed again instead of stored."""
 _DEFINED = re.compile(r"  (%v\d+) = (.*)")
 _NAME = re.compile(r"%v\d+")
 _FREE = re.compile(r"getelementptr|load")
@@ -18,14 +18,14 @@ _VECTOR = re.compile(r"<\d+ x double>")
 
 
 class Pieces(NamedTuple):
-    """Lines of each piece, and how many doubles of memory they have for themselves."""
+    """Lines of each piece, and the number of doubles of memory that the pieces use."""
 
     lines: list[list[str]]
     room: int
 
 
 class PiecewiseWriter(IRWriter):
-    """Emits instructions piece by piece."""
+    """Writer of instructions in pieces."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -36,16 +36,16 @@ class PiecewiseWriter(IRWriter):
         self._starts.append(len(self.lines))
 
     def pieces(self, results: Mapping[int, tuple[int, Value]], own: str, room: int) -> Pieces:
-        """What was written, as pieces that can be compiled apart.
+        """Return the written code as pieces that can be compiled separately.
 
         Parameters
         ----------
         results : mapping
-            Place in memory -> the piece that is to have put its value there, and the value.
+            Place in memory -> (index of the piece that stores the value there, the value).
         own : str
-            Pointer to the memory; all pieces have it.
+            Pointer to the memory, available in all pieces.
         room : int
-            First place of it that is free, for values that later pieces read.
+            First free place in the memory, for values that later pieces read.
         """
         return _Cut(self.lines, self._starts, own, room).made(results)
 
@@ -62,7 +62,7 @@ class _Cut:
                 if found := _DEFINED.match(line):
                     self.texts[found[1]], self.piece[found[1]] = found[2], number
         self.kept: dict[str, int] = {}
-        """Value -> where it is in memory."""
+        """Value -> its place in memory."""
         self._costs: dict[str, int] = {}
 
     def made(self, results: Mapping[int, tuple[int, Value]]) -> Pieces:
@@ -98,7 +98,7 @@ class _Cut:
         return list(found)
 
     def _keep_for(self, name: str) -> int:
-        """Operations that making a value again takes; more than a few: it is kept, and takes none."""
+        """Number of operations to compute a value again; 0 if it would exceed CHEAP and the value is stored."""
         if name in self.kept:
             return 0
         if name not in self._costs:
@@ -114,7 +114,7 @@ class _Cut:
         return self._costs[name]
 
     def stored(self, value: str, place: int) -> list[str]:
-        """Code that puts a value into memory."""
+        """Code that stores a value in memory."""
         at, kind = f"%to{place}", _type(self.texts.get(value, "double"))
         return [
             f"  {at} = getelementptr double, ptr {self.own}, i64 {place}",
@@ -123,7 +123,7 @@ class _Cut:
 
 
 class _Again:
-    """Values of earlier pieces, read or computed again."""
+    """Code that loads or recomputes values of earlier pieces."""
 
     def __init__(self, cut: _Cut) -> None:
         self.cut = cut
@@ -146,7 +146,7 @@ class _Again:
 
 
 def _type(text: str) -> str:
-    """Type of what an instruction gives: a double or a vector of doubles."""
+    """Result type of an instruction: double or a vector of doubles."""
     found = _VECTOR.search(text)
     if found is None or text.startswith("extractelement"):
         return "double"

@@ -1,8 +1,8 @@
-"""The recurrences of every operation that is no sum, writing code instead of computing: one class a kind of rule.
+"""Recurrences of all operations but sums, as writers of code: one class per kind of rule.
 
-The rules are those of :mod:`henon_ref.taylor.rules`; the recurrences those of Jorba and Zou, *Experimental
-Mathematics* 14 (2005), Sec. 2. In every sum of products the newest coefficients come last, so that from order to order
-only they are waited for.
+The rules are those of :mod:`henon_ref.taylor.rules`; the recurrences are those of Jorba and Zou, *Experimental
+Mathematics* 14 (2005), Sec. 2. In every sum of products the newest coefficients come last, so that only they delay the
+next order.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from henon_ref.taylor.llvm.sums import LinearForm
 
 
 class Recurrence(Protocol):
-    """Writes the coefficients of one node, in turn from k = 0; it keeps what later orders want again."""
+    """Writes the coefficients of one node in turn from k = 0, and keeps the values that later orders use."""
 
     def coefficient(self, k: int) -> Value:
         """Coefficient k, from those of lower order and from coefficients k of the nodes that it reads."""
@@ -48,7 +48,7 @@ class Product:
 
 
 class Square:
-    """y = a a: half the products."""
+    """y = a a, with half the products."""
 
     def __init__(self, w: IRWriter, a: Coefficients) -> None:
         self.w, self.a = w, a
@@ -61,7 +61,7 @@ class Square:
 
 
 class QuotientTail:
-    """Sum of (factor x_j) y_(k-j) over 1 <= j <= k: what a quotient's coefficient owes to its older ones."""
+    """Sum of (factor x_j) y_(k-j) over 1 <= j <= k: the part of a quotient's coefficient from its older ones."""
 
     def __init__(self, w: IRWriter, x: Coefficients, y: Coefficients, convolutions: Convolutions, pair: Pair) -> None:
         self.w, self.x, self.y = w, x, y
@@ -106,7 +106,7 @@ class Quotient:
 
 
 class Reciprocal:
-    """y = c / (slope x + rest): where the denominator is such a form of one node, its coefficients are not wanted."""
+    """y = c / (slope x + rest): if the denominator is a linear form of one node, its coefficients are not computed."""
 
     def __init__(self, w: IRWriter, functions: Functions, c: Value, below: LinearForm, tail: QuotientTail) -> None:
         self.w, self.functions, self.c, self.below, self.tail = w, functions, c, below, tail

@@ -1,7 +1,7 @@
-"""What rounding and underflow of an expression's own operations may make of its value, as machine code.
+"""Error bounds of the rounding and underflow in the evaluation of expressions, as machine code.
 
-Running error analysis (Higham, *Accuracy and Stability of Numerical Algorithms*, 2nd ed., Sec. 3.3): beside each value
-stands a bound of its error, to first order; every operation adds its own to what it makes of those of its arguments.
+Running error analysis (Higham, *Accuracy and Stability of Numerical Algorithms*, 2nd ed., Sec. 3.3): each value has a
+first-order bound of its error; every operation adds its own rounding error to the propagated errors of its arguments.
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ from henon_ref.taylor.llvm.sums import IntegralOfForm, LinearForm
 from henon_ref.taylor.tape import Node, Tape
 
 UNDERFLOW = 2.0**-1022
-"""What underflow may make of an operation: all of a number below the smallest that has all its digits."""
+"""Largest error of an operation by underflow: a number below the smallest normal double may be lost."""
 GIVEN = ("state", "clock")
-"""Operations whose rounding is not the expression's own."""
+"""Operations whose rounding is not counted in a sum, because it belongs to the given values."""
 
 
 def rounding_ir(tape: Tape, states: int, name: str) -> str:
-    """LLVM IR of a function of the kind that :func:`henon_ref.taylor.llvm.expansion.expansion_ir` writes.
+    """LLVM IR of a function of the signature of :func:`henon_ref.taylor.llvm.expansion.expansion_ir`.
 
-    ``unit`` is the relative rounding of an operation, 0 for what underflow alone may do; ``C`` receives a bound of the
-    error of each x', then of each output. Of terms of an output that are states, time or constants the rounding is not
-    counted: next to a zero of it the states' own is larger.
+    ``unit`` is the relative rounding error of an operation; 0 gives the errors by underflow alone. ``C`` receives an
+    error bound of each x', then of each output. In an output, the rounding of terms that are states, time or constants
+    is not counted, since near a zero of the output the errors of the states themselves are larger.
     """
     w = IRWriter()
     expansion = Expansion(w, tape, states, 0)
@@ -48,7 +48,7 @@ class _Errors:
         self.bounds = {at: ZERO for at, node in enumerate(expansion.tape.nodes) if node.op == "state"}
 
     def add(self, at: int) -> None:
-        """The bound of a node whose arguments have theirs."""
+        """Compute the bound of a node from those of its arguments."""
         w, node, recurrence = self.w, self.expansion.tape.nodes[at], self.expansion.recurrences[at]
         if isinstance(recurrence, LinearForm):
             self.bounds[at] = self.of_form(recurrence, given=False)
@@ -59,7 +59,7 @@ class _Errors:
         self.bounds[at] = w.call("fma", "%unit", self._size(at), own)
 
     def of_form(self, form: LinearForm | IntegralOfForm, *, given: bool) -> str:
-        """The bound of a sum; ``given``: the rounding of terms that are states, time or constants is not counted."""
+        """Bound of a sum; ``given``: the rounding of terms that are states, time or constants is not counted."""
         w, nodes = self.w, self.expansion.tape.nodes
         factors = {leaf: self.expansion.constants.total(form.form.terms[leaf]) or ZERO for leaf in form.leaves}
         if not form.form.constant and len(factors) == 1 and set(factors.values()) <= {ONE, MINUS}:
@@ -73,7 +73,7 @@ class _Errors:
         return total if constant is None else w.call("fma", "%unit", w.call("fabs", constant), total)
 
     def _carried(self, at: int, node: Node) -> str:
-        """What the errors of its arguments make of an operation."""
+        """Propagated errors of an operation's arguments."""
         w, functions, recurrence = self.w, self.expansion.functions, self.expansion.recurrences[at]
         rule, y = rules.RULES[node.op], self._size(at)
         if isinstance(recurrence, Reciprocal):
@@ -89,7 +89,7 @@ class _Errors:
                 inverse = w.call("fabs", functions.inverse(self.expansion.series[node.args[-1]][0]))
                 above = w.binary("fmul", a, literal(UNDERFLOW))
                 return w.call("fma", inverse, w.call("fma", y, second, first), above)
-            case rules.Root():  # as large as the root itself where its argument is zero but for its error
+            case rules.Root():  # as large as the root itself if its argument is zero within its error
                 below = w.plus(w.plus(y, w.call("sqrt", first)), literal(UNDERFLOW))
                 return w.binary("fdiv", first, below)
             case rules.Power():

@@ -1,4 +1,4 @@
-"""What the nodes of a long tape have in common: nodes of one shape differ in the places that they read, and no more."""
+"""Shapes of the nodes of a long tape: nodes of one shape differ only in the places that they read."""
 
 from __future__ import annotations
 
@@ -13,37 +13,37 @@ from henon_ref.taylor.rules import LINEAR, RULES, Linear, Product, Quotient
 from henon_ref.taylor.tape import INFINITE, Tape
 
 Factors = tuple[Factor, ...]
-"""A sum of products of constants; none where it is empty."""
+"""A sum of products of constants; an empty sum is 0."""
 
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """What the code of one node, rate or output depends on. Series and constants go by their places in `Operands`."""
+    """Everything that the code of one node, rate or output depends on, with operands as indices into `Operands`."""
 
     op: str
     """Operation of the tape; ``sum``, ``rate`` and ``output`` for linear forms; ``sin of time``, ``cos of time``."""
     series: tuple[tuple[bool, int], ...]
-    """Of each series: whether it is a state, and its degree, where that is below the order (else the order)."""
+    """For each series: whether it is a state, and its degree, at most the order."""
     constants: int
-    """How many are read."""
+    """Number of constants that are read."""
     args: tuple[int, ...] = ()
     terms: tuple[tuple[int, Factors], ...] = ()
-    """Of the form: what its leaves are multiplied by."""
+    """Leaves of the form with their factors."""
     constant: Factors = ()
-    """Its constant part."""
+    """Constant part of the form."""
     integrals: tuple[tuple[int, int, Factors], ...] = ()
-    """Leaves that are integrals of other states: these, and the rates."""
+    """Leaves that are integrals of other states: (leaf, other state, rate)."""
     in_vectors: bool = False
-    """Whether its convolution goes in the lanes of vectors."""
+    """Whether the convolution uses the lanes of vectors."""
 
     @property
     def degree(self) -> int:
-        """Of the form."""
+        """Degree of the form in time."""
         return max([self.series[label][1] for label, _ in self.terms], default=0)
 
 
 class Operands(NamedTuple):
-    """What one node reads: a state i is -1 - i, any other series its node; constants as sums of products."""
+    """Operands of one node: series (state i as -1 - i, else the node's index) and constants as sums of products."""
 
     series: tuple[int, ...]
     constants: tuple[Factors, ...]
@@ -51,7 +51,7 @@ class Operands(NamedTuple):
 
 @dataclass
 class _Reading:
-    """Gives the operands of a node their places."""
+    """Assigns indices to the operands of a node."""
 
     degrees: Mapping[int, int]
     order: int
@@ -64,7 +64,7 @@ class _Reading:
         return self.series.index(at)
 
     def factors(self, found: Sequence[Factor]) -> Factors:
-        """A sum of products as one constant; 1, -1 and nothing stay what they are."""
+        """Register a sum of products as one constant; 0, 1 and -1 are kept as they are."""
         if not found or (len(found) == 1 and not found[0].constants):
             return tuple(found)
         self.constants.append(tuple(found))
@@ -80,18 +80,18 @@ class _Reading:
 
 
 class Shapes:
-    """Of a tape at an order: what is computed at each order of the series, in which order.
+    """Shapes of all computed nodes of a tape at an order, and the order of their computation.
 
     Attributes
     ----------
     nodes : dict
-        Node -> its shape and operands; only nodes that have series of their own.
+        Node -> its shape and operands, for nodes with a series of their own.
     rates, outputs : list
-        The same for the states' rates and for the outputs.
+        Shape and operands of each state's rate and of each output.
     levels : dict
-        Of each node: how many others, one reading the other, come before it at the same order.
+        Node -> length of the longest chain of nodes that must be computed before it at the same order.
     last : set of int
-        Nodes whose coefficient of the highest order is wanted.
+        Nodes whose coefficient of the highest order is required.
     """
 
     def __init__(self, tape: Tape, order: int) -> None:
@@ -121,11 +121,11 @@ class Shapes:
             self.levels[at] = 1 + max([self.levels[a] for a in now if a >= 0 and a != at], default=-1)
 
     def degree(self, name: int) -> int:
-        """Of a series, up to the order."""
+        """Degree of a series in time, at most the order."""
         return min(self._degrees.get(name, INFINITE), self.order)
 
     def argument(self, at: int) -> tuple[int, bool]:
-        """The series that a function reads, and whether its coefficient of the highest order is there."""
+        """The series that a function reads, and whether its coefficient of the highest order is computed."""
         name = self._name(self.tape.nodes[at].args[0])
         return name, name < 0 or name in self.last
 
@@ -135,7 +135,7 @@ class Shapes:
 
     @staticmethod
     def _reads_now(op: str) -> bool:
-        """Whether a coefficient is made of those of the same order of all nodes that are read, not of the first."""
+        """Whether coefficient k requires coefficient k of all arguments, not only of the first."""
         return isinstance(RULES.get(op), Linear | Product | Quotient)
 
     def _node(self, at: int) -> tuple[Shape, Operands]:

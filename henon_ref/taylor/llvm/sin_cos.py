@@ -1,8 +1,8 @@
-"""Sines and cosines of a phase known to double-double, as straight-line code.
+"""Sine and cosine of a double-double phase, as straight-line code.
 
-One reduction serves both; a call of the C library for each costs as much as a third of an expansion. The
-polynomials are Taylor's (on a quarter turn about zero order 17 is below half a unit of the last place), in
-the arrangement of Sun's fdlibm (``k_sin.c``, ``k_cos.c``), which carries the tail of the reduced phase.
+One argument reduction serves both functions; a call of the C library for each costs a third of an expansion. The
+polynomials are Taylor's (order 17 has an error below half a unit in the last place on a quarter turn around zero), in
+the arrangement of Sun's fdlibm (``k_sin.c``, ``k_cos.c``), which includes the tail of the reduced phase.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from fractions import Fraction
 from henon_ref.jit.ir_writer import ONE, IRWriter, literal
 
 LARGEST_PHASE = 1e15
-"""Phases beyond this go to the C library: a double tells them apart no better than by eighths."""
+"""Phases above this are passed to the C library: doubles of this size are an eighth apart."""
 
 _HALF_PI = (1.5707963267948966, 6.123233995736766e-17, -1.4973849048591698e-33)
 """pi/2 as an unevaluated sum of three doubles."""
@@ -50,7 +50,7 @@ def _reduced(w: IRWriter, high: str, low: str) -> tuple[str, str]:
     tail = w.call("fma", minus, literal(_HALF_PI[2]), tail)
     r = w.binary("fadd", total, tail)
     rest = w.binary("fadd", w.binary("fsub", total, r), tail)
-    early = w.binary("fadd", w.call("fma", minus, literal(_HALF_PI[1]), first), low)  # r but for its last bits
+    early = w.binary("fadd", w.call("fma", minus, literal(_HALF_PI[1]), first), low)  # r except for its last bits
     z = w.binary("fmul", early, early)
     square = w.binary("fmul", z, z)
     powers = z, square, w.binary("fmul", square, square)
@@ -64,14 +64,14 @@ def _reduced(w: IRWriter, high: str, low: str) -> tuple[str, str]:
 
 
 def _signed(w: IRWriter, value: str, quadrant: str) -> str:
-    """The value, negated in the upper half of every four quadrants."""
+    """Negate the value in the quadrants 2 and 3."""
     sign = w.emit(f"shl i64 {w.emit(f'and i64 {quadrant}, 2')}, 62")
     bits = w.emit(f"bitcast double {value} to i64")
     return w.emit(f"bitcast i64 {w.emit(f'xor i64 {bits}, {sign}')} to double")
 
 
 def _polynomial(w: IRWriter, powers: tuple[str, str, str], coefficients: list[float]) -> str:
-    """Seven terms by Estrin's scheme; ``powers``: z, z^2 and z^4."""
+    """Polynomial of seven terms by Estrin's scheme; ``powers``: z, z^2 and z^4."""
     z, square, fourth = powers
     c = [literal(value) for value in coefficients]
     pairs = [w.call("fma", c[i + 1], z, c[i]) for i in (0, 2, 4)]

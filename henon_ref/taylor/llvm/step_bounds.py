@@ -1,4 +1,4 @@
-"""Bounds that the step size is chosen by, as machine code: last terms of the series, change of exponents."""
+"""Bounds for the choice of the step size, as machine code: last terms of the series, change of exponents."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from collections.abc import Sequence
 from henon_ref.jit.ir_writer import ONE, ZERO, IRWriter, Value, literal
 
 ARGUMENT_CHANGE = 8.0
-"""How far the argument of an exponential may move on one step."""
+"""Largest change of the argument of an exponential on one step."""
 STEP_LIMIT = 2.0
-"""How many units a step may be where an argument has terms of order 3 and higher."""
+"""Longest step in units if an argument has terms of order 3 or higher."""
 GROWING = ("exp", "sinh", "tanh")
 """Functions whose argument bounds the step."""
 SATURATED = {"exp": 750.0, "tanh": 20.0}
-"""Argument (of exp: minus the argument) from which on the value is 0 (of tanh: 1 or -1) to the last digit."""
+"""Argument (exp: minus the argument) beyond which the value is 0 (tanh: 1 or -1) to the last digit."""
 
 
 def last_terms(w: IRWriter, rows: Sequence[Sequence[Value]], sizes: Sequence[str], order: int) -> list[str]:
-    """(largest last, largest last but one, sum of all), relative; ``sizes``: inverse size of each row."""
+    """(largest last, largest last but one, sum of all) relative coefficients; ``sizes``: inverse size of each row."""
     ratios: tuple[list[str], list[str]] = ([], [])
     for row, inverse in zip(rows, sizes, strict=True):
         for found, value in zip(ratios, (row[order], row[order - 1]), strict=True):
@@ -37,19 +37,19 @@ def inverse_size(w: IRWriter, row: Sequence[Value]) -> str:
 
 
 def longest_step(w: IRWriter, exponentials: Sequence[tuple[str, Sequence[Value]]]) -> str:
-    """Longest step, in units of time, on which no exponential's argument moves by more than ARGUMENT_CHANGE.
+    """Longest step, in units, on which no exponential's argument changes by more than ARGUMENT_CHANGE.
 
-    An exponential that is zero in double precision (a pulse long before it begins) has Taylor coefficients that are
-    zero, too, and so no error estimate sees it grow: its argument does. As long as it is zero the argument may move
-    half the way to where it is not.
+    An exponential that underflows to zero (a pulse long before its beginning) has Taylor coefficients that are zero
+    too, so that no error estimate detects its growth; only its argument shows it. While the exponential is zero, its
+    argument may move half the way to the end of the underflow.
 
-    On a step theta <= STEP_LIMIT the argument a moves by no more than abs(a_1) theta + bend theta^2, where bend is
-    the sum of abs(a_j) STEP_LIMIT^(j - 2): exact where a is quadratic, and then without that limit.
+    On a step theta <= STEP_LIMIT the argument a changes by at most abs(a_1) theta + bend theta^2, where bend is the sum
+    of abs(a_j) STEP_LIMIT^(j - 2). If a is quadratic, this holds for any theta, and STEP_LIMIT is not applied.
 
     Parameters
     ----------
     exponentials : sequence
-        Of each of the functions that are :data:`GROWING` the name, and the coefficients of the argument.
+        Name and argument's coefficients of each function in :data:`GROWING`.
     """
     result = literal(1e30)
     for name, argument in exponentials:
@@ -75,7 +75,7 @@ def longest_step(w: IRWriter, exponentials: Sequence[tuple[str, Sequence[Value]]
         below = w.binary("fadd", w.binary("fadd", slope, w.call("sqrt", inside)), literal(1e-300))
         root = w.binary("fdiv", w.binary("fmul", literal(2.0), change), below)
         result = w.smaller(root, result)
-        if bend != quadratic:  # there are terms of order 3 and higher; none of them counts where they add nothing
+        if bend != quadratic:  # terms of order 3 and higher exist; the limit applies only if they change the bend
             free = w.emit(f"fcmp oeq double {bend}, {quadratic}")
             limit = w.emit(f"select i1 {free}, double {literal(1e30)}, double {literal(STEP_LIMIT)}")
             result = w.smaller(limit, result)

@@ -1,4 +1,4 @@
-"""End of a step, as machine code: the series summed for the states, and bounds from below for the guards."""
+"""End of a step, as machine code: the series summed for the states, and lower bounds of the guards."""
 
 from __future__ import annotations
 
@@ -11,11 +11,10 @@ _VECTOR = f"<{LANES} x double>"
 
 
 def step_end_ir(states: int, outputs: int, order: int, name: str) -> str:
-    """LLVM IR of ``void name(double theta, double* C, double* out)``: what a step needs of its coefficients.
+    """LLVM IR of ``void name(double theta, double* C, double* out)``: evaluation of the series at the end of a step.
 
-    ``out`` receives, for each state, its change over the step (all terms but the first, so that adding it
-    rounds once), then for each output a bound from below on (0, theta]: its first coefficient plus its
-    negative terms.
+    For each state, ``out`` receives its change over the step (all terms but the first, so that adding it rounds once);
+    then for each output a lower bound on (0, theta]: its first coefficient plus its negative terms.
     """
     w = IRWriter()
     powers, strides = _powers(w)
@@ -25,7 +24,7 @@ def step_end_ir(states: int, outputs: int, order: int, name: str) -> str:
 
 
 def looped_step_end_ir(states: int, outputs: int, order: int, name: str) -> str:
-    """The same as :func:`step_end_ir`, as loops over the rows."""
+    """LLVM IR as :func:`step_end_ir`, with loops over the rows."""
     text, lines = "", []
     for which, first, count in (("states", 0, states), ("outputs", states, outputs)):
         w = IRWriter()
@@ -60,7 +59,7 @@ def _powers(w: IRWriter) -> tuple[str, list[str]]:
 
 
 def _row(w: IRWriter, row: Row, out: Row, order: int, bound: bool, powers: str, strides: list[str]) -> None:
-    """What is put of one row: a state's change, or the ``bound`` of an output."""
+    """Store the result of one row: a state's change, or an output's lower ``bound``."""
     zero, terms = w.vector([ZERO] * LANES), []
     for v in range(row_length(order) // LANES):
         term = w.load(row[0], row[1] + v * LANES, _VECTOR)
@@ -76,7 +75,7 @@ def _row(w: IRWriter, row: Row, out: Row, order: int, bound: bool, powers: str, 
 
 
 def _estrin(w: IRWriter, terms: list[str], strides: list[str]) -> str:
-    """sum of terms_v stride^v, in pairs; ``strides``: its powers 1, 2, 4 ... as far as they are made."""
+    """sum of terms_v stride^v by Estrin's scheme; ``strides``: the powers 1, 2, 4 ... computed so far."""
     level = 0
     while len(terms) > 1:
         if level == len(strides):

@@ -1,4 +1,4 @@
-"""Recurrences of linear forms: a sum of nodes, and a state whose rate is one."""
+"""Recurrences of linear forms: a sum of nodes, and a state whose rate is a linear form."""
 
 from __future__ import annotations
 
@@ -11,18 +11,19 @@ from henon_ref.taylor.llvm.linear_forms import Form
 
 
 class StateIntegral(NamedTuple):
-    """What a state is whose rate is a multiple of another one: coefficient k is rate / k times the other's k - 1."""
+    """A state whose rate is a multiple of another state: coefficient k is rate / k times the source's k - 1."""
 
     source: int
     """Index of the other state."""
     rate: Value
-    """The factor, times the unit of time."""
+    """The factor, times the time unit."""
 
 
 class LinearForm:
-    """y = sum of factor times node, and a constant.
+    """y = sum of factor times node, plus a constant.
 
-    A state that is an integral of another one is not waited for: its newest coefficient is read from that one's.
+    The newest coefficient of a state that is an integral of another one is computed from the other state's, so that the
+    sum does not wait for it.
     """
 
     def __init__(
@@ -39,7 +40,7 @@ class LinearForm:
         self.nodes, self.integrals = nodes, integrals
 
     def factor(self, leaf: int) -> Value:
-        """What a node is multiplied by."""
+        """Factor of a node."""
         return self.constants.total(self.form.terms[leaf])
 
     def coefficient(self, k: int) -> Value:
@@ -59,7 +60,7 @@ class LinearForm:
 
 
 class IntegralOfForm:
-    """A state x with x' = linear form, from its value at the start."""
+    """A state x with x' = linear form, from its initial value."""
 
     def __init__(
         self, w: IRWriter, constants: Constants, form: Form, nodes: Mapping[int, Coefficients], start: Value
@@ -67,7 +68,7 @@ class IntegralOfForm:
         self.w, self.constants, self.form, self.start = w, constants, form, start
         self.leaves, self.nodes = form.leaves(), nodes
         self.rates = {leaf: w.mul(constants.total(factors), "%unit") for leaf, factors in form.terms.items()}
-        """Factors of the nodes, times the unit of time."""
+        """Factors of the nodes, times the time unit."""
 
     def coefficient(self, k: int) -> Value:
         if k == 0:
@@ -79,5 +80,5 @@ class IntegralOfForm:
         total = w.scaled(part, total)
         if not self.leaves:
             return total
-        last = self.leaves[-1]  # the node that is waited for
+        last = self.leaves[-1]  # added last, because its coefficient is computed last
         return w.fused(w.scaled(part, self.rates[last]), self.nodes[last][before], total)
