@@ -33,8 +33,8 @@ def expansion_ir(tape: Tape, states: int, order: int, name: str, width: int | No
     ``t_hi + t_lo`` is the initial time [s], ``unit`` the time unit of the coefficients [s], ``x`` the state. ``K``
     holds the constants rounded to double, followed by their rounding errors. ``C`` receives the Taylor coefficients in
     the time unit: one row per state, then one per output. If ``order`` >= 3, the rows are followed by the largest last
-    and the largest last but one coefficient relative to the row's size on a step of one unit, a sum that is not finite if
-    any coefficient is not, and the longest step that the exponentials allow.
+    and the largest last but one coefficient relative to the row's size on a step of one unit, a sum that is not finite
+    if any coefficient is not, and the longest step that the exponentials allow.
 
     Parameters
     ----------
