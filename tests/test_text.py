@@ -139,7 +139,7 @@ def test_what_is_wrong_with_a_file_is_told_with_its_place(tmp_path, line, words,
 
 def test_a_column_that_is_there_twice_is_refused(tmp_path):
     (tmp_path / "a.csv").write_text("case,reading,solver,solver\na,b,c,d\n")
-    with pytest.raises(TableError, match="a column is there twice"):
+    with pytest.raises(TableError, match="a column name occurs twice"):
         read_rows(RunRow, tmp_path / "a.csv")
 
 

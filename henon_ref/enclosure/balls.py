@@ -68,7 +68,7 @@ def _function(e: sp.Expr, walk: Walk[arb]) -> arb:
 
 
 def _without_enclosure(e: sp.Expr) -> ModelError:
-    return ModelError(f"{e} has no enclosure: it is no exact number, state, time or elementary function")
+    return ModelError(f"{e} has no enclosure: it is not an exact number, a state, the time or an elementary function")
 
 
 def _power(e: sp.Expr, walk: Walk[arb]) -> arb:

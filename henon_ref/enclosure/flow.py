@@ -221,7 +221,7 @@ class ValidatedFlow:
         if resets:
             return self._reset(guard, before, rate)
         if self._accumulating is not None:
-            raise UndecidedError("another event happens where impacts accumulate", "mode")
+            raise UndecidedError("another event occurs near the limit of accumulating impacts", "mode")
         box = tuple(self.points.hull())
         entry, _ = entry_after(self.model, box, before, guard)
         self.enter(entry)
@@ -231,7 +231,7 @@ class ValidatedFlow:
         """Apply the state jumps at a guard that fell."""
         index, arrived = guard.index, self.points.hull()
         if self._accumulating not in (None, index):
-            raise UndecidedError("another surface resets the state where impacts accumulate", "mode")
+            raise UndecidedError("another surface resets the state near the limit of accumulating impacts", "mode")
         maps = ProvenMaps(self.model, before, index)
         applied = []
         while maps.due:
@@ -253,7 +253,7 @@ class ValidatedFlow:
             self.points = PointSet.box(rest.box)
             entry = entry_at_rest(self.model, rest.box, rest.mode)
         if self._accumulating is not None and len(applied) > 1:
-            raise UndecidedError("another surface resets the state where impacts accumulate", "mode")
+            raise UndecidedError("another surface resets the state near the limit of accumulating impacts", "mode")
         self.enter(entry)
         return Hit(guard, before, after, box, rate, tuple(applied), rest, recorded)
 
@@ -273,7 +273,7 @@ class ValidatedFlow:
             return None
         if impact.refusal:
             name = self.model.system.sign_names[index]
-            raise UndecidedError(f"impacts on {name} come to a limit that is not followed: {impact.refusal}", "mode")
+            raise UndecidedError(f"the limit of impacts on {name} is not enclosed: {impact.refusal}", "mode")
         if any(j != index and old != new for j, (old, new) in enumerate(zip(before, after, strict=True))):
             raise UndecidedError("a surface changes its side with the impacts that accumulate", "mode")
         self._accumulating = index

@@ -68,7 +68,7 @@ class ProvenMaps:
         first, *others = sorted(i for i in self.due if resets[i].priority == lowest)
         if tied := [i for i in others if groups[i] == groups[first]]:
             which = listed([names[i] for i in (first, *tied)])
-            raise UndecidedError(f"several resets are due at once, whose order may matter: {which}", "mode")
+            raise UndecidedError(f"several resets are due at one instant, and their order may matter: {which}", "mode")
         self.due.remove(first)
         self.applied.append(first)
         self._thrown = speed_after(self.model, first, box) if self.sides[first] == 0 else None

@@ -104,7 +104,7 @@ def find_periodic_orbit(system: FilippovSystem, guess: Guess, *, radius: float =
     except (UndecidedError, EndedError) as stop:
         raise OrbitError(f"the return map near the guess is not smooth or not provable: {stop.reason}") from stop
     if not worst <= radius:
-        raise OrbitError(f"the orbit is proven, but only to a radius of {worst:.3g}; ask for a smaller one")
+        raise OrbitError(f"the orbit is proven only to a radius of {worst:.3g}; request a smaller radius")
     return PeriodicOrbit(**{**found.__dict__, "seconds": clock.monotonic() - begun})
 
 

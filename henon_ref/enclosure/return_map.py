@@ -193,7 +193,7 @@ class ReturnMap:
         if (last.guard.index, tangent, reset) != (guess.surface, guess.tangent, guess.reset):
             name = system.sign_names[last.guard.index]
             raise OrbitError(
-                f"the return map ends with a {last.guard.kind} event of {name}, not with the one it starts at"
+                f"the return map ends with a {last.guard.kind} event of {name}, not with the event it starts at"
             )
 
 

@@ -320,7 +320,7 @@ def _readers(kind: type[Row], present: Sequence[str]) -> dict[str, Reader]:
         if column not in present:
             raise TableError(f"there is no column '{column}'; needed are {', '.join(needed)}")
     if len(set(present)) < len(present):
-        raise TableError("a column is there twice")
+        raise TableError("a column name occurs twice")
     known = {column: _READERS[types[column]] for column in kind.columns() if column in present}
     states = [name for name in present if name not in known] if kind is TransitionRow else []
     return known | dict.fromkeys(states, _READERS[float | None])
@@ -359,5 +359,5 @@ def _read(reader: Reader, text: str, line: int, written: str) -> Any:
     try:
         return reader(text)
     except (OverflowError, ValueError):
-        words = f"{shortened(text)} is no number; a number, or nothing, stands here"
+        words = f"{shortened(text)} is no number: the field takes a number or nothing"
         raise TableError(words, line, written.find(text) + 1) from None

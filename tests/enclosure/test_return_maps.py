@@ -114,5 +114,5 @@ def test_a_fixed_point_must_prove_a_period() -> None:
 
 def test_an_event_orbit_ends_with_the_event_it_starts_at() -> None:
     guess = Guess(sp.Integer(0), (-0.541006353870, 0.2), (0,), events=2, surface=0, tangent=True)
-    with pytest.raises(OrbitError, match="not with the one it starts at"):
+    with pytest.raises(OrbitError, match="not with the event it starts at"):
         find_periodic_orbit(systems.stribeck_belt().system, guess, radius=1e-15)

@@ -40,9 +40,9 @@ class KnownFailure(Row):
 
     def __post_init__(self) -> None:
         if not (self.case or self.reading or self.solver):
-            raise ValueError("such a line would be any failure; name a case, a reading or a solver")
+            raise ValueError("the line would match every row: name a case, a reading or a solver")
         if self.status == "ok":
-            raise ValueError("'ok' is no failure; leave it empty, or give the status with which it fails")
+            raise ValueError("'ok' is no failure: leave the status empty, or give that of the failing rows")
         if self.status:
             check_status(self.status)
 

@@ -214,11 +214,11 @@ def test_a_known_failure_is_a_line(tmp_path):
     [
         ("case,slover\nx,y\n", "1:1: 'slover' is no column here; there are case, reading, solver, rtol, step_s, "),
         ("case,solver\nfig8,ida\nfig8\n", "3:1: 1 fields; there are 2 columns"),
-        ("case,rtol\nfig8,tight\n", "2:6: 'tight' is no number; a number, or nothing, stands here"),
+        ("case,rtol\nfig8,tight\n", "2:6: 'tight' is no number: the field takes a number or nothing"),
         ("case,step_s\nfig8,nan\n", "2:6: 'nan' is no number"),
         ("case,status\nfig8,wrog\n", "2:1: 'wrog' is no status; there are ok, wrong, diverged, nonunique, invalid, "),
         ("case,status\nfig8,ok\n", "2:1: 'ok' is no failure"),
-        ("case,rtol\n,1e-6\n", "2:1: such a line would be any failure; name a case, a reading or a solver"),
+        ("case,rtol\n,1e-6\n", "2:1: the line would match every row: name a case, a reading or a solver"),
         ('case,solver\n"fig8,ida\n', "2:1: unexpected end of data"),
     ],
 )
