@@ -134,7 +134,6 @@ class Stick:
     """One complete stick on one surface."""
 
     surface: int
-    """Index of the surface."""
     begin: int | None
     """Index of the transition that starts the stick; None if the run starts in it."""
     end: int

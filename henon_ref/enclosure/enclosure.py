@@ -78,11 +78,9 @@ class Curve:
         return cls(polynomial, polynomial.derivative(), tuple(tails))
 
     def at(self, s: arb) -> arb:
-        """Enclosure of the value over a ball."""
         return sum((t.size(s) * UNIT_BALL for t in self.tails), self.polynomial(s - self.origin))
 
     def slope(self, s: arb) -> arb:
-        """Enclosure of the derivative over a ball."""
         return sum((t.slope(s) * UNIT_BALL for t in self.tails), self.derivative(s - self.origin))
 
     def recentred(self, origin: float) -> Curve:

@@ -150,7 +150,10 @@ def _sign(ball: arb) -> int:
 
 
 def refine(root: Root) -> arb:
-    """Enclose the unique root in a bracket, for every solution of the set, by interval Newton."""
+    """Enclose the unique root, for every solution of the set, by interval Newton (Moore, 1966).
+
+    With m the midpoint of the enclosure X, every root in X is in ``m - g(m) / g'(X)`` too.
+    """
     curve = root.curve
     ball = interval(root.low, root.high)
     width = inf

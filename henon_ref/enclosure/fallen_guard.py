@@ -49,7 +49,6 @@ def first_fall(
 
 
 def guard_text(guard: Guard, names: Sequence[str]) -> str:
-    """Name of a guard in messages."""
     if guard.kind == "valid":
         return f"valid expression {guard.index}"
     if guard.kind == "attracts":

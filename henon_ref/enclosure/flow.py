@@ -89,7 +89,6 @@ class ValidatedFlow:
         self.enter(entry)
 
     def enter(self, entry: Entry) -> None:
-        """Continue in the mode of an entry."""
         self.mode = entry.mode
         self.zeros = entry.zeros
         self.armed = [not g.rising_only for g in self.model.mode(entry.mode).guards]
@@ -228,7 +227,6 @@ class ValidatedFlow:
         return Hit(guard, before, entry.mode, box, rate)
 
     def _reset(self, guard: Guard, before: Mode, rate: arb) -> Hit:
-        """Apply the state jumps at a guard that fell."""
         index, arrived = guard.index, self.points.hull()
         if self._accumulating not in (None, index):
             raise UndecidedError("another surface resets the state near the limit of accumulating impacts", "mode")

@@ -106,7 +106,6 @@ class _Limit:
         self.bend = made.lie_derivative(made.lie_derivative(own.expression))
 
     def rest(self) -> Rest:
-        """Return the rest at the limit."""
         begin = self.begin
         box, time, change = self._kept()
         for guard in self.guards:

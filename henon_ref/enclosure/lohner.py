@@ -36,7 +36,6 @@ class PointSet:
 
     @classmethod
     def box(cls, enclosures: Sequence[arb]) -> PointSet:
-        """Return the set of a box."""
         size = len(enclosures)
         axes = arb_mat(size, size, [int(i == j) for i in range(size) for j in range(size)])
         return cls(tuple(b.mid() for b in enclosures), axes, tuple(b.rad() for b in enclosures), (0.0,) * size)

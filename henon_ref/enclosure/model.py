@@ -107,7 +107,6 @@ class ModeModel:
         return [arb(1), *(enclose(f, values) for f in self.field)]
 
     def lie_derivative(self, expression: sp.Expr) -> sp.Expr:
-        """Time derivative of an expression along the field."""
         return sp.diff(expression, TIME) + sp.Add(
             *(sp.diff(expression, x) * f for x, f in zip(self.states, self.field, strict=True))
         )

@@ -50,7 +50,6 @@ class Guess:
     """Exact start time [s]; arbitrary for an autonomous system, such as 0."""
     state: tuple[float, ...]
     mode: Mode
-    """Mode just after the start."""
     period: sp.Expr | None = None
     events: int | None = None
     surface: int | None = None
@@ -160,7 +159,6 @@ class ReturnMap:
         return Entry(self.guess.mode, tuple(zeros))
 
     def _state(self, free: Sequence[arb]) -> list[arb]:
-        """Return the full state from its free coordinates."""
         state = [arb(0)] * len(self.guess.state)
         for i, value in zip(self.free, free, strict=True):
             state[i] = value

@@ -53,7 +53,6 @@ class EnclosedTransition:
     time: arb
     """Encloses the time [s]."""
     state: tuple[arb, ...]
-    """Encloses the state."""
     rate: arb
     """Encloses the slope of the guard that fell [guard's unit/s], a measure of transversality."""
 
@@ -184,7 +183,6 @@ class _Attempt:
         self.flow: ValidatedFlow | None = None
 
     def run(self) -> CertifiedRun:
-        """Propagate the set as far as it can be proven."""
         try:
             entry, _ = initial_entry(self.model, self.problem)
             unit = 2.0 ** max(

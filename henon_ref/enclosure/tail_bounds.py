@@ -117,7 +117,10 @@ class Tails:
         return float(np.dot(self.terms[index], 0.125 ** np.arange(self.order + 1)))
 
     def validate(self) -> tuple[list[float], list[float]] | None:
-        """Proven tails (of the states, of the outputs), or None if no self-map was found."""
+        """Proven tails (of the states, of the outputs), or None if no self-map was found.
+
+        The Picard map sends a state's tail to at most ``unit R (|f_N| R^N / (N + 1) + eps_f / (N + 2))``.
+        """
         program = self.program
         states = [0.0] * len(program.field)
         patience, reached = ROUNDS, 0

@@ -116,12 +116,10 @@ class RunRow(Row):
 
     @property
     def key(self) -> Key:
-        """Key that identifies the run."""
         return self.case, self.reading, self.solver, self.rtol, self.step_s
 
     @property
     def problem(self) -> tuple[str, str]:
-        """Case and reading."""
         return self.case, self.reading
 
     @property
@@ -142,7 +140,6 @@ class RunRow(Row):
 
     @property
     def status_text(self) -> str:
-        """Status with its reason, if any."""
         return f"{self.status} ({self.status_reason})" if self.status_reason else self.status
 
     @property

@@ -24,7 +24,6 @@ class Part(NamedTuple):
     kind: str
     """Key of :func:`_writers`."""
     arguments: tuple[Any, ...]
-    """Arguments of the generator."""
 
     @property
     def key(self) -> str:
@@ -58,7 +57,6 @@ class _Recipe:
         return hash(self.key)
 
     def written(self) -> str:
-        """Generate the LLVM IR."""
         from henon_ref.jit.ir_writer import declarations
 
         writers = _writers()
@@ -72,7 +70,6 @@ def _machine_code(recipe: _Recipe, optimised: bool, simplified: bool | None) -> 
 
 
 def _writers() -> dict[str, Any]:
-    """Generator of each kind of part."""
     from henon_ref.taylor.llvm.expansion import expansion_ir, values_ir
     from henon_ref.taylor.llvm.looped import looped_expansion_ir
     from henon_ref.taylor.llvm.rounding import rounding_ir

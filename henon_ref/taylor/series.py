@@ -34,7 +34,6 @@ class Ring:
 
 
 FLOAT = Ring({name: getattr(math, name) for name in (*FUNCTIONS, "sqrt")}, math.pow)
-"""IEEE double."""
 
 
 def expand(

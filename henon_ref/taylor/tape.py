@@ -56,7 +56,6 @@ class Tape:
     field: tuple[int, ...]
     """Node of each x_i'."""
     outputs: tuple[int, ...]
-    """Nodes of the further functions."""
 
     @property
     def counts(self) -> dict[str, int]:

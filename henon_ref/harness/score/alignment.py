@@ -28,7 +28,6 @@ class Keyed(NamedTuple):
     """(n,) [s]."""
 
     def since(self, first: int) -> Keyed:
-        """Return the transitions from index ``first`` on."""
         return Keyed(self.keys[first:], self.times[first:])
 
 
@@ -107,7 +106,6 @@ def _fill(
 
 
 def _trace(choice: list[NDArray[np.int8]], low: NDArray[np.intp], high: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Trace the choices back from the last cell to the pairs."""
     pairs: list[tuple[int, int]] = []
     i, j = len(choice) - 1, int(high[-1])
     while i >= 0:

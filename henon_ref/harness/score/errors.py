@@ -137,7 +137,6 @@ def _end_slack(expected: Expected, tolerance: float | None) -> float:
 
 
 def _state_error(trajectory: Trajectory, expected: Expected, matching: Matching) -> float | None:
-    """Largest absolute error of a state at a matched transition."""
     worst: float | None = None
     for i, j in matching.pairs:
         exact = [float(value) for value in expected.transitions[i].state]

@@ -30,11 +30,9 @@ class KnownFailure(Row):
     reading: str | None = None
     solver: str | None = None
     rtol: float | None = None
-    """Relative tolerance."""
     step_s: float | None = None
     """Step [s]."""
     status: str | None = None
-    """Status of the failure."""
     reason: str | None = None
     """Why the failure is expected."""
 

@@ -97,7 +97,6 @@ def undecided_verdict(event: ReferenceTransition) -> Verdict:
 
 
 def missed_verdict(expected: Expected, index: int, allowed: float) -> Verdict:
-    """Verdict on a missed transition."""
     event = expected.transitions[index]
     what = f"{event.kind} at t = {event.time:.9g} s"
     if event.conditioning == float("inf"):
@@ -111,7 +110,6 @@ def missed_verdict(expected: Expected, index: int, allowed: float) -> Verdict:
 
 
 def spurious_verdict(expected: Expected, event: Transition, allowed: float) -> Verdict:
-    """Verdict on a spurious transition."""
     what = f"{event.kind} at t = {event.time:.9g} s"
     close = expected.nearest(event.surface, event.time)
     if close is not None:

@@ -222,7 +222,6 @@ def compute(
 
 
 def _check_end(reading: Reading, truth: Truth) -> None:
-    """Check that the run ends as the case expects."""
     expect = reading.expect
     if expect is None:
         return
@@ -241,7 +240,6 @@ def _stage(progress: Progress | None, name: str) -> Callable[[float], None] | No
 
 
 def _combined(case: str, reading: Reading, computed: Route, proof: Route, where: str) -> Truth:
-    """Combine the results of two routes into one truth."""
     if computed.accumulates:
         proof = replace(proof, transitions=proof.transitions[: len(computed.transitions)])
     certified = not proof.undecided

@@ -248,7 +248,6 @@ class _Variations:
         return drift, matrix
 
     def field(self, mode: Mode, time: float, state: Vector) -> Vector:
-        """x' in a mode."""
         return self._at(mode, time, state)[0]
 
     def projector(self, mode: Mode, time: float, state: Vector) -> Vector:

@@ -31,7 +31,6 @@ class Route:
     status: Status
     """How the exact run ends: ``ok``, ``diverged``, ``nonunique``, ``invalid``, or ``failed``."""
     reason: str
-    """Why the status is not ``ok``."""
     end_digits: str
     """End of the known part of the run [s]: the horizon, or the end of the run."""
     end_radius: float
@@ -63,7 +62,6 @@ class Truth:
     certified: bool
     """Whether every transition has a proven radius and the list is proven to be complete."""
     uncertified_because: str = ""
-    """Reason why the truth is not certified."""
 
     @cached_property
     def end_time(self) -> float:

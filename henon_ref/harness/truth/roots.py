@@ -38,7 +38,6 @@ class NearMiss:
 
     at: arb
     value: arb
-    """Value of the polynomial at the extremum."""
 
 
 @dataclass
@@ -66,7 +65,6 @@ def isolate(coefficients: Sequence[arb], zero: arb) -> Roots:
 
 
 def _ball(a: arb, b: arb) -> arb:
-    """Return a ball that contains [a, b]."""
     return a.union(b)
 
 
@@ -77,8 +75,6 @@ def _sign(value: arb) -> int:
 
 
 class _Search:
-    """Search for all roots of one polynomial."""
-
     def __init__(self, polynomial: arb_poly, zero: arb) -> None:
         self.polynomial = polynomial
         self.slope = polynomial.derivative()

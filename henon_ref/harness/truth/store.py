@@ -67,7 +67,6 @@ def user_folder() -> Path:
 
 
 def path_of(folder: Path, case: str, reading: str) -> Path:
-    """Path of the truth of one reading."""
     return folder / case / f"{reading}.json"
 
 

@@ -94,7 +94,6 @@ class Functions:
         self._products: dict[tuple[Value, Value], Value] = {}
 
     def inverse(self, value: Value) -> str:
-        """1 / value."""
         below = value or ZERO
         if below not in self._inverses:
             self._inverses[below] = self._w.binary("fdiv", ONE, below)

@@ -14,7 +14,6 @@ Row = tuple[str, int]
 
 
 def store_values(w: IRWriter, values: Sequence[Value], row: Row) -> None:
-    """Store coefficients one by one."""
     array, first = row
     for k, value in enumerate(values):
         w.store(value or ZERO, array, first + k)

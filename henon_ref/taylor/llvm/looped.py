@@ -154,8 +154,6 @@ def _ratios(w: IRWriter, values: Sequence[Value], pointer: int) -> None:
 
 
 class _LoopedExpansion:
-    """Writer of the module's functions and calls."""
-
     def __init__(self, tape: Tape, states: int, order: int, name: str, width: int) -> None:
         self.tape, self.states, self.order, self.name, self.width = tape, states, order, name, width
         self.shapes = Shapes(tape, order)

@@ -30,20 +30,16 @@ from henon_ref.taylor.tape import Node
 
 @dataclass(frozen=True, eq=False)
 class NodeRecurrences:
-    """Creates the recurrences of nodes."""
-
     w: IRWriter
     constants: Constants
     functions: Functions
     series: Mapping[int, Coefficients]
-    """Series of each node."""
     convolutions: Convolutions
     integrals: Mapping[int, tuple[Coefficients, Value]]
     """States that are integrals of other states: the other state's series, and the factor."""
     order: int
 
     def linear(self, form: Form) -> LinearForm:
-        """Recurrence of a sum."""
         return LinearForm(self.w, self.constants, self.functions, form, self.series, self.integrals)
 
     def of(self, at: int, node: Node, clock: Clock | None, below: Form | None) -> Recurrence:

@@ -32,7 +32,6 @@ class PiecewiseWriter(IRWriter):
         self._starts: list[int] = []
 
     def begin(self) -> None:
-        """Begin the next piece."""
         self._starts.append(len(self.lines))
 
     def pieces(self, results: Mapping[int, tuple[int, Value]], own: str, room: int) -> Pieces:

@@ -41,8 +41,6 @@ def rounding_ir(tape: Tape, states: int, name: str) -> str:
 
 
 class _Errors:
-    """Bounds of the errors of a tape's nodes."""
-
     def __init__(self, w: IRWriter, expansion: Expansion) -> None:
         self.w, self.expansion = w, expansion
         self.bounds = {at: ZERO for at, node in enumerate(expansion.tape.nodes) if node.op == "state"}

@@ -30,7 +30,6 @@ class Shape:
     terms: tuple[tuple[int, Factors], ...] = ()
     """Leaves of the form with their factors."""
     constant: Factors = ()
-    """Constant part of the form."""
     integrals: tuple[tuple[int, int, Factors], ...] = ()
     """Leaves that are integrals of other states: (leaf, other state, rate)."""
     in_vectors: bool = False

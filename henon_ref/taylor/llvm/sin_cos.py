@@ -37,6 +37,7 @@ def sin_cos(w: IRWriter, high: str, low: str) -> tuple[str, str]:
 
 
 def _reduced(w: IRWriter, high: str, low: str) -> tuple[str, str]:
+    """Cody-Waite reduction by multiples of pi/2, given as three doubles; then the polynomials and the quadrant."""
     n = w.call("rint", w.binary("fmul", high, literal(1.0 / _HALF_PI[0])))
     minus = w.emit(f"fneg double {n}")
     first = w.call("fma", minus, literal(_HALF_PI[0]), high)  # exact: a multiple of 2^-52 (or of high's last place)

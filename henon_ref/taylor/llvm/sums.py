@@ -14,7 +14,6 @@ class StateIntegral(NamedTuple):
     """A state whose rate is a multiple of another state: coefficient k is rate / k times the source's k - 1."""
 
     source: int
-    """Index of the other state."""
     rate: Value
     """The factor, times the time unit."""
 
@@ -40,7 +39,6 @@ class LinearForm:
         self.nodes, self.integrals = nodes, integrals
 
     def factor(self, leaf: int) -> Value:
-        """Factor of a node."""
         return self.constants.total(self.form.terms[leaf])
 
     def coefficient(self, k: int) -> Value:

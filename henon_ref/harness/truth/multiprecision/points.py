@@ -44,11 +44,9 @@ class SeriesEvaluation:
         """Field and guards of each mode, with numbers for the parameters."""
 
     def at(self, time: arb, state: Sequence[arb]) -> Point:
-        """Return a point; its balls have the radii of its accuracy."""
         return Point(self, time, tuple(state))
 
     def exactly(self, start: sp.Expr, initial: Sequence[sp.Expr]) -> Point:
-        """Return a point from exact numbers."""
         return self.at(series.exact_ball(start, self.bits), [series.exact_ball(v, self.bits) for v in initial])
 
     def values(self, expressions: Sequence[sp.Expr], t: arb, x: Sequence[arb]) -> list[arb]:
@@ -70,7 +68,6 @@ class SeriesEvaluation:
     def along(
         self, field: Sequence[sp.Expr], outputs: Sequence[sp.Expr], t: arb, x: Sequence[arb], order: int
     ) -> list[list[arb]]:
-        """Taylor coefficients in time of functions along the solution through a point."""
         numeric = self.system.numeric
         rates, found = [numeric(f) for f in field], [numeric(e) for e in outputs]
         return series.along(rates, found, self.system.states, t, x, bits=self.bits, order=order)

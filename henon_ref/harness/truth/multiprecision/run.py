@@ -103,8 +103,6 @@ def simulate(problem: Problem, bits: int, *, progress: Progress | None = None, d
 
 
 class _Simulation:
-    """The state of one run."""
-
     def __init__(self, problem: Problem, bits: int, progress: Progress | None, deadline: float | None) -> None:
         self.problem = problem
         self.deadline = math.inf if deadline is None else deadline
@@ -298,7 +296,6 @@ class _Simulation:
         self._enter(after, active)
 
     def _note(self, before: Mode, after: Mode, states: _States, rate: float = 0.0, resets: Sequence[int] = ()) -> None:
-        """Record the transitions at the present point."""
         time, slope, instant = self.point.time.mid(), arb(rate), []
         for i, state in states:
             kind: Kind = "reset" if i in resets else transition_kind(before[i], after[i])

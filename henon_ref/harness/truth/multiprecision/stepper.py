@@ -136,7 +136,6 @@ class Stepper:
 
     @property
     def order(self) -> int:
-        """Order of the Taylor polynomials."""
         return int(self._integrator.order)
 
     def start(self, mode: Mode, time: arb, state: Sequence[arb], guards: Sequence[arb]) -> None:
@@ -244,7 +243,6 @@ class Stepper:
         return to_ball(self._integrator.time), [to_ball(v) for v in self._integrator.state[: self._dimension]]
 
     def guard_at_end(self, guard: int) -> float:
-        """Value of a guard after the last step."""
         return float(to_ball(self._integrator.state[self._rows[guard]]))
 
     def guard_polynomial(self, step: Step, guard: int) -> list[arb]:

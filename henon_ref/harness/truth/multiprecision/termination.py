@@ -76,7 +76,7 @@ class Termination:
         Raises
         ------
         EndedError
-            If events accumulate (Zeno); the limit is extrapolated as that of a geometric sequence.
+            If events accumulate (Zeno); their limit is extrapolated by Aitken's delta-squared process.
         """
         self._increments.clear()
         if len(times) < 3 or float(times[-1] - times[-2]) > RESOLUTION * max(abs(float(times[-1])), self.span):
