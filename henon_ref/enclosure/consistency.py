@@ -77,7 +77,7 @@ def _substituted(expression: sp.Expr, values: Mapping[sp.Symbol, sp.Expr]) -> sp
 
 
 def _without_factor(expression: sp.Expr) -> sp.Expr:
-    """Drop a constant factor: a reaction and the acceleration that lifts its body differ by one."""
+    """Drop a constant factor, by which a reaction and the acceleration that lifts its body differ."""
     return up_to_a_number(sp.expand(expression))[0]
 
 

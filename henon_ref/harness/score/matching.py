@@ -33,9 +33,9 @@ from henon_ref.harness.score.alignment import Keyed, align
 from henon_ref.trajectory import Event
 
 IN_STEP_FRACTION = 1e-3
-"""Agreement required of a pair after an edit, as a part of the distance to the neighbouring transitions of its kind;"""
+"""Agreement required of a pair after an edit, as a part of the distance to the neighbouring transitions of its kind."""
 IN_STEP_FACTOR = 10.0
-"""or as a multiple of the median error before the edit."""
+"""Multiple of the median error before the edit that is agreement too."""
 IN_STEP_PAIRS = 3
 """Number of pairs before the edit that the median requires; with fewer, pairs agree to ``ROUGH_FRACTION``."""
 ROUGH_FRACTION = 0.05
