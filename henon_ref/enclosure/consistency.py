@@ -82,7 +82,7 @@ def _without_factor(expression: sp.Expr) -> sp.Expr:
 
 
 class Judge:
-    """Decides which modes are consistent at one point."""
+    """Consistency checks of modes at one point."""
 
     def __init__(
         self,

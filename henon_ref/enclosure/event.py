@@ -193,7 +193,7 @@ def first_root(curves: Sequence[tuple[Curve, bool, str]], end: float) -> tuple[t
         if result.root is not None:
             found.append((index, result.root))
             end = min(end, result.root.high)
-    # `end` shrinks while the guards are scanned, so an earlier root may lie after it: its bracket remains valid.
+    # `end` shrinks during the scans; a root found before may be after it, but its bracket is still valid.
     roots = [(index, refine(root)) for index, root in found]
     if not roots:
         return None, armed

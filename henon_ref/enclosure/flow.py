@@ -51,7 +51,7 @@ class Precision:
 
 
 class ValidatedFlow:
-    """Propagates a set of points (t, x) by validated steps.
+    """A set of points (t, x) that validated steps propagate.
 
     Parameters
     ----------

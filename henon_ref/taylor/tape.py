@@ -122,7 +122,7 @@ def build_tape(
 
 
 class _Builder:
-    """Converts expressions to nodes; equal expressions become one node."""
+    """Builder of nodes from expressions; equal expressions become one node."""
 
     def __init__(self, states: tuple[sp.Symbol, ...], repeated: frozenset[sp.Expr], names: set[sp.Symbol]) -> None:
         self.repeated = repeated

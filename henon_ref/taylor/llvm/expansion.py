@@ -89,7 +89,7 @@ def function_ir(w: IRWriter, name: str) -> str:
 
 
 class Expansion:
-    """Writes all recurrences of a tape, order by order."""
+    """Writer of all recurrences of a tape, order by order."""
 
     def __init__(self, w: IRWriter, tape: Tape, states: int, order: int) -> None:
         self.w, self.tape, self.states, self.order = w, tape, states, order

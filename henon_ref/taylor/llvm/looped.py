@@ -74,7 +74,7 @@ class _Constants(Constants):
 
 
 class _OneNode:
-    """Writes the code of one node of a shape. Pointers: ``%p0`` its row, then its series, then its constants."""
+    """Writer of the code of one node of a shape. Pointers: ``%p0`` its row, then its series, then its constants."""
 
     def __init__(self, shape: Shape, order: int) -> None:
         self.shape, self.order, own = shape, order, len(shape.series)

@@ -16,7 +16,7 @@ from henon_ref.taylor.llvm.sums import LinearForm
 
 
 class Recurrence(Protocol):
-    """Writes the coefficients of one node in turn from k = 0, and keeps the values that later orders use."""
+    """Writer of the coefficients of one node in turn from k = 0; it keeps the values that later orders use."""
 
     def coefficient(self, k: int) -> Value:
         """Coefficient k, from those of lower order and from coefficients k of the nodes that it reads."""

@@ -50,7 +50,7 @@ class Operands(NamedTuple):
 
 @dataclass
 class _Reading:
-    """Assigns indices to the operands of a node."""
+    """Indices of the operands of a node."""
 
     degrees: Mapping[int, int]
     order: int

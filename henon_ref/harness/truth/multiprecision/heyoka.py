@@ -35,7 +35,7 @@ def real_constants(bits: int) -> Number:
 
 
 class RealParameters:
-    """Converts exact numbers to heyoka's run-time parameters, and integers to constants.
+    """Conversion of exact numbers to heyoka's run-time parameters, and of integers to constants.
 
     The compiled integrator then does not depend on the numbers.
 

@@ -88,7 +88,7 @@ def _unless_constant(slope: sp.Expr, system: FilippovSystem, sliding: Collection
 
 
 class Stepper:
-    """Integrates every mode that shares its equations with a given mode.
+    """Integrator of all modes that share their equations with a given mode.
 
     Parameters
     ----------

@@ -54,7 +54,7 @@ class EndedError(Exception):
 
 
 class Termination:
-    """Detects an early end of one run.
+    """Detector of an early end of one run.
 
     Parameters
     ----------
