@@ -12,8 +12,8 @@ derivative Phi and, at each event k with guard g (which falls through zero), the
 
 the derivative is ``-grad(g_i)^T / g_i' . Phi_i S_{i-1} Phi_{i-1} ... S_{j+1} Phi_{j+1} P_j``. P_j projects onto the
 surfaces that slide after t_j: an error off them does not count, because sliding keeps the state on them. Landing on a
-surface makes S rank-deficient, so conditioning decreases at every stick. Saltation: Aizerman and Gantmakher (1958); Leine
-and Nijmeijer, *Dynamics and Bifurcations of Non-Smooth Mechanical Systems* (2004), Sec. 7.5.
+surface makes S rank-deficient, so conditioning decreases at every stick. Saltation: Aizerman and Gantmakher (1958);
+Leine and Nijmeijer, *Dynamics and Bifurcations of Non-Smooth Mechanical Systems* (2004), Sec. 7.5.
 
 If several surfaces change at one instant, their saltations are applied in the order of the surfaces, through the modes
 in between. The flow is not differentiable then, and the conditioning is one of several one-sided values. If a guard
