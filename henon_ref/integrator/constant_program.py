@@ -1,7 +1,8 @@
-"""Constants of equations as programs of their parameters: evaluated at thousands of points without SymPy.
+"""Programs that evaluate the constants of equations from parameter values, at thousands of points without SymPy.
 
-One machine runs every program (``henon_ref/kernel/double_double.c``); functions other than roots are evaluated by
-python-flint, once for each distinct argument. The same program can be run over any ring: rational numbers, balls.
+Compiled code runs every program in double-double (``henon_ref/kernel/double_double.c``); functions other than roots are
+evaluated by python-flint, once for each distinct argument. A program also runs over other rings, such as rational
+numbers or balls.
 """
 
 from __future__ import annotations
@@ -27,60 +28,60 @@ from henon_ref.taylor.fold import Rule, Rules, Walk, fold
 from henon_ref.taylor.rules import FUNCTIONS
 
 ADD, MULTIPLY, POWER, SQRT = kernel.ADD, kernel.MULTIPLY, kernel.POWER, kernel.SQRT
-"""Operations of the machine; POWER has a whole number in place of its second register."""
+"""Operations of compiled code; the second operand of POWER is an integer, not a register."""
 ROUNDING, ACCURATE = LEVELS.operation_error, LEVELS.accurate
-"""Bounds of the relative error of one operation, and of that which a constant may have."""
+"""Bound of the relative error of one operation; largest accepted relative error of a constant."""
 FUNCTION = 4
-"""An operation that python-flint evaluates: its second operand is the function's number, or a register for powers."""
+"""Operation evaluated by python-flint; its second operand is the number of the function."""
 POWER_OF = 5
-"""A power whose exponent is no whole number."""
+"""Power with an exponent in a register, evaluated by python-flint."""
 NAMES = (*FUNCTIONS, "Abs")
-"""Functions of one argument, by their numbers."""
+"""Functions of one argument, by number."""
 BITS = 256
-"""Of python-flint's balls where a function is evaluated, and where a sign is asked for."""
+"""Precision of python-flint's balls for functions and signs [bits]."""
 DIGITS = 90
-"""Of numbers that are no rational ones, where a program is run in balls."""
+"""Decimal digits of irrational numbers in balls."""
 _DOUBLES, _INTEGERS = ffi.typeof("double[]"), ffi.typeof("int64_t[]")
 _ARRAYS = _INTEGERS, _DOUBLES, _INTEGERS, _INTEGERS
-"""Of a ``struct program``."""
+"""Types of the arrays of a ``struct program``."""
 
 
 class CompiledProgram(NamedTuple):
-    """A program as compiled code takes it, for one point."""
+    """Program prepared for compiled code, for one point at a time."""
 
     program: Any
     """A ``struct program``."""
     pack: Callable[..., bytes]
-    """Makes its inputs of the pairs of all, one after the other."""
+    """Packs the pairs of all inputs, one after the other."""
     room: int
-    """Doubles that a run needs."""
+    """Number of doubles of working memory."""
     memory: Any
-    """What the program points to."""
+    """Objects that the program points to."""
 
 
 @dataclass(frozen=True, eq=False)
 class ConstantProgram:
-    """Expressions in some symbols as one list of operations.
+    """Expressions in given symbols as one list of operations.
 
-    Registers: the inputs, then exact numbers and results, in the order in which they are first needed.
+    The registers are the inputs, then exact numbers and results in order of first use.
     """
 
     inputs: int
     numbers: tuple[tuple[int, sp.Expr], ...]
-    """Exact numbers that stand in the expressions, each behind its register."""
+    """(register, number) for the exact numbers in the expressions."""
     operations: tuple[tuple[int, int, int, int], ...]
-    """Operation, register of the result, registers of the operands."""
+    """(operation, register of the result, registers of the operands)."""
     outputs: tuple[int, ...]
     """Register of each expression."""
 
     @cached_property
     def places(self) -> NDArray[np.int64]:
-        """Registers of the expressions, as an array."""
+        """``outputs`` as an array."""
         return np.array(self.outputs, dtype=np.int64)
 
     @cached_property
     def _registers(self) -> NDArray[np.float64]:
-        """All of them before a run, shape (registers, 3)."""
+        """Initial values of all registers, shape (registers, 3)."""
         found = np.zeros((self.inputs + len(self.numbers) + len(self.operations), 3))
         for place, number in self.numbers:
             high, low = double_double(number)
@@ -89,14 +90,14 @@ class ConstantProgram:
 
     @cached_property
     def _stages(self) -> list[tuple[bool, NDArray[np.int64]]]:
-        """Operations in runs of those that the machine has, and those that it has not."""
+        """Consecutive operations grouped by whether compiled code supports them (False) or not (True)."""
         grouped = groupby(self.operations, key=lambda operation: operation[0] >= FUNCTION)
         return [(other, np.array(list(group), dtype=np.int64)) for other, group in grouped]
 
     def compiled(self, sources: Sequence[int] | NDArray[np.int64] = ()) -> CompiledProgram | None:
-        """The program as compiled code takes it; None where it holds functions. ``sources``: what is put at each place.
+        """Prepare the program for compiled code; None if it contains functions.
 
-        See ``point_tables`` and ``point_signs`` of ``kernel.h``.
+        ``sources``: result to store at each place. See ``point_tables`` and ``point_signs`` of ``kernel.h``.
         """
         if any(other for other, _ in self._stages):
             return None
@@ -114,9 +115,9 @@ class ConstantProgram:
         return self.compiled()
 
     def clear_signs(self, *point: float) -> list[int]:
-        """Signs of the expressions at a point: 0 of one that is exactly zero, UNCLEAR_SIGN of one that may be zero.
+        """Return the signs of the expressions at a point: 0 if exactly zero, UNCLEAR_SIGN if not decided.
 
-        ``point``: of each input a pair.
+        ``point``: a pair of doubles for each input.
         """
         if self._alone is None:
             found: list[int] = self.signs_at(np.array(point).reshape(1, -1, 2))[0].tolist()
@@ -126,24 +127,24 @@ class ConstantProgram:
         return ffi.unpack(kernel.point_signs(program, pack(*point), block), len(self.outputs))
 
     def signs_at(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
-        """The same at some points, shape (points, inputs, 2)."""
+        """Return the signs at points, shape (points, inputs, 2), as in :meth:`clear_signs`."""
         registers, signs = self.registers(points), np.empty((len(points), len(self.outputs)), dtype=np.int64)
         width, count = registers.shape[1], len(self.outputs)
         kernel.signs_of(doubles(registers), width, len(points), integers(self.places), count, integers(signs))
         return signs
 
     def registers(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Run at some points.
+        """Run the program at points.
 
         Parameters
         ----------
         values : ndarray, shape (points, inputs) or (points, inputs, 2)
-            Doubles, taken as exact; or each number as two (:mod:`henon_ref.integrator.pairs`).
+            Exact doubles, or pairs of doubles (:mod:`henon_ref.integrator.pairs`).
 
         Returns
         -------
         ndarray, shape (points, registers, 3)
-            Each number as two doubles, and a bound of their error; what is not finite is so, or NaN.
+            Each number as a pair of doubles and a bound of its error; infinite or NaN if not finite.
         """
         found = np.empty((len(values), *self._registers.shape))
         found[:] = self._registers
@@ -162,14 +163,14 @@ class ConstantProgram:
 
     @property
     def places_a_point(self) -> int:
-        """Doubles that :meth:`pairs` takes for each point."""
+        """Number of doubles that :meth:`pairs` allocates per point."""
         return self._registers.size + 5 * len(self.outputs)
 
     def pairs(self, values: NDArray[np.float64], exact: Callable[[int], Sequence[sp.Expr]]) -> NDArray[np.float64]:
-        """The expressions at some points, each as its double and what that leaves, shape (points, 2 k).
+        """Evaluate the expressions at points as pairs of doubles, shape (points, 2 k).
 
-        ``exact``: the inputs of a point, by its number, with which expressions are evaluated in balls that have lost
-        digits, terms having cancelled.
+        ``exact`` returns the exact inputs of a point, by index. Expressions that lose digits by cancellation are
+        evaluated again with them in balls.
         """
         own = self.registers(values)[:, self.places]
         size = np.abs(own[:, :, 0])
@@ -183,7 +184,7 @@ class ConstantProgram:
     def over_ring(
         self, values: Sequence[Any], number: Callable[[sp.Expr], Any], root: Callable[[Any], Any]
     ) -> list[Any]:
-        """Expressions at one point of a ring; ``number`` of an exact number, ``root`` a square root there."""
+        """Evaluate the expressions over a ring; ``number`` converts an exact number, ``root`` is the square root."""
         registers = dict(enumerate(values)) | {place: number(each) for place, each in self.numbers}
         for what, to, i, j in self.operations:
             a = registers[i]
@@ -200,48 +201,48 @@ class ConstantProgram:
         return [registers[output] for output in self.outputs]
 
     def balls(self, values: Sequence[sp.Expr]) -> list[arb]:
-        """Expressions at one point of exact numbers, with the precision that python-flint has."""
+        """Evaluate the expressions at a point of exact numbers, in balls of python-flint's working precision."""
         return self.over_ring([_ball(v) for v in values], _ball, arb.sqrt)
 
     def signs(self, values: Sequence[Any]) -> list[int | None]:
-        """Signs of the expressions at one point of exact numbers: 0 for zero, and where BITS bits show nothing.
+        """Return the signs at a point of exact numbers (int, Fraction or SymPy); 0 if zero to BITS bits.
 
-        None where an expression has no finite real value. Numbers are whole, Fraction, or SymPy's.
+        None if an expression has no finite real value.
         """
         return [int(v > 0) - int(v < 0) if v.is_finite() else None for v in self.exact_values(values)]
 
     def exact_values(self, values: Sequence[Any]) -> list[Any]:
-        """Expressions at one point of exact numbers: balls, without radius where all is rational; NaN at a pole."""
+        """Evaluate the expressions at a point of exact numbers: balls, exact if all is rational; NaN at a pole."""
         with working_precision(BITS):
             if self.is_rational and all(getattr(v, "is_Rational", True) for v in values):
                 exact = [fmpq(int(v.numerator), int(v.denominator)) for v in values]
                 try:
                     return list(map(arb, self.over_ring(exact, lambda n: fmpq(int(n.p), int(n.q)), arb.sqrt)))
-                except ZeroDivisionError:  # at a pole of one expression others have values
+                except ZeroDivisionError:  # other expressions may have values at a pole of one
                     pass
             return self.balls(list(map(sp.sympify, values)))
 
     @cached_property
     def is_rational(self) -> bool:
-        """Whether rational inputs give rational outputs."""
+        """Whether rational inputs yield rational outputs."""
         simple = all(what in (ADD, MULTIPLY, POWER) for what, *_ in self.operations)
         return simple and all(number.is_Rational for _, number in self.numbers)
 
 
 def _function(number: int, argument: Any) -> Any:
-    """A function of NAMES in balls."""
+    """Evaluate a function of NAMES in balls."""
     return abs(argument) if NAMES[number] == "Abs" else getattr(argument, NAMES[number])()
 
 
 def _ball(number: sp.Expr) -> arb:
-    """An exact number in balls; what is no rational number to DIGITS digits."""
+    """Return an exact number as a ball; irrational numbers to DIGITS digits."""
     if number.is_Rational:
         return arb(fmpq(int(number.p), int(number.q)))
     return arb(str(sp.N(number, DIGITS))) + arb(0, 10.0**-DIGITS * abs(float(number)))
 
 
 def _evaluate(operation: Sequence[int], registers: NDArray[np.float64]) -> None:
-    """Evaluate a function at all points, once for each distinct argument."""
+    """Evaluate a function operation at all points, once for each distinct argument."""
     what, to, i, j = operation
     operands = [registers[:, i]] if what == FUNCTION else [registers[:, i], registers[:, j]]
     arguments, places = np.unique(np.concatenate(operands, axis=1), axis=0, return_inverse=True)
@@ -251,7 +252,7 @@ def _evaluate(operation: Sequence[int], registers: NDArray[np.float64]) -> None:
 
 
 def _function_value(what: int, function: int, argument: Sequence[float]) -> tuple[float, float, float]:
-    """A number as two doubles and a bound of their error."""
+    """Evaluate a function operation at one argument, as in :func:`_three`."""
     balls = [
         arb(high, error) + arb(low) for high, low, error in (argument[k : k + 3] for k in range(0, len(argument), 3))
     ]
@@ -259,7 +260,7 @@ def _function_value(what: int, function: int, argument: Sequence[float]) -> tupl
 
 
 def _three(value: arb) -> tuple[float, float, float]:
-    """A ball as two doubles and a bound of their error."""
+    """Return a ball as a pair of doubles and a bound of its error."""
     if not value.is_finite():
         return math.nan, math.nan, math.inf
     high = float(value.mid())
@@ -268,20 +269,20 @@ def _three(value: arb) -> tuple[float, float, float]:
 
 
 def constant_program(symbols: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> ConstantProgram:
-    """Write expressions in some symbols as a program.
+    """Return expressions in given symbols as a program.
 
     Raises
     ------
     ModelError
-        For a function that is not among :data:`NAMES`, a symbol that is not given, or a number that is not finite.
+        If an expression contains a function not in :data:`NAMES`, another symbol, or a number that is not finite.
     """
     return ProgramWriter(symbols).program(expressions)
 
 
 class ProgramWriter:
-    """Writes programs of expressions in some symbols, each with the operations of those before it.
+    """Writer of programs in given symbols; each program extends the operations of the previous ones.
 
-    Equal operations are one: a program of more expressions than the last one costs what these have in addition.
+    Equal operations are shared, so that a program costs only the operations that the previous ones lack.
     """
 
     def __init__(self, symbols: Sequence[sp.Symbol]) -> None:
@@ -293,7 +294,7 @@ class ProgramWriter:
         self._rules = Rules(self._number, self._chain(ADD), self._chain(MULTIPLY), self._power, self._function)
 
     def program(self, expressions: Sequence[sp.Expr]) -> ConstantProgram:
-        """As :func:`constant_program`."""
+        """Return a program, as :func:`constant_program`."""
         outputs = tuple([fold(e, self._rules, self._known) for e in expressions])
         return ConstantProgram(self._inputs, tuple(self._numbers), tuple(self._operations), outputs)
 

@@ -1,4 +1,4 @@
-"""Why a run ends where the compiled loop cannot go on, or where what no double holds has changed a step."""
+"""Status and reason of a run that the compiled loop cannot continue, or whose step overflow or underflow changed."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from henon_ref.roots.multiprecision import BITS
 from henon_ref.trajectory import Status
 
 ROUNDING = 1e3 * EPS
-"""Part of its size by which rounding alone may move a series."""
+"""Relative change of a series that rounding alone may cause."""
 
 
 def ending_of(run: State, code: int) -> tuple[Status, str]:
-    """Status and reason where the loop returned DIVERGED, STALLED, EVENTS_ACCUMULATE, NOT_UNIQUE or LEFT_DOMAIN."""
+    """Return status and reason for the codes DIVERGED, STALLED, EVENTS_ACCUMULATE, NOT_UNIQUE and LEFT_DOMAIN."""
     if code == kernel.NOT_UNIQUE:
         return _two_ways(run)
     if code == kernel.LEFT_DOMAIN:
@@ -41,7 +41,7 @@ def ending_of(run: State, code: int) -> tuple[Status, str]:
 
 
 def _two_ways(run: State) -> tuple[Status, str]:
-    """How the run ends here where a surface that it slides on has turned repelling."""
+    """Return status and reason at a point where a surface with sliding has become repelling."""
     system, mode, index = run.integrator.system, run.mode, run.guards[run.scalars.guard].index
     refused = several(system, [replaced(mode, index, side) for side in (-1, 1)], f"{run.time:.17g}")
     refused = explained(refused, system, mode, (index,))
@@ -49,14 +49,14 @@ def _two_ways(run: State) -> tuple[Status, str]:
 
 
 def _domain_ending(run: State, guard: Guard) -> tuple[Status, str]:
-    """How the run ends here for a guard that ends it."""
+    """Return status and reason at a guard that ends the run."""
     refused = ended(run.integrator.system, run.mode, [guard], f"{run.time:.17g}")
     assert refused is not None
     return refused.ending, refused.reason
 
 
 def vanishing_guard(run: State) -> Guard | None:
-    """A guard that ends the run and has shrunk to nothing where it stalled (the field may be singular there)."""
+    """Return a guard that ends the run and is nearly zero at the stalled point, where the field may be singular."""
     next_to_nothing = 1e-14 * max(1.0, abs(run.start.time[0]), abs(run.time))
     for g, guard in enumerate(run.guards):
         if guard.ends and abs(run.workspace.band.item(run.x.size + g, 0)) <= next_to_nothing:
@@ -65,11 +65,11 @@ def vanishing_guard(run: State) -> Guard | None:
 
 
 def _singular(run: State) -> str:
-    """What has no finite series where the run stalled, or the steepest one, by the last that was tried."""
+    """Return the name of the series that is not finite at the stalled point, or of the steepest one."""
     order, states = run.integrator.order, run.x.size
     series = run.workspace.band[: states + len(run.guards), : order + 1].tolist()
     finite = [len(row) if math.isfinite(sum(row)) else len(list(takewhile(math.isfinite, row))) for row in series]
-    # What is not finite spreads: to a state one order after the field that it is integrated from.
+    # A coefficient that is not finite spreads: to a state one order after the field from which it is integrated.
     at = finite.index(min(finite))
     singular = finite[at] > (1 if at < states else 0)
     if finite[at] > order:
@@ -79,7 +79,7 @@ def _singular(run: State) -> str:
 
 
 def row_name(run: State, row: int) -> str:
-    """What a row of an expansion is the series of."""
+    """Return the name of the quantity whose series is in this row of an expansion."""
     system, states = run.integrator.system, run.x.size
     if row < states:
         return f"the field of {system.state_names[row]}"
@@ -90,10 +90,10 @@ def row_name(run: State, row: int) -> str:
 
 
 def range_ending(run: State) -> tuple[Status, str] | None:
-    """How the run ends where it stands; None where all that has left the range of doubles is of no account.
+    """Return status and reason after an overflow or underflow; None if it does not matter.
 
-    The step ahead is held against its series in balls, whose exponents have no end: no state may be off by more than
-    the tolerance, no guard by more than that, nor have another sign.
+    The step is compared with its series in ball arithmetic, whose exponent range is unbounded. The states and guards
+    must agree within the tolerance, and the guards must have the same sign.
     """
     scalars, n = run.scalars, run.x.size
     places = run.integrator.mode_table.places(run.mode)
@@ -116,7 +116,7 @@ def range_ending(run: State) -> tuple[Status, str] | None:
 def _same(
     found: Sequence[float], exact: Sequence[arb], theta: arb, level: float, rounding: float, *, guard: bool
 ) -> bool:
-    """Whether a series is what it should be on a step of theta units, as far as rounding goes."""
+    """Whether a series equals its exact value on a step of theta units, up to ``level`` and rounding."""
     powers = [theta**k for k in range(len(exact))]
     off = sum((abs(arb(c) - own) * p for c, own, p in zip(found, exact, powers, strict=True)), arb(0))
     size = sum((abs(own) * p for own, p in zip(exact[:3], powers, strict=False)), arb(0))

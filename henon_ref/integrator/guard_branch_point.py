@@ -1,8 +1,9 @@
-"""Past a branch point of a guard, which no power series of it leads over, where the motion itself is smooth.
+"""Continuation past a branch point of a guard at which the motion itself is smooth.
 
-A guard is only observed: nothing is integrated from it. Around the instant at which its series ends the states are
-expanded in multiprecision, and all guards are looked at on both sides, ever closer to it. Where each of them keeps
-its sign by much more than it varies there, nothing happens at the branch point, and the run goes on behind it.
+The power series of the guard does not converge past the branch point, but nothing is integrated from a guard. The
+states are therefore expanded in multiprecision around this instant, and all guards are evaluated on both sides,
+increasingly close to it. If each guard keeps its sign by a margin much larger than its variation, no event occurs at
+the branch point, and the run continues after it.
 """
 
 from __future__ import annotations
@@ -19,22 +20,22 @@ from henon_ref.precision import working_precision
 from henon_ref.roots.multiprecision import BITS
 
 FARTHEST, NEARER, TRIES = 1e-5, 0.1, 5
-"""Part of the run's length that is left behind at first; of that, in the next try; tries."""
+"""First distance to continue past the branch point, relative to the run's length; its factor per try; tries."""
 ORDER = 16
-"""Of the states' expansion, over so short a time."""
+"""Order of the states' expansion over this short time."""
 NEGLIGIBLE = 1e-40
-"""Its last terms are no larger than this of all."""
+"""Largest size of the last terms relative to the sum of all terms."""
 SIDES = (1.0, 0.47, 0.22, 0.09, 0.03)
-"""Where on either side the guards are looked at, in parts of what is left behind."""
+"""Distances from the branch point at which the guards are evaluated on both sides, relative to that distance."""
 CLEAR = 8.0
-"""Size of a guard, at least, in units of its variation around the branch point."""
+"""Smallest size of a guard in units of its variation around the branch point."""
 
 
 def pass_branch_point(run: State) -> bool:
-    """Go on behind a branch point of a guard; False where there is none, the model ends, or it is not clear.
+    """Continue the run past a branch point of a guard.
 
-    The run stands where no step leads on, which is next to the branch point; what is left behind is in the scale of the
-    whole run.
+    The run has stalled next to the branch point. Returns False if there is no branch point, the model ends there, or
+    the signs of the guards are not clear.
     """
     scalars = run.scalars
     code = run.integrator.mode_table.codes[int(scalars.mode)]
@@ -63,7 +64,7 @@ def pass_branch_point(run: State) -> bool:
 
 
 def _passed(modes: PreciseModes, mode: Mode, time: arb, state: Sequence[arb], length: arb) -> list[arb] | None:
-    """The state after a time, if all guards keep their signs from as long before to then, by far."""
+    """Return the state after ``length``, or None unless all guards clearly keep their signs from -length to length."""
     motion, _ = modes.motion(mode, time, state, length, ORDER)
     if not all(_converged(series) for series in motion):
         return None
@@ -81,6 +82,6 @@ def _converged(series: Sequence[arb]) -> bool:
 
 
 def _clear(values: Sequence[float]) -> bool:
-    """Whether values are of one sign and larger than they vary. (Not where one is no number.)"""
+    """Whether values have one sign and are CLEAR times larger than their variation; False if one is NaN."""
     variation = max(values) - min(values)
     return all(v > CLEAR * variation for v in values) or all(v < -CLEAR * variation for v in values)

@@ -1,4 +1,4 @@
-"""What one guard does on a step, in multiprecision: its first root or touch, up to its minimum next to a place."""
+"""First root, touch or minimum of one guard on a step, in multiprecision."""
 
 from __future__ import annotations
 
@@ -25,53 +25,54 @@ from henon_ref.roots.multiprecision import (
 )
 
 EQUAL_LEVEL = 2.0**-204
-"""Coefficients below this of each other count as equal: a few roundings."""
+"""Relative difference below which coefficients count as equal (a few rounding errors)."""
 LEADING_COEFFICIENTS = 26
-"""Coefficients that tell zeros next to 0 apart from the rest, to all digits."""
+"""Number of leading coefficients that determine the zeros near 0 to full precision."""
 FINEST = 1e-47
-"""No place on the step is known to less."""
+"""Smallest radius of a place on the step."""
 ROUNDING = 32 * EPS
-"""Part of its size within which double precision takes a guard for zero at the event of another one."""
+"""Relative value of a guard that double precision takes for zero at an event of another guard."""
 DECIDED_STEEPNESS = 1e-5
-"""Relative steepness from which double precision decides a root."""
+"""Relative slope above which double precision decides a root."""
 CLEAR_LEVEL = 1e-9
-"""A guard that stays above this of its size by the sizes of its terms alone has no event."""
+"""A guard has no event if the bound from the sizes of its terms stays above this part of its size."""
 EQUAL = 1e-13
-"""Part of the friction by which a force may be off that counts as equal to it (as in the compiled loop)."""
+"""Relative difference within which a force counts as equal to the friction (as in the compiled loop)."""
 
 
 @dataclass(frozen=True)
 class GuardEvent:
-    """What a guard does first, up to its minimum next to a place on the step."""
+    """First event of a guard, up to its minimum next to a place on the step."""
 
     guard: int
     what: What
-    """``miss``: it stays above zero."""
+    """``miss``: the guard stays above zero."""
     lowest: bool
-    """Whether it has a minimum here."""
+    """Whether the guard has a minimum here."""
     place: int
-    """In fixed point, of the step."""
+    """Place on the step, in fixed point."""
     radius: float
-    """To which the place is known, of the step."""
+    """Radius of the place, relative to the step."""
     order: int
-    """Of the zero, or the minimum."""
+    """Order of the zero or minimum."""
     rounding: float
-    """Where the guard is steep: how far from the place double precision takes it for zero. Else 0."""
+    """Of a steep guard: distance from the place within which double precision takes it for zero. Otherwise 0."""
     depth: float
-    """Where it is flat: how far from zero its minimum is, on either side, of its size on the step. Else infinite."""
+    """Of a flat guard: size of its minimum relative to its size on the step. Otherwise infinite."""
     below_rounding: bool = False
-    """Whether rounding of the state leaves open what it does here; it then counts as a ``miss``."""
+    """Whether rounding of the state leaves the event undecided; it then counts as a ``miss``."""
 
     def meets(self, other: GuardEvent) -> bool:
-        """Whether two events are at one instant: their radii overlap, or rounding of a steep guard is all between."""
+        """Whether two events coincide: their radii overlap, or the rounding of a steep guard covers their distance."""
         away = abs(self.place - other.place) / ONE
         return away <= max(self.radius + other.radius, self.rounding, other.rounding)
 
 
 class GuardSeries:
-    """A guard over its size on the step, in fixed point, its known zeros put apart.
+    """Series of a guard in fixed point, relative to its size on the step, with its known zeros divided out.
 
-    ``coefficients`` are in units of the step, ``zeros`` those known at its start; ``whole``: no term is left out.
+    ``coefficients`` are in units of the step; ``zeros`` is the number of known zeros at its start; ``whole``: the
+    series is a polynomial without truncation.
     """
 
     def __init__(self, coefficients: Sequence[arb], zeros: int, whole: bool) -> None:
@@ -81,25 +82,25 @@ class GuardSeries:
         self._last = max(last, default=0.0) / (sum(abs(float(c)) for c in coefficients) or 1.0)
 
     def positive(self, place: int) -> bool:
-        """Whether it is clearly positive up to a little behind a place, by its Bernstein coefficients."""
+        """Whether its Bernstein coefficients show that it is positive up to slightly beyond a place."""
         return min(bernstein_on(self.q, 0, min(ONE, place + (place >> 30) + 1))) > CLEARANCE * ZERO
 
     def around(self, place: int) -> list[float]:
-        """Its Taylor coefficients at a place."""
+        """Return its Taylor coefficients at a place."""
         polynomial = arb_poly([0] * self.zeros + [arb(c) / ONE for c in self.q])
         return [float(c) for c in polynomial(arb_poly([arb(place) / ONE, 1])).coeffs()]
 
     def size(self, part: float) -> float:
-        """Sum of the sizes of its terms at a place."""
+        """Return the sum of the absolute values of its terms at a place."""
         return sum(abs(c / ONE) * part ** (self.zeros + k) for k, c in enumerate(self.q))
 
     def noise(self, part: float) -> float:
-        """What its value at a place may be off: what counts as zero, or what is left out of the series."""
+        """Return a bound of the error of its value at a place: the level of zero, or the truncation error."""
         return CLEARANCE * max(RELATIVE_ZERO, self._last * part**self._order)
 
 
 def first_guard_event(guard: int, series: GuardSeries, suspect: int) -> GuardEvent:
-    """What a guard does up to a place on the step."""
+    """Return the first event of a guard up to a place on the step."""
     what, lowest, place = first_event_of(series.q, series.zeros, suspect)
     part, local = place / ONE, series.around(place)
     radius, order = leading_term(local, series.noise(part))
@@ -114,9 +115,9 @@ def first_guard_event(guard: int, series: GuardSeries, suspect: int) -> GuardEve
 
 
 def _without_known_zeros(c: Sequence[arb], zeros: int) -> list[arb]:
-    """A guard with its known zeros put at 0, where rounding has left them beside it; the other roots stay.
+    """Move the known zeros of a guard, which rounding has shifted, to exactly 0; its other roots remain.
 
-    See ``deflated`` of ``henon_ref/kernel/roots.c``.
+    See ``deflated`` in ``henon_ref/kernel/roots.c``.
     """
     q = list(c[zeros:])
     if zeros and len(q) > 1 and all(abs(low) <= LEVELS.known_zero_level * abs(q[0]) for low in c[:zeros]):
@@ -134,9 +135,9 @@ def _without_known_zeros(c: Sequence[arb], zeros: int) -> list[arb]:
 
 
 def load_equals_friction(guards: Sequence[Guard], outputs: Sequence[Sequence[arb]], own: int, longer: float) -> bool:
-    """Whether a guard is a slide's end at which the force equals the friction all over the step: the slide holds.
+    """Whether a guard ends a slide and the force equals the friction on the entire step, so that the slide continues.
 
-    ``longer``: length of the step in units of what is expanded.
+    ``longer``: length of the step in units of the expansion.
     """
     guard = guards[own]
     if guard.kind != "release":
@@ -151,7 +152,7 @@ def load_equals_friction(guards: Sequence[Guard], outputs: Sequence[Sequence[arb
 
 
 def is_clear(series: Sequence[arb], guard: Guard, place: int) -> bool:
-    """Whether the sizes of its terms show that a guard has no event up to a place (True where it is not finite)."""
+    """Whether the sizes of its terms exclude an event up to a place (True if the series is not finite)."""
     part = place / ONE
     first, *rest = (float(c) for c in series)
     size, power = 0.0, part

@@ -1,4 +1,4 @@
-"""Machine code of the maps of resets, for the jumps that compiled code decides (``kernel/jump.c``)."""
+"""Machine code of the maps of resets, for jumps in the compiled loop (``kernel/jump.c``)."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ class JumpCode:
 
     system: FilippovSystem
     tape: ModeTape
-    """All maps; one tape for all modes, as no map holds signs."""
+    """Tape of all maps; maps contain no signs, so that all modes share it."""
     code: NativeModule
     jumps: Mapping[int, Jump]
-    """Of the surfaces that reset the state."""
+    """Jumps by surface."""
 
     def address(self, mode: Mode, index: int) -> int:
-        """Address of the map of a surface that a mode reaches; 0 where Python has to decide what follows.
+        """Return the address of a surface's map in a mode; 0 if Python must decide the mode after the jump.
 
-        That is so where the jump leaves the state on another surface that the mode slides on, or a body at rest on one,
-        and where the speed of an impact depends on other surfaces' signs.
+        Python decides if the jump leaves the state on another surface with sliding, or if the speed of an impact
+        depends on signs of other surfaces.
         """
         jump, impact = self.jumps[index], impact_of(self.system, index)
         stays = any(entry == 0 and j in jump.kept for j, entry in enumerate(mode))
@@ -42,12 +42,12 @@ class JumpCode:
 
 
 def jump_code(system: FilippovSystem) -> JumpCode | None:
-    """The code of a system's maps; None where it has none, or more surfaces than numbers of modes are for.
+    """Return the code of a system's maps; None if it has no resets, or too many surfaces for numbered modes.
 
-    A map's function (:func:`henon_ref.taylor.llvm.expansion.values_ir`) takes the state before, and behind it what
-    rounding has lost of that. It puts the new values of the states that it moves, what is lost of them to first order
-    (the map's derivative times what was lost before), the values of the surfaces whose functions it changes, and the
-    part of the speed that the impact leaves (1 where that is none).
+    The function of a map (:func:`henon_ref.taylor.llvm.expansion.values_ir`) takes the state before the jump and its
+    rounding error. It writes the new values of the states that the map changes, their rounding errors to first order
+    (the derivative of the map times the rounding errors before), the values of the surfaces that change, and the
+    restitution ratio of an impact (1 if the reset is not an impact).
     """
     if not system.resets or len(system.surfaces) > kernel.MOST_SURFACES:
         return None
@@ -72,6 +72,6 @@ def jump_code(system: FilippovSystem) -> JumpCode | None:
 
 
 def _carried(value: sp.Expr, states: tuple[sp.Symbol, ...], lost: tuple[sp.Symbol, ...]) -> sp.Expr:
-    """A function's derivative along what rounding has lost of the states."""
+    """Return the directional derivative of a function along the rounding errors of the states."""
     moving = value.free_symbols
     return sp.Add(*(sp.diff(value, x) * low for x, low in zip(states, lost, strict=True) if x in moving))

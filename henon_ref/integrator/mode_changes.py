@@ -1,6 +1,6 @@
-"""What Python does for a run where the compiled loop asks for it: modes, jumps, events in multiprecision.
+"""Answers to the return codes of the compiled loop: mode changes, jumps and events in multiprecision.
 
-Most runs have no use for it: the loop (``henon_ref/kernel/loop.c``) decides what double precision can decide.
+Most runs do not need them: the loop (``henon_ref/kernel/loop.c``) decides all that double precision can decide.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ from henon_ref.roots.multiprecision import BITS
 from henon_ref.trajectory import Status
 
 CLOSE_PART = 2.0**-40
-"""Part of the horizon's time below which what is left of a run is next to nothing."""
+"""Remaining time, relative to the horizon, below which a step to the horizon is taken in multiprecision."""
 Ending = tuple[Status, str]
-"""Status of a run that ends, and why."""
+"""Status and reason of a run that ends."""
 
 
 def answered(run: State, code: int) -> Ending | None:
-    """Do what a return code of the loop asks for; None if the run goes on."""
+    """Handle a return code of the loop; None if the run continues."""
     if code in (kernel.SELECT_MODE, kernel.UNDECIDED_EVENT, kernel.MODE_NOT_COMPILED):
         if code == kernel.MODE_NOT_COMPILED:
             ending = enter_new_mode(run)
@@ -52,13 +52,13 @@ def answered(run: State, code: int) -> Ending | None:
         run.count("ranges")
         ending = range_ending(run)
         run.scalars.within_range = run.scalars.steps + 1
-        run.scalars.expansions -= 1  # it is made again
+        run.scalars.expansions -= 1  # the expansion is repeated
         return ending
     return ending_of(run, code)
 
 
 def locate(run: State) -> Ending | None:
-    """Take a step that double precision leaves undecided in multiprecision; None if the run goes on."""
+    """Take a step in multiprecision that double precision leaves undecided; None if the run continues."""
     run.count("event_locations")
     integrator, scalars, mode = run.integrator, run.scalars, run.mode
     places = integrator.mode_table.places(mode)
@@ -81,7 +81,7 @@ def locate(run: State) -> Ending | None:
 
 
 def _gone_to(run: State, found: LocatedEvent) -> Ending | None:
-    """Take the step to an event; None if the run goes on behind it."""
+    """Complete the step to an event and change the mode; None if the run continues."""
     integrator, scalars, mode, row = run.integrator, run.scalars, run.mode, run.row
     length = (found.time[0] - float(scalars.time)) + (found.time[1] - float(scalars.time_low))
     run.keep_step(length)
@@ -90,7 +90,7 @@ def _gone_to(run: State, found: LocatedEvent) -> Ending | None:
     run.put(found.time, found.state)
     run.scalars.steps += 1
     run.known_zeros[:] = 0
-    left, resolution = run.left(found.time), 2e-17 * abs(run.until[0])  # a sum's rounding
+    left, resolution = run.left(found.time), 2e-17 * abs(run.until[0])  # rounding of a sum
     if left < -resolution or (left < resolution and not (found.falling or found.touching)):
         scalars.time, scalars.time_low = run.until
         return None
@@ -108,16 +108,15 @@ def _gone_to(run: State, found: LocatedEvent) -> Ending | None:
         tangential += [guards[g].index for g in found.falling if guards[g].kind == "surface"]
         return change_mode(run, found.decision, found.known_zeros, sorted(set(tangential)))
     _set_known_zeros(run, mode, found.known_zeros)
-    for i in tangential:  # of a slide without static friction whose end is touched nothing is told
+    for i in tangential:  # without static friction, a touch of the end of sliding is not recorded
         record(run, GRAZE, i, row, row, side=0)
     return None
 
 
 def _digits(run: State) -> tuple[list[arb], list[float]]:
-    """The state in as many digits as there are, and what each entry may be off.
+    """Return the state with as many digits as are known, and a bound of the error of each entry.
 
-    More than doubles have kept are there as long as the first mode lasts, and neither a jump nor a caller has
-    changed the state.
+    More digits than double precision are known in the first mode, until a jump or the caller changes the state.
     """
     scalars, start, state = run.scalars, run.start, run.x.tolist()
     if scalars.more_digits and scalars.remembered == 1:
@@ -132,7 +131,7 @@ def _digits(run: State) -> tuple[list[arb], list[float]]:
 
 
 def _passed_over(run: State, guard: Guard) -> None:
-    """Note that a guard is below its rounding here (``henon_ref/kernel/below_rounding.c``)."""
+    """Record that a guard is below its rounding error here (``henon_ref/kernel/below_rounding.c``)."""
     place = kernel.rounding_place(guard.kind == "valid", guard.index, len(run.since))
     if not run.since[place] <= run.scalars.time:
         run.since[place] = run.scalars.time
@@ -140,7 +139,7 @@ def _passed_over(run: State, guard: Guard) -> None:
 
 
 def _set_known_zeros(run: State, mode: Mode, zeros: Sequence[int]) -> None:
-    """Set the known zeros of the present mode's guards, given in the order of its equations."""
+    """Set the known zeros of the current mode's guards; ``zeros`` is in the order of its equations."""
     for g, place in enumerate(run.integrator.mode_table.places(mode)):
         run.known_zeros[g] = zeros[place] if place >= 0 else 0
 
@@ -152,10 +151,10 @@ def change_mode(
     tangential: Sequence[int],
     applied: Sequence[tuple[int, Sequence[float]]] = (),
 ) -> Ending | None:
-    """Go over to the mode that follows.
+    """Change to the decided mode and record the transitions.
 
-    ``tangential``: surfaces at zero, told of where none changes its sign; ``applied``: those that have reset the
-    state, in order, each with the state that its map has left.
+    ``tangential``: surfaces at zero, recorded if no surface changes its entry; ``applied``: surfaces that have reset
+    the state, in order, each with the state after its map.
     """
     if decision.mode is None:
         return decision.ending, decision.reason
@@ -184,7 +183,7 @@ def _without_equations(run: State) -> Ending:
 
 
 def jump(run: State, surfaces: tuple[int, ...], hits: Sequence[Guard]) -> Ending | None:
-    """Let the state jump where surfaces reset it, ``hits`` being all guards at zero; None if the run goes on."""
+    """Apply the resets of surfaces, ``hits`` being all guards at zero; None if the run continues."""
     run.count("jumps")
     precise, most = run.start.constants.precise, REMAINING * (run.until[0] - run.start.time[0])
     with working_precision(BITS):
@@ -212,15 +211,15 @@ def jump(run: State, surfaces: tuple[int, ...], hits: Sequence[Guard]) -> Ending
 
 
 def _zeros_on(run: State, mode: Mode | None, on: Sequence[int]) -> Sequence[int]:
-    """Known zeros of a mode's guards where the run stands, on some surfaces."""
+    """Return the known zeros of a mode's guards at the current point, which lies on the given surfaces."""
     at = run.start.constants.in_doubles.at(run.time, run.x.tolist())
     return () if mode is None else contact_orders(at, mode, on)
 
 
 def close_to_horizon(run: State) -> bool:
-    """Ask for a step to the horizon in multiprecision, where so little is left that double precision cannot tell.
+    """Prepare a step to the horizon in multiprecision if too little time is left for double precision.
 
-    Over a time that moves guards by less than the states' rounding nothing confirms a step there.
+    Over such a time guards change by less than the rounding error of the states, so that no step can be validated.
     """
     scalars, left = run.scalars, run.left(run.now)
     if not (run.guards and left <= CLOSE_PART * abs(run.until[0])):
@@ -233,7 +232,7 @@ def close_to_horizon(run: State) -> bool:
 def record(
     run: State, kind: int, surface: int, source: int, target: int, *, side: int, state: Sequence[float] | None = None
 ) -> None:
-    """Write a transition down, at a state other than the run's where one is given."""
+    """Record a transition, at the run's state unless ``state`` is given."""
     if run.scalars.below_rounding and run.since[surface] <= run.scalars.time:
         return
     if run.scalars.transitions >= run.scalars.transition_capacity:
@@ -255,7 +254,7 @@ def record(
 
 
 def enter_new_mode(run: State) -> Ending | None:
-    """Compile the mode that an event leads to; the loop goes through the event anew."""
+    """Compile the mode that an event leads to; the loop then repeats the event."""
     mode, hit, what = run.mode, int(run.scalars.guard), int(run.scalars.pending_kind)
     number = int(run.scalars.pending_mode)
     if number >= 0:
@@ -267,24 +266,24 @@ def enter_new_mode(run: State) -> Ending | None:
     entry = 0 if what == STICK else run.integrator.mode_table.guards(mode)[hit].to_sign
     if _compiled_behind(run, mode, hit, entry):
         return None
-    return select_mode(run)  # there is no such mode, or zeros have to be measured
+    return select_mode(run)  # no such mode, or known zeros must be determined
 
 
 def _compiled_behind(run: State, mode: Mode, hit: int, entry: int) -> bool:
-    """Whether the loop can now be led to the mode behind a guard: it then goes through the event anew."""
+    """Compile the mode that a guard leads to; return whether the loop can repeat the event with it."""
     mode_table, row = run.integrator.mode_table, int(run.scalars.mode)
     guard = mode_table.guards(mode)[hit]
     if mode_table.row(replaced(mode, guard.index, entry)) is None or mode_table.leads_to(row, hit, entry) < 0:
         return False
     run.count("new_modes")
     if guard.kind == "surface":
-        run.scalars.expansions -= 1  # its normal velocities are counted anew
+        run.scalars.expansions -= 1  # its normal velocities are counted again
     run.scalars.event_pending = 1
     return True
 
 
 def select_mode(run: State) -> Ending | None:
-    """Settle an event that signs alone do not decide; None if the run goes on."""
+    """Select the mode at an event that signs alone do not decide; None if the run continues."""
     before = run.mode
     hits: list[Guard] = [g for g, hit in zip(run.guards, run.hits, strict=False) if hit]
     if surfaces := resetting(run.integrator.system, before, hits):
@@ -298,7 +297,7 @@ def select_mode(run: State) -> Ending | None:
     if decision.mode is None:
         return decision.ending, decision.reason
     early = run.scalars.guard == kernel.NOWHERE
-    # Where no step was taken, surfaces left a moment ago are still as good as touched.
+    # If no step was taken, surfaces that were left just before still count as touched.
     fresh = {g.index for g, zeros in zip(run.guards, run.known_zeros, strict=False) if zeros and early}
     moved = {g.index for g in hits} | {i for i, s in enumerate(decision.mode) if s != before[i]}
     slides = [i for i, s in enumerate(decision.mode) if s == 0 or before[i] == 0]
@@ -309,7 +308,7 @@ def select_mode(run: State) -> Ending | None:
 
 
 def _misses_stick(run: State, hits: Sequence[Guard]) -> bool:
-    """Whether the loop wants the mode in which a contact is held, to see whether it is, and now goes on with it."""
+    """Compile the sticking mode that the loop needs to decide a stick; return whether the loop can repeat the event."""
     hit = int(run.scalars.guard)
     if len(hits) != 1 or hit == kernel.NOWHERE or run.integrator.mode_table.contacts:
         return False

@@ -1,4 +1,4 @@
-"""Machine code that modes share, and the tapes whose constants tell them apart."""
+"""Machine code shared by modes with equal equations, and tapes whose constants distinguish the modes."""
 
 from __future__ import annotations
 
@@ -28,17 +28,16 @@ BRANCHING = frozenset({"sqrt", "power", "asin", "acos"})
 Entries = tuple[tuple[Mapping[sp.Symbol, sp.Expr], ...], ...]
 """See :class:`henon_ref.modes.equations.ModeTape`."""
 MOST_WATCHED = 200
-"""Operations up to which guards that hold more than the field does (a long expression whose extremes a sweep looks for)
-are compiled to the fastest code: beyond, that takes longer than most runs."""
+"""Largest number of operations of the guards beyond those of the field (such as a long expression whose extremes a
+sweep locates) for which the code is fully optimized; for more, optimizing takes longer than most runs."""
 LARGE = 200
-"""Operations of field and guards beyond which the code is loops over like ones (:mod:`henon_ref.taylor.llvm.looped`):
-compiling straight-line code takes a time that grows with the square. For 40 masses with one contact, at 243, loops are
-ready in 2.2 in place of 6.9 s and a run takes 1.07 times as long; for 4 blocks with friction, at 88, twice as long; for
-16, at 388, the same."""
+"""Number of operations above which the code consists of loops over equal operations
+(:mod:`henon_ref.taylor.llvm.looped`), because the compile time of straight-line code grows quadratically. For 40 masses
+with one contact (243 operations) loops compile in 2.2 s instead of 6.9 s and a run takes 1.07 times as long; for 4
+blocks with friction (88) a run takes twice as long; for 16 blocks (388) equally long."""
 
 MOST_OPERATIONS = 200
-"""Of a tape that compiled code goes through in double-double: what takes longer than some tenths of a millisecond may
-as well go to multiprecision."""
+"""Largest tape that compiled code evaluates in double-double; for larger tapes multiprecision is about as fast."""
 _KINDS: dict[str, int] = {
     name[5:].lower(): number for name, number in ffi.typeof("enum tape_kind").relements.items()
 } | {"square": kernel.TAPE_MUL}
@@ -46,37 +45,37 @@ _KINDS: dict[str, int] = {
 
 @dataclass(frozen=True, eq=False)
 class ModeCode:
-    """Machine code of the modes that have their equations in common."""
+    """Machine code of modes with equal equations."""
 
     expansion: ModeTape
     """Field and guards."""
     probe: ModeTape
-    """Normal velocities on both sides."""
+    """Normal velocities on both sides of each surface."""
     code: NativeModule
     degree: int
-    """Degree of states and guards where by their form they are polynomials in time, up to the order; else 0."""
+    """Degree of states and guards if they are polynomials in time of at most the order; otherwise 0."""
     field_branches: bool
-    """Whether the field may have branch points."""
+    """Whether the field contains operations with branch points."""
     guards_branch: tuple[bool, ...]
-    """Whether each guard may have some."""
+    """The same for each guard."""
     program: NDArray[np.int64] | None
-    """Field and guards as compiled code goes through them in double-double, if it does."""
+    """Field and guards for evaluation in double-double, if compiled code supports them."""
     jumps: ModeTape | None = None
-    """The system's maps of resets, if compiled code makes jumps."""
+    """Maps of the system's resets, if compiled code applies them."""
 
     @property
     def guards_branch_alone(self) -> bool:
-        """Whether some guard may have branch points, and the field has none."""
+        """Whether a guard has operations with branch points and the field has none."""
         return any(self.guards_branch) and not self.field_branches
 
     @property
     def tapes(self) -> tuple[ModeTape, ...]:
-        """Those whose constants the compiled loop reads, in its order; of all modes of a system as many."""
+        """Tapes whose constants the compiled loop reads, in its order; their number is the same for all modes."""
         return (self.expansion, self.probe, *([] if self.jumps is None else [self.jumps]))
 
     @property
     def fields(self) -> dict[str, int]:
-        """Those of :data:`henon_ref.integrator.records.MODE` that it decides."""
+        """Values of the fields of :data:`henon_ref.integrator.records.MODE` that depend on the code."""
         return {
             "expansion": self.code.address("expansion"),
             "step_end": self.code.address("closing"),
@@ -90,14 +89,14 @@ class ModeCode:
 
 
 def common_mode_code(system: FilippovSystem, mode: Mode, order: int, passed: frozenset[int] = frozenset()) -> ModeCode:
-    """Code of the modes that have their equations in common with one.
+    """Compile the code of all modes with the same equations as ``mode``.
 
-    ``passed``: surfaces whose normal velocity is that of the mode, other surfaces sliding.
+    ``passed``: surfaces whose normal velocity is taken in the mode, with other surfaces sliding.
 
     Raises
     ------
     ModelError
-        Where they have none.
+        If the mode has no equations.
     """
     key, equations = system.common_equations(mode)
     normals = {i: along(system.surfaces[i], system.states, equations.field) for i in passed}
@@ -113,9 +112,9 @@ def common_mode_code(system: FilippovSystem, mode: Mode, order: int, passed: fro
 
 
 def switched_mode_code(system: FilippovSystem, equations: SwitchedEquations, order: int) -> ModeCode:
-    """One code for the modes of all combinations of sliding surfaces."""
+    """Compile one code for all modes, whatever surfaces slide."""
     sides = _speeds(system, equations.guards((1,) * len(system.surfaces)))
-    # Names keep apart the constants of surfaces: each is that of one entry, however many signs act together.
+    # Separate names keep each constant dependent on one entry only, even if several signs act together.
     names = {s: sp.Symbol(f"side_{i}", real=True) for i, s in enumerate(system.signs)}
     beside = {s: names[s] for i, s in enumerate(system.signs) if i in equations.crossed}
     expansion = _named_tape(system, equations.field, equations.outputs, equations.definitions, beside)
@@ -130,7 +129,7 @@ def _named_tape(
     definitions: Sequence[tuple[sp.Symbol, sp.Expr]],
     names: Mapping[sp.Symbol, sp.Symbol],
 ) -> Tape:
-    """A tape of expressions in which some symbols have names of their own."""
+    """Build a tape of expressions in which some symbols are renamed."""
     if not names:
         return build_tape(system.states, field, outputs, definitions)
     field, outputs = ([e.xreplace(names) for e in part] for part in (field, outputs))
@@ -161,9 +160,9 @@ def _mode_code(system: FilippovSystem, order: int, expansion: Tape, probe: Tape,
 
 
 def tape_program(tape: Tape, degree: int) -> NDArray[np.int64] | None:
-    """A tape as compiled code goes through it in double-double (``struct tape`` of ``kernel.h``); None where not.
+    """Encode a tape for evaluation in double-double (``struct tape`` of ``kernel.h``); None if not supported.
 
-    ``degree``: of states and outputs where they are polynomials in time; else INFINITE.
+    ``degree``: degree of states and outputs if they are polynomials in time, otherwise INFINITE.
     """
     large = len(tape.field) + len(tape.outputs) > kernel.PAIR_ROWS or len(tape.nodes) > MOST_OPERATIONS
     if large or any(node.op not in _KINDS for node in tape.nodes):
@@ -180,16 +179,16 @@ def tape_program(tape: Tape, degree: int) -> NDArray[np.int64] | None:
 
 
 def _has_branch_points(tape: Tape, rows: Iterable[int]) -> bool:
-    """Whether an operation with branch points is among those that some nodes are made of."""
+    """Whether given nodes depend on an operation with branch points."""
     return any(tape.nodes[at].op in BRANCHING for at in tape.needed(rows))
 
 
 def _speeds(
     system: FilippovSystem, guards: Sequence[Guard], normals: Mapping[int, sp.Expr] | None = None
 ) -> list[sp.Expr]:
-    """For every guard on a surface: speed towards it on this side, speed away from it on the other.
+    """Return, for every guard on a surface, the speed towards it on this side and away from it on the other.
 
-    ``normals``: normal velocities of some surfaces where others slide.
+    ``normals``: normal velocities of some surfaces while other surfaces slide.
     """
     found: list[sp.Expr] = []
     for guard in guards:
@@ -204,10 +203,10 @@ def _speeds(
 
 @cache
 def bernstein_code(order: int) -> NativeModule:
-    """Machine code with the function ``bernstein`` of an order (:mod:`henon_ref.roots.bernstein`)."""
+    """Compile the function ``bernstein`` of an order (:mod:`henon_ref.roots.bernstein`)."""
 
     def written() -> str:
-        from henon_ref.jit.ir_writer import declarations  # only where it is to be compiled
+        from henon_ref.jit.ir_writer import declarations  # needed only for compiling
         from henon_ref.roots.bernstein import bernstein_ir
 
         return declarations() + bernstein_ir(order, "bernstein")
@@ -222,19 +221,19 @@ def _on_both_sides(sign: sp.Symbol, normal: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
 
 @dataclass(frozen=True, eq=False)
 class NormalVelocities:
-    """Normal velocities of all surfaces, in states and signs; with static friction see :func:`_of_contacts`."""
+    """Normal velocities of all surfaces in states and signs; for static friction see :func:`_of_contacts`."""
 
     tape: Tape
     address: int
     code: NativeModule
     contacts: NDArray[np.int64] | None
-    """What is known of each contact (bits of ``enum contact``), shape (surfaces,); None without static friction."""
+    """Properties of each contact (bits of ``enum contact``), shape (surfaces,); None without static friction."""
     beside: NDArray[np.int64]
-    """Whether two surfaces act on each other, shape (surfaces, surfaces)."""
+    """Whether two surfaces interact, shape (surfaces, surfaces)."""
 
 
 def normal_velocities(system: FilippovSystem) -> NormalVelocities:
-    """Their tape and machine code."""
+    """Build and compile the normal velocities of all surfaces."""
     surfaces = range(len(system.surfaces))
     inputs, outputs = (*system.states, *system.signs), [system.normal_velocity(i) for i in surfaces]
     contacts = None
@@ -249,10 +248,11 @@ def normal_velocities(system: FilippovSystem) -> NormalVelocities:
 
 
 def _of_contacts(system: FilippovSystem) -> tuple[list[sp.Symbol], list[sp.Expr]]:
-    """Symbols for the loads of all contacts; and the normal velocities in states, signs and loads, then four numbers a
-    surface: the ends of its hold zone at +1 and -1, its inertia, and by how much its friction slows it down.
+    """Return symbols for the loads of all contacts, and expressions for ``henon_ref/kernel/contact_problem.c``.
 
-    It is what :mod:`henon_ref.modes.held_groups` reads of a group, for ``henon_ref/kernel/contact_problem.c``.
+    These are the normal velocities in states, signs and loads, followed by four numbers per surface: the ends of its
+    hold zone towards +1 and -1, its inertia, and the change of its normal velocity by friction
+    (:mod:`henon_ref.modes.held_groups`).
     """
     loads = [sp.Symbol(f"load_{i}", real=True) for i in range(len(system.signs))]
     pushes = {i: own.push for i, own in system.overrides.items() if own.push}
@@ -282,21 +282,21 @@ def _known_of(system: FilippovSystem, index: int) -> int:
 
 
 class DistinctConstants:
-    """Constants of the modes' tapes, each once, numbered as modes ask for them.
+    """Distinct constants of the tapes of all modes, numbered in order of their first use.
 
-    Modes with the same entries for a constant's own surfaces have it in common. Their values stand in one row: a zero,
-    then of each its double and what the rounding lost.
+    Modes with equal entries of the surfaces on which a constant depends share it. Their values form one row: a zero,
+    then each constant as a pair of doubles.
     """
 
     def __init__(self) -> None:
         self.expressions: list[sp.Expr] = []
-        """In parameters, by their numbers. It only grows."""
+        """Constants in the parameters, by number; append-only."""
         self._numbers: dict[tuple[ModeTape, int, tuple[int, ...]], int] = {}
 
     def sources(self, tapes: tuple[ModeTape, ...], mode: Mode) -> NDArray[np.int64]:
-        """Places in that row of a mode's constants, shape (tapes, K).
+        """Return the places of a mode's constants in this row, shape (tapes, K).
 
-        Of each tape the doubles come first, then what the rounding lost of them, then zeros.
+        For each tape the first doubles of the pairs precede the second ones; zeros follow.
         """
         found = np.zeros((len(tapes), max([1, *(2 * len(tape.tape.constants) for tape in tapes)])), dtype=np.int64)
         for row, tape in zip(found, tapes, strict=True):

@@ -1,5 +1,7 @@
-"""Compiled modes of one system: the tables that the mode loop reads. What they hold at parameter values is apart from
-them (:mod:`henon_ref.integrator.constants`)."""
+"""Tables of a system's compiled modes, which the compiled loop reads.
+
+The values of their constants at given parameters are kept separately (:mod:`henon_ref.integrator.constants`).
+"""
 
 from __future__ import annotations
 
@@ -36,28 +38,28 @@ if TYPE_CHECKING:
     from henon_ref.integrator.jump_code import JumpCode
 
 ALL: Mode = ()
-"""What machine code goes by that all modes have in common."""
+"""Key of the machine code that all modes share."""
 _KIND = {"surface": kernel.SURFACE, "release": kernel.RELEASE, "valid": kernel.VALID, "attracts": kernel.VALID}
 
 
 @dataclass(frozen=True, eq=False)
 class CompiledModes:
-    """The modes that are compiled at one time: tables that nobody changes any more."""
+    """Immutable snapshot of the compiled modes."""
 
     records: NDArray[Any]
     """Shape (M,) of :func:`henon_ref.integrator.records.mode_dtype`."""
     sources: NDArray[np.int64]
-    """(M, tapes, K): where each number of a mode's rows of constants is found among those of all modes."""
+    """Index of each constant of a mode in the constants of all modes, shape (M, tapes, K)."""
     constants: int
-    """How many constants these are."""
+    """Number of constants of all modes."""
 
 
 class ModeTable:
-    """Grows a row for each mode that is asked for, from any thread.
+    """Table of compiled modes; a requested mode is compiled and appended. Thread-safe.
 
-    Where all modes have one set of equations a mode is no row but a number (:mod:`henon_ref.integrator.records`): the
-    table has three rows, of the modes in which every entry is the same, and the loop puts all others together from
-    these.
+    If all modes share one set of equations, a mode is identified by a number instead of a row
+    (:mod:`henon_ref.integrator.records`). The table then has three rows, for the modes in which all entries are equal,
+    and the loop assembles every other mode from them.
 
     Parameters
     ----------
@@ -68,20 +70,20 @@ class ModeTable:
     Attributes
     ----------
     modes, codes : list
-        Of each row its mode and machine code. They only grow.
+        Mode and machine code of each row; append-only.
     index : dict
-        Row of each mode that is compiled.
+        Row of each compiled mode.
     constants : DistinctConstants
-        Those of all modes.
+        Constants of all modes.
     contacts : int
-        How many contacts' entries a mode is, a number; 0 where it is a row.
+        Number of entries of a mode if modes are identified by numbers; 0 if they are identified by rows.
     compiled : CompiledModes
-        Replaced by larger tables with each row; who reads the old ones is led to no mode that they have not.
+        Replaced as a whole by each new row. An older snapshot refers only to modes that it contains.
 
     Raises
     ------
     ModelError
-        Where the map of a reset has a function that is not smooth.
+        If the map of a reset contains a function that is not smooth.
     """
 
     def __init__(self, system: FilippovSystem, order: int) -> None:
@@ -104,7 +106,7 @@ class ModeTable:
 
     @cached_property
     def most_guards(self) -> int:
-        """Guards of the largest mode."""
+        """Largest number of guards of a mode."""
         system = self.system
         if self._switched:
             return len(self._switched.outputs)
@@ -115,30 +117,30 @@ class ModeTable:
         return 2 * surfaces + releases + minors + len(system.valid)
 
     def row(self, mode: Mode) -> int | None:
-        """Row of a mode, compiled on first sight, or its number; None where the mode has no equations."""
+        """Return the row or number of a mode, compiling it if necessary; None if the mode has no equations."""
         if self.contacts:
             return packed(mode) if all(self._row(same) is not None for same in self._uniform) else None
         return self._row(mode)
 
     def known(self, mode: Mode) -> int | None:
-        """The same for a mode that is compiled; None where it is not."""
+        """Return the row or number of a compiled mode; None if it is not compiled."""
         if self.contacts:
             return packed(mode) if len(self.index) == len(self._uniform) else None
         return self.index.get(mode)
 
     def mode(self, row: int) -> Mode:
-        """The mode of a row, or of a number."""
+        """Return the mode of a row or number."""
         return unpacked(row, self.contacts) if self.contacts else self.modes[row]
 
     @cached_property
     def _uniform(self) -> tuple[Mode, ...]:
-        """The modes in which all entries are -1, 0 or +1."""
+        """The three modes whose entries are all -1, all 0 or all +1."""
         return tuple((entry,) * self.contacts for entry in (-1, 0, 1))
 
     def _row(self, mode: Mode) -> int | None:
         if mode not in self.index:
             with one_at_a_time():
-                if mode not in self.index:  # another thread may have been at it
+                if mode not in self.index:  # another thread may have compiled it
                     try:
                         with compiling():
                             code = self._code(mode)
@@ -148,7 +150,7 @@ class ModeTable:
         return self.index[mode]
 
     def guards(self, mode: Mode) -> tuple[Guard, ...]:
-        """Guards of a mode in the order of its row."""
+        """Return the guards of a mode in the order of its row."""
         if self._switched:
             return self._switched.guards(mode)
         if mode not in self._guards:
@@ -156,16 +158,16 @@ class ModeTable:
         return self._guards[mode]
 
     def leads_to(self, row: int, place: int, entry: int) -> int:
-        """Row of the mode behind a guard, in which its surface has this entry; -1 where the loop is not to go there."""
+        """Return the row of the mode that a guard leads to for this entry; -1 if the loop must not enter it."""
         return int(self.compiled.records["guards"]["mode_across" if entry else "mode_stuck"][row, place])
 
     def places(self, mode: Mode) -> Sequence[int]:
-        """Where each of them stands in :meth:`FilippovSystem.equations`; -1 where it has no counterpart there."""
+        """Return the index of each guard in :meth:`FilippovSystem.equations`; -1 if it has no counterpart there."""
         return self._switched.places(mode) if self._switched else range(len(self.guards(mode)))
 
     @cached_property
     def selects(self) -> bool:
-        """Whether the compiled loop decides by normal velocities what becomes of several surfaces."""
+        """Whether the compiled loop selects the mode at several surfaces by normal velocities."""
         system = self.system
         if self._switched and self.contacts:
             return self._switched.coupled
@@ -173,40 +175,40 @@ class ModeTable:
 
     @cached_property
     def decoupled(self) -> bool:
-        """Whether no surface's normal velocity has the sign of another one in it."""
+        """Whether no surface's normal velocity depends on the sign of another surface."""
         surfaces = range(len(self.system.surfaces))
         return all(len(self.system.together(i, surfaces)) == 1 for i in surfaces)
 
     @cached_property
     def owned(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Which constants are those of each contact: where its places end, and places in a mode's row of constants."""
+        """Constants that depend on each contact: ends of its range, and places in a mode's row of constants."""
         tapes = self.codes[0].tapes
         length = self.compiled.sources.shape[2]
         own: list[list[int]] = [[] for _ in range(self.contacts)]
         for first, tape in zip(range(0, length * len(tapes), length), tapes, strict=True):
             for at, contacts in enumerate(tape.owners):
-                for contact in contacts:  # one at most: see decoupled_contacts
+                for contact in contacts:  # at most one: see decoupled_contacts
                     own[contact] += [first + at, first + len(tape.owners) + at]
         places = [np.array(each, dtype=np.int64) for each in own]
         return np.cumsum(list(map(len, own)), dtype=np.int64), np.concatenate(places)
 
     @cached_property
     def sizes(self) -> tuple[int, int, int, int]:
-        """Guards of the largest mode, order, contacts, and numbers in the constants of a mode of contacts (0 where it
-        is a row, or none has equations)."""
+        """Largest number of guards, order, contacts, and number of constants of a mode identified by a number (0 if
+        modes are rows, or no mode has equations)."""
         there = self.contacts and self.row(self._uniform[0]) is not None
         return self.most_guards, self.order, self.contacts, self.compiled.sources[0].size if there else 0
 
     @cached_property
     def normals(self) -> NormalVelocities | None:
-        """Normal velocities of all surfaces; None where the compiled loop does not decide by them."""
+        """Normal velocities of all surfaces; None if the compiled loop does not select modes."""
         if not self.selects:
             return None
         with one_at_a_time():
             return normal_velocities(self.system)
 
     def _code(self, mode: Mode) -> ModeCode:
-        """Machine code of a mode, which it has in common with those that have its equations, or with all."""
+        """Return the machine code of a mode, shared with all modes that have the same equations."""
         key = ALL if self._switched else self.system.common_equations(mode)[0]
         if key not in self._codes:
             code = (
@@ -218,10 +220,10 @@ class ModeTable:
         return self._codes[key]
 
     def _passed(self, mode: Mode) -> frozenset[int]:
-        """Sections that are crossed while others slide which act on them: what slides goes on.
+        """Return sections whose crossing leaves the sliding surfaces that act on them sliding.
 
-        (At a kink of a force it need not: a load that is at its limit may grow from there on.) Where the compiled loop
-        selects modes it decides those as well whose normal velocity holds no sign that slides.
+        (At a kink of a force sliding may end: a load at its limit may grow from there on.) If the compiled loop
+        selects modes, it also decides the sections whose normal velocity contains no sliding sign.
         """
         system, sliding = self.system, [i for i, entry in enumerate(mode) if entry == 0]
         slid = {system.signs[i] for i in sliding}
@@ -234,7 +236,7 @@ class ModeTable:
 
     @cached_property
     def _kinks(self) -> frozenset[int]:
-        """Surfaces that are crossed whatever else happens: the field is continuous there, or forces change no speed."""
+        """Surfaces that are always crossed: the field is continuous there, or their normal velocity has no sign."""
         system = self.system
         if self._switched:
             return self._switched.crossed
@@ -246,7 +248,7 @@ class ModeTable:
 
     @cached_property
     def _sections(self) -> frozenset[int]:
-        """Surfaces whose signs no force holds, and at which nothing happens."""
+        """Surfaces whose signs occur in no force, override or reset."""
         overrides, resets = self.system.overrides, self.system.resets
         forces = [*self.system.field]
         for own in overrides.values():
@@ -266,10 +268,10 @@ class ModeTable:
         if not self.contacts:
             self._link_all(records["guards"], mode)
         self.compiled = CompiledModes(records, sources, len(self.constants.expressions))
-        self.index[mode] = len(self.modes) - 1  # whoever finds it there finds the tables that have it
+        self.index[mode] = len(self.modes) - 1  # last: a mode in the index is in the tables
 
     def _link_all(self, guards: NDArray[Any], mode: Mode) -> None:
-        """Link the last row with those that one event leads to, or from."""
+        """Link the last row with the rows that differ from it in one entry."""
         last = len(self.modes) - 1
         for i, entry in enumerate(mode):
             for other in {-1, 0, 1} - {entry}:
@@ -279,10 +281,10 @@ class ModeTable:
                     self._link(guards, found, i, entry, last)
 
     def _record(self, mode: Mode, code: ModeCode) -> NDArray[Any]:
-        """A mode's row, shape (1,): it leads to no other mode yet; of contacts, to the rows of their entries."""
+        """Return a mode's row, shape (1,), with no links to other modes yet (of contacts: to the rows of entries)."""
         found = np.zeros(1, dtype=mode_dtype(self.most_guards))
         system, guards = self.system, self.guards(mode)
-        if self._switched and self.contacts:  # the guards of a surface are those of its own entry alone
+        if self._switched and self.contacts:  # the guards of a surface depend only on its own entry
             sliding, passed = [i for i in range(len(mode)) if i not in self._switched.crossed], frozenset[int]()
         else:
             sliding, passed = [i for i, s in enumerate(mode) if s == 0], self._passed(mode)
@@ -306,7 +308,7 @@ class ModeTable:
             together = system.decided_together(guard, sliding) and guard.index not in passed
             coupled = kernel.COUPLED if together else kernel.UNCOUPLED
             record["coupled"] = kernel.RESETTING if resets else coupled
-            # Filippov's release is tangent (h = h' = 0), an override's need not be, a body lifts off with more zeros.
+            # Filippov's release is tangent (h = h' = 0), an override's need not be; a lift-off has more zeros.
             if guard.kind == "release":
                 tangent = 0 if guard.index in system.overrides else 2
                 record["zeros_at_release"] = -1 if guard.index in system.resets else tangent
@@ -315,7 +317,7 @@ class ModeTable:
         return found
 
     def _link(self, guards: NDArray[Any], row: int, index: int, entry: int, target: int) -> None:
-        """Lead the events of a mode on one surface to the mode in which that has another entry."""
+        """Link a mode's events on a surface to the mode in which the surface has this entry."""
         for g, guard in enumerate(self.guards(self.modes[row])):
             if guard.index != index:
                 continue
@@ -332,12 +334,12 @@ def _jump_code(system: FilippovSystem) -> JumpCode | None:
 
 
 def _number(mode: Mode) -> int:
-    """A mode's number; 0 where an integer of the machine holds none."""
+    """Return the number of a mode; 0 if it does not fit into a machine integer."""
     return mode_number(mode) if len(mode) <= kernel.MOST_SURFACES else 0
 
 
 def _in_groups(system: FilippovSystem) -> bool:
-    """Whether what has static friction is decided by compiled code: contacts in no loop, each held up to two limits."""
+    """Whether compiled code decides static friction: no loops of contacts, and two limits at each contact."""
     held = all(system.held_inside(i) and _two_ends(system, i) for i in system.overrides)
     return held and not (system.overrides and system.has_loops)
 

@@ -1,12 +1,13 @@
-"""Multiprecision event location: what double precision cannot decide (a graze, a pair of roots, a flat root).
+"""Multiprecision event location, for events that double precision cannot decide (grazes, close or multiple roots).
 
-The mode is expanded again with 220 bits (:mod:`henon_ref.integrator.precise_modes`), from the step's start as it is,
-and the roots of its guards are isolated (:mod:`henon_ref.roots.multiprecision`). Expansions are cut off where their
-terms count for nothing, and roots found to about 1e-50 of the step: no proof, but far beyond what a double can tell.
-Every guard of the mode is looked at. The first event of any of them is gone to, and what else happens there within the
-radius to which the place is known is part of it. The mode that follows is decided there in the same arithmetic. Where
-the state at the step's start is known to a rounding only, and that may lift a guard's touch from zero or make it two
-roots, nothing is decided: the run goes on past it.
+The mode is expanded again with 220 bits (:mod:`henon_ref.integrator.precise_modes`) from the start of the step, and the
+roots of its guards are isolated (:mod:`henon_ref.roots.multiprecision`). Expansions are truncated where their terms are
+negligible, and roots are located to about 1e-50 of the step: not a proof, but far more accurate than double precision.
+
+All guards of the mode are examined. The step ends at the first event of any guard; events of other guards within its
+radius belong to it. The following mode is decided there in the same arithmetic. If the rounding error of the state at
+the start of the step could remove a touch or split it into two roots, the event is not decided: the run continues past
+it.
 """
 
 from __future__ import annotations
@@ -35,25 +36,25 @@ from henon_ref.precision import working_precision
 from henon_ref.roots.multiprecision import BITS, ONE, fixed_point
 
 PAIR_ROUNDING = 2.0**-106
-"""What two doubles lose of a number; less than that would only make the second one miss round numbers."""
+"""Relative rounding error of a pair of doubles; a smaller second double is replaced by 0."""
 FLAT_LEVEL = 1e-6
-"""Part of its size above which a minimum is beyond rounding, whatever that makes of it."""
+"""Relative size above which a minimum is certainly not affected by rounding."""
 SMALL_PART = 2.0**-40
-"""Part of a rounding that the state is moved by, for what it makes of a minimum to first order."""
+"""Perturbation of the state relative to its rounding error, for the first-order change of a minimum."""
 LEAST_MOVE = 1e-40
-"""Part of a guard's size below which what moves its minimum is higher order, or multiprecision's own rounding."""
+"""Relative change of a minimum below which it is of higher order, or rounding of multiprecision itself."""
 EXPANDED_PART = 1.25
-"""So many times as far as the place that is suspected the motion is expanded: what lies behind has to wait."""
+"""Length of the expansion relative to the distance of the suspected event."""
 SAME_MINIMUM_PART = 1e-12
-"""Minima no farther from each other than this part of the step, one of them above zero, are left behind together."""
+"""Distance, relative to the step, within which a minimum above zero is passed together with another minimum."""
 TIE_LEVELS = (1e-15, 0.0)
-"""Relative sizes of zero where balls leave no mode: what rounding has left of a tie of steep guards."""
+"""Relative levels of zero if ball arithmetic finds no mode, because rounding has split a tie of steep guards."""
 _STEP_MARGIN = 1 + arb(2) ** -46
-"""A root that rounding has put on the step's end may lie just behind it."""
+"""Factor of the step's length: a root that rounding has put at the end of the step may lie just beyond it."""
 
 
 class UndecidedStep(NamedTuple):
-    """A step on which double precision sees a guard near zero. Guards are in the order of the mode's equations."""
+    """Step on which a guard is near zero in double precision. Guards are in the order of the mode's equations."""
 
     mode: Mode
     time: Pair
@@ -61,39 +62,39 @@ class UndecidedStep(NamedTuple):
     state: Sequence[arb]
     """State there."""
     rounding: Sequence[float]
-    """What each of its entries may be off."""
+    """Bound of the error of each entry."""
     length: float
-    """How far the step is valid [s]."""
+    """Length of the step for which the expansion is valid [s]."""
     suspect: float
-    """Where the guard was seen near zero, or how far the step is to go, from the start [s]."""
+    """Time from the start of the step to the suspected event, or to the requested end [s]."""
     guard: int | None
-    """None: none was seen near zero."""
+    """Guard that was near zero; None: no guard was."""
     known_zeros: tuple[int, ...]
-    """For each guard, zeros at the start that are divided out."""
+    """Number of zeros of each guard at the start, which are divided out."""
 
 
 class LocatedEvent(NamedTuple):
-    """Where the step ends, and what happens there."""
+    """End of the step, and the events there."""
 
     time: Pair
     """[s]"""
     state: tuple[Pair, ...]
     falling: tuple[int, ...]
-    """Guards that fall through zero at this instant, or end their mode where they touch it."""
+    """Guards that fall through zero at this instant, or whose touch ends the mode."""
     touching: tuple[tuple[int, int], ...]
-    """(guard, even order) of those that touch zero and turn."""
+    """(guard, even order) of guards that touch zero."""
     decision: Decision | None
-    """The mode that follows; None where the mode goes on, and where the state jumps first."""
+    """Decision on the following mode; None if the mode continues, or a jump comes first."""
     known_zeros: tuple[int, ...]
-    """For each guard of the mode gone on with, zeros at this instant. A minimum just above zero counts as one."""
+    """Number of zeros of each guard of the following mode at this instant; a minimum just above zero counts as one."""
     below_rounding: tuple[int, ...] = ()
-    """Guards of which rounding of the state leaves open whether they reach zero here."""
+    """Guards for which rounding of the state leaves undecided whether they reach zero here."""
 
 
 def locate_event(modes: PreciseModes, step: UndecidedStep) -> LocatedEvent | None:
-    """Go to the first event of a step, or past the place where one was suspected.
+    """Locate the first event of a step; without an event, the step ends at the suspected place.
 
-    None where no guard was seen near zero and the series do not converge as far as the step is to go.
+    None if no guard was near zero and the series do not converge up to the requested end.
     """
     with working_precision(BITS):
         start = arb(step.time[0]) + arb(step.time[1])
@@ -133,7 +134,10 @@ def locate_event(modes: PreciseModes, step: UndecidedStep) -> LocatedEvent | Non
 def _events(
     guards: Sequence[Guard], outputs: Sequence[Sequence[arb]], step: UndecidedStep, unit: arb, *, whole: bool
 ) -> list[GuardEvent]:
-    """What the guards do up to the first event of any of them; that one comes first. ``whole``: no term is left out."""
+    """Return the events of the guards up to the first of them, which comes first in the list.
+
+    ``whole``: the series are polynomials without truncation.
+    """
     longer, place = step.length / float(unit), fixed_point(arb(step.suspect) / unit)
     found: list[GuardEvent] = []
     if step.guard is not None:
@@ -164,9 +168,10 @@ def _beyond_rounding(
     outputs: Sequence[Sequence[arb]],
     events: Sequence[GuardEvent],
 ) -> list[GuardEvent]:
-    """The events, those left out (``miss``) of which rounding of the state leaves open whether they are there.
+    """Return the events; an event that rounding of the state leaves undecided becomes a ``miss``.
 
-    The minimum of a square is zero wherever the state is: differences are taken to both sides.
+    Central differences show how much rounding moves a minimum. (They are zero for the minimum of a square, which is 0
+    for every state.)
     """
     flat = {e.guard: 0.0 for e in events if e.depth <= FLAT_LEVEL}
     if not flat or not any(step.rounding):
@@ -193,14 +198,14 @@ def _beyond_rounding(
 
 
 def _ends(modes: PreciseModes, guards: Sequence[Guard], event: GuardEvent) -> bool:
-    """Whether a guard's mode ends where it only touches zero: a model's end, or a surface that is held at."""
+    """Whether a touch of zero ends the mode: at the end of the model, or at a surface with static friction."""
     guard = guards[event.guard]
     held = guard.kind == "surface" and modes.system.held_inside(guard.index)
     return event.what == "touch" and (guard.ends is not None or held)
 
 
 def _zeros_behind(events: Sequence[GuardEvent], here: GuardEvent, count: int) -> tuple[int, ...]:
-    """Zeros of a mode's guards where it goes on from a minimum of one of them."""
+    """Return the number of zeros of each guard at a minimum of one of them at which the mode continues."""
     zeros = [0] * count
     for event in events:
         same_minimum = abs(event.place - here.place) / ONE <= SAME_MINIMUM_PART
@@ -212,10 +217,10 @@ def _zeros_behind(events: Sequence[GuardEvent], here: GuardEvent, count: int) ->
 def _next_mode(
     modes: PreciseModes, mode: Mode, point: tuple[arb, list[arb]], hits: Sequence[Guard]
 ) -> tuple[Decision, tuple[int, ...]]:
-    """The mode after guards have fallen at a point, and the known zeros of its guards there.
+    """Return the decision on the mode after guards have fallen at a point, and the known zeros of its guards there.
 
-    A state is off the surfaces that it slides on by what rounding has left: so much wider is its ball. Where steep
-    guards are tied but for rounding no mode may fit; then double precision decides, as it does without this route.
+    Rounding moves a sliding state off its surfaces; its ball is widened by this distance. If rounding has split a tie
+    of steep guards, no mode may be consistent; then double precision decides, as it does for ordinary events.
     """
     time, state = point
     sliding = [i for i, s in enumerate(mode) if s == 0]
@@ -237,9 +242,10 @@ def _next_mode(
 def _unless_unique(
     modes: PreciseModes, mode: Mode, point: tuple[arb, list[arb]], touching: Sequence[Guard]
 ) -> Decision | None:
-    """Why a run ends where surfaces are touched from which other motions lead away, too; None where it goes on.
+    """Return the decision ``nonunique`` if another motion departs from a touched surface; otherwise None.
 
-    So it is where the field on the other side leads away: at once, or at a visible two-fold (Filippov 1988, Sec. 19).
+    This is the case if the field on the other side points away from it, immediately or at a visible two-fold (Filippov
+    1988, Sec. 19).
     """
     surfaces = [guard for guard in touching if guard.kind == "surface"]
     if not surfaces:
@@ -249,7 +255,7 @@ def _unless_unique(
 
 
 def _split(number: arb) -> Pair:
-    """A number as two doubles."""
+    """Return a number as a pair of doubles."""
     high = float(number)
     low = float(number - high)
     return high, (low if abs(low) > PAIR_ROUNDING * abs(high) else 0.0)

@@ -1,4 +1,4 @@
-"""Numbers from Python as the compiled loop takes them: a double and what it leaves of the exact number."""
+"""Conversion of Python numbers to pairs of doubles: the nearest double and the remainder."""
 
 from __future__ import annotations
 
@@ -13,17 +13,19 @@ from numpy.typing import ArrayLike, NDArray
 from henon_ref.modes.bounds import double_double
 
 Pair = tuple[float, float]
-"""A number as its double and what that leaves."""
+"""Number as its nearest double and the remainder."""
 WHOLE = 2**53
-"""Whole numbers up to here are doubles."""
+"""Integers up to this size are exact doubles."""
 KEPT = 256
-"""Decimal numbers that are remembered: of many runs most have the same initial values and horizon."""
+"""Number of cached conversions: most of many runs have the same initial values and horizon."""
 SHORT = 1e6
-"""A multiple of 1/256 below this has no more than 15 decimals: it is printed as it is."""
+"""A multiple of 1/256 below this has at most 15 decimals, so that Python prints it exactly."""
 
 
 def pair_of(value: Any) -> Pair | None:
-    """An int, a Fraction, or a float, which stands for the decimal number that it is printed as; else None.
+    """Return an int, float or Fraction as a pair; None for other types and for values that are not finite.
+
+    A float stands for the decimal number that Python prints.
 
     Examples
     --------
@@ -45,12 +47,12 @@ def pair_of(value: Any) -> Pair | None:
 
 
 def exact_number(value: Any) -> Fraction:
-    """What :func:`pair_of` is a pair of, exactly."""
+    """Return the exact number that :func:`pair_of` represents."""
     return Fraction(repr(float(value))) if isinstance(value, float) else Fraction(value)
 
 
 def exact_expression(value: Any) -> sp.Expr:
-    """The same as an exact number of SymPy, which one that is given stays."""
+    """Return a number as an exact SymPy number; a SymPy number is returned unchanged."""
     if isinstance(value, sp.Expr):
         return value
     number = exact_number(value)
@@ -58,19 +60,19 @@ def exact_expression(value: Any) -> sp.Expr:
 
 
 def pair_of_exact(value: Any) -> Pair:
-    """:func:`pair_of`, of SymPy's exact numbers as well.
+    """Return a number as a pair; unlike :func:`pair_of`, also an exact SymPy number.
 
     Raises
     ------
     ModelError
-        For what is no finite real number.
+        If the value is not a finite real number.
     """
     found = None if isinstance(value, sp.Expr) else pair_of(value)
     return double_double(exact_expression(value)) if found is None else found
 
 
 def decimal_pairs(values: ArrayLike) -> NDArray[np.float64]:
-    """:func:`pair_of` of each double of an array, shape (..., 2); of one that is not finite nothing is left."""
+    """Apply :func:`pair_of` to each double of an array, shape (..., 2); the remainder of inf and NaN is 0."""
     high = np.asarray(values, dtype=np.float64)
     found = np.stack([high, np.zeros_like(high)], axis=-1)
     with np.errstate(over="ignore", invalid="ignore"):
@@ -83,7 +85,7 @@ def decimal_pairs(values: ArrayLike) -> NDArray[np.float64]:
 
 
 def _rational(numerator: int, denominator: int) -> Pair | None:
-    """A quotient of whole numbers; None where it is no double."""
+    """Return a quotient of integers as a pair; None if it overflows."""
     try:
         high = numerator / denominator
         p, q = high.as_integer_ratio()
@@ -94,7 +96,7 @@ def _rational(numerator: int, denominator: int) -> Pair | None:
 
 @lru_cache(maxsize=KEPT)
 def _printed(value: float) -> Pair | None:
-    """A double and what it leaves of the decimal number that it is printed as; None where it is not finite."""
+    """Return a double and the remainder of the decimal number that Python prints for it; None if not finite."""
     try:
         numerator, denominator = value.as_integer_ratio()
     except (OverflowError, ValueError):  # infinity, NaN

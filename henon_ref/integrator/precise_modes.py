@@ -1,4 +1,4 @@
-"""The motion of a mode, and what follows an event, in multiprecision: Taylor series in balls of python-flint."""
+"""Motion and guards of a mode in multiprecision: Taylor series in the ball arithmetic of python-flint."""
 
 from __future__ import annotations
 
@@ -25,38 +25,38 @@ from henon_ref.taylor.series import expand
 from henon_ref.taylor.tape import INFINITE, Tape
 
 MOST_ORDER = 320
-"""Highest order of an expansion; it ends before where its terms count for nothing, or the motion is a polynomial."""
+"""Largest order of an expansion; it ends earlier if its terms are negligible or the motion is a polynomial."""
 NEGLIGIBLE = 1e-50
-"""What counts for nothing, relative to the sum of all terms on the step."""
+"""Size of negligible terms relative to the sum of all terms on the step."""
 LEAST_ORDER = 48
-"""Order before which it does not end: terms may be missing at first."""
+"""Smallest order of an expansion that is not a polynomial: low orders may be zero."""
 ENDING_ORDERS = 4
-"""So many orders in a row that count for nothing end an expansion."""
+"""Number of consecutive negligible orders that end an expansion."""
 
 MOST_STEPS = 1000
-"""Steps after which no more are taken: some seconds."""
+"""Largest number of steps (some seconds)."""
 SHORTEST_PART = 2.0**-20
-"""Part of the length asked for that a step may be shortened to."""
+"""Smallest length of a step relative to the requested length."""
 SAME = 1e-2
-"""Part of its size by which a double may be off the motion, for errors to have grown by no more than they seem to."""
+"""Largest relative difference between the doubles and the motion for which its digits are trusted."""
 START_ROUNDING = 2.0**-52
-"""What two doubles lose of a number, to what one does; and so of what comes of it."""
+"""Rounding error of a pair of doubles relative to that of one double; the propagated errors have the same ratio."""
 
 
 def split(number: arb) -> Pair:
-    """A number as two doubles."""
+    """Return a number as a pair of doubles."""
     high = float(number.mid())
     return high, float(number.mid() - high)
 
 
 class PreciseModes:
-    """Modes of one system in multiprecision, made when they are first needed, and its values at points.
+    """Modes of one system in multiprecision, prepared on first use.
 
-    It is what :func:`henon_ref.modes.after_jump.after_jump` takes for numbers.
+    It is the arithmetic that :func:`henon_ref.modes.after_jump.after_jump` works in.
     """
 
     rounding = 64 * EPS
-    """Steps before a jump know a state to the rounding of a double."""
+    """Relative error of a state before a jump: the steps are in double precision."""
 
     def __init__(self, in_doubles: ModeEvaluation, make_in_balls: Callable[[], ModeEvaluation]) -> None:
         self.system, self.in_doubles, self._make_in_balls = in_doubles.system, in_doubles, make_in_balls
@@ -64,7 +64,7 @@ class PreciseModes:
 
     @cached_property
     def in_balls(self) -> ModeEvaluation:
-        """The modes in balls."""
+        """Modes in ball arithmetic."""
         with compiling():
             return self._make_in_balls()
 
@@ -74,31 +74,31 @@ class PreciseModes:
         return self._functions[expressions](t, *x)
 
     def values(self, expressions: tuple[sp.Expr, ...], t: arb, x: Sequence[arb]) -> list[arb]:
-        """Expressions in time and states at a point; ValueError where one has none that is finite."""
+        """Evaluate expressions in time and states at a point; ValueError if a value is not finite."""
         found = self._at(expressions, t, x)
         if not all(value.is_finite() for value in found):
             raise ValueError("a value is not finite")
         return found
 
     def guard_series(self, mode: Mode, t: arb, x: Sequence[arb]) -> list[list[arb]]:
-        """Taylor coefficients in time of a mode's guards."""
+        """Return the Taylor coefficients in time of a mode's guards."""
         return self.in_balls.guard_series(mode, t, x)
 
     def sign(self, value: arb) -> int:
-        """0 where it cannot be told from zero."""
+        """Return the sign; 0 if the ball contains zero."""
         return 0 if value.contains(0) else 1 if value > 0 else -1
 
     def decide(self, t: arb, x: Sequence[arb], surfaces: Sequence[int], valid: Sequence[int]) -> Decision:
-        """The mode at a point behind a jump, in double precision."""
+        """Decide the mode after a jump, in double precision."""
         at = self.in_doubles.at(float(t), [float(value) for value in x])
         return mode_by_signs(at, surfaces, valid, where="after the reset")
 
     def text(self, t: arb) -> str:
-        """A time as messages have it."""
+        """Format a time for messages."""
         return f"{float(t):.17g}"
 
     def guards(self, mode: Mode) -> tuple[Guard, ...]:
-        """Guards of a mode, in the order of :meth:`FilippovSystem.equations`."""
+        """Return the guards of a mode in the order of :meth:`FilippovSystem.equations`."""
         found = self.in_balls.equations(mode)
         assert found is not None
         return found[0].guards
@@ -106,15 +106,15 @@ class PreciseModes:
     def expand(
         self, mode: Mode, time: arb, state: Sequence[arb], unit: arb
     ) -> tuple[list[arb_poly], list[list[arb]], bool]:
-        """Taylor coefficients of the states and of the mode's guards, in units of ``unit`` of time; if these are all.
+        """Return the Taylor coefficients of states and guards in units of ``unit``, and whether they are polynomials.
 
-        So far, one unit, they hold.
+        The series converge up to one unit.
         """
         tape, numbers = self._tape(mode)
         degree = _degree(tape)
 
         def enough(x: Sequence[Sequence[arb]], y: Sequence[Sequence[arb]]) -> bool:
-            """Looked at now and then."""
+            """Checked every few orders."""
             return len(x[0]) > LEAST_ORDER and len(x[0]) % ENDING_ORDERS == 1 and _negligible_tail([*x, *y])
 
         order, end = (degree, None) if degree else (MOST_ORDER, enough)
@@ -124,15 +124,15 @@ class PreciseModes:
     def motion(
         self, mode: Mode, time: arb, state: Sequence[arb], unit: arb, order: int
     ) -> tuple[list[list[arb]], list[list[arb]]]:
-        """Taylor coefficients of the states and guards, in units of ``unit`` of time, up to an order."""
+        """Return the Taylor coefficients of states and guards in units of ``unit``, up to an order."""
         return expand(*self._tape(mode), time, state, order, RING, unit)
 
     def guard_values(self, mode: Mode, time: arb, state: Sequence[arb]) -> list[arb]:
-        """Guards of a mode at a point; no numbers where they are not known there."""
+        """Evaluate the guards of a mode at a point; NaN if a guard has no value."""
         return [series[0] for series in expand(*self._tape(mode), time, state, 0, RING)[1]]
 
     def off_surfaces(self, surfaces: Sequence[int], time: arb, state: Sequence[arb]) -> float:
-        """How far a state is from surfaces that it slides on: what rounding has left of zero there."""
+        """Return the distance of a sliding state from its surfaces, which rounding causes."""
         farthest = 0.0
         for h in (self.system.surfaces[i] for i in surfaces):
             slopes = tuple(sp.diff(h, x) for x in self.system.states)
@@ -146,20 +146,20 @@ class PreciseModes:
 
 
 def _degree(tape: Tape) -> int:
-    """Of a motion and its guards, where all of it is a polynomial in time; else 0."""
+    """Return the degree of a motion and its guards if all are polynomials in time; otherwise 0."""
     nodes = tape.nodes
     degrees = [nodes[row].degree + 1 for row in tape.field] + [nodes[row].degree for row in tape.outputs]
     return max(degrees) if max(degrees) <= MOST_ORDER < INFINITE else 0
 
 
 def _negligible_tail(rows: Sequence[Sequence[arb]]) -> bool:
-    """True if the last terms of some series count for nothing where their variable is 1."""
+    """Whether the last terms of all series are negligible at argument 1."""
     sizes = (list(map(abs, map(float, row))) for row in rows)
     return all(max(terms[-ENDING_ORDERS:]) <= NEGLIGIBLE * sum(terms) < math.inf for terms in sizes)
 
 
 class PreciseMotion:
-    """The motion of one mode from a point on, which is known to two doubles; exactly, where the second ones are 0."""
+    """Motion of one mode from a start given by pairs of doubles, which is exact if the second doubles are 0."""
 
     def __init__(self, modes: PreciseModes, mode: Mode, time: Pair, state: Sequence[Pair]) -> None:
         self._modes, self._mode, self._steps = modes, mode, 0
@@ -168,9 +168,9 @@ class PreciseMotion:
             self._time, self._state = arb(time[0]) + arb(time[1]), [arb(high) + arb(low) for high, low in state]
 
     def at(self, time: Pair, near: Sequence[float], length: float) -> tuple[list[arb], list[float]] | None:
-        """The state at a later time, and what each entry may be off; None where it is not to be had.
+        """Return the state at a later time and a bound of the error of each entry; None if it cannot be computed.
 
-        ``near``: the state there in doubles; ``length``: of a step to begin with [s].
+        ``near``: the state there in doubles; ``length``: initial length of a step [s].
         """
         with working_precision(BITS):
             if not self._advance(arb(time[0]) + arb(time[1]), length):
@@ -184,7 +184,7 @@ class PreciseMotion:
         return list(self._state), [START_ROUNDING * error for error in off]
 
     def _advance(self, time: arb, length: float) -> bool:
-        """Go on to a time; False where that takes too many steps."""
+        """Advance to a time; False if that takes too many steps."""
         part = 1.0
         while self._time < time:
             if self._steps >= MOST_STEPS or part < SHORTEST_PART:

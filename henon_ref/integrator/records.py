@@ -1,9 +1,9 @@
-"""What the compiled loop and Python share, as ``henon_ref/kernel/kernel.h`` describes it.
+"""Data that the compiled loop and Python share (``henon_ref/kernel/kernel.h``).
 
-Records and the numbers in their fields; the memory that a run works on: its block, which the loop is handed (where its
-parts stand says ``struct places``), with views of the parts; and modes of many contacts. Such a mode is no row of a
-table but a number, of base 4, the first contact's entry being its last digit (-1 is written as 0, 0 as 1, +1 as 2); in
-memory it is some words (``kernel/contacts.c``).
+The module defines the records and their constants, and the memory block of a run with views of its parts (``struct
+places`` gives their offsets). It also converts modes of many contacts. Such a mode is not a row of a table but a number
+in base 4: digit i, from the last, is 1 plus the entry of contact i. In memory it occupies several words
+(``kernel/contacts.c``).
 """
 
 from __future__ import annotations
@@ -27,70 +27,67 @@ RESET: int = kernel.RESET
 HENON: int = kernel.HENON
 NEWTON: int = kernel.NEWTON
 BRENT: int = kernel.BRENT
-"""Ways of landing."""
+"""Landing methods."""
 LANDINGS = ("henon", "newton", "brent", "bracket")
-"""Their names, and that of bisection, which they fall back on."""
+"""Names of the landing methods, then of bisection, their fallback."""
 MODE, GUARD = record_dtype("mode"), record_dtype("guard")
-"""A compiled mode, and a guard of it."""
+"""Record of a compiled mode, and of one of its guards."""
 TRANSITION, STEP = record_dtype("transition"), record_dtype("step")
-"""A transition, behind which in memory stands the state, n doubles (:func:`transition_dtype`); a step that was taken,
-behind it the states' Taylor coefficients (:func:`step_dtype`)."""
+"""Record of a transition, followed in memory by the state (:func:`transition_dtype`); record of a step, followed by the
+states' Taylor coefficients (:func:`step_dtype`)."""
 TRANSITION_PLACES, STEP_PLACES = TRANSITION.itemsize // 8, STEP.itemsize // 8
-"""Their lengths in doubles."""
+"""Lengths of these records in doubles."""
 CHUNK: int = kernel.CHUNK
-"""Transitions kept in one block of memory."""
+"""Number of transitions in one block of memory."""
 RUN = record_dtype("run")
-"""A run's scalars, the same for every system; the vectors stand behind them."""
+"""Record of a run's scalars, the same for every system; the vectors follow it in memory."""
 STATE_PLACE: int = kernel.places_of(0, 0, 0, 0, 0).state
-"""Where the state stands, followed by what rounding it lost, and by the state before the last jump."""
+"""Offset of the state; its rounding errors and the state before the last jump follow."""
 
 
 def mode_dtype(guards: int) -> np.dtype[Any]:
-    """A mode with its guards, as one row of a table; ``guards``: of the largest mode."""
+    """Row of a mode table: a mode and its guards (``guards`` of the largest mode)."""
     return np.dtype([("mode", MODE), ("guards", GUARD, (guards,))])
 
 
 def transition_dtype(states: int) -> np.dtype[Any]:
-    """A transition with its state."""
+    """Transition and its state."""
     return _followed(TRANSITION, "state", (states,))
 
 
 def step_dtype(states: int, order: int) -> np.dtype[Any]:
-    """A step with the states' coefficients: x_i(time + tau unit) = sum over k of coefficients[i, k] tau^k."""
+    """Step and its coefficients: x_i(time + tau unit) = sum over k of coefficients[i, k] tau^k."""
     return _followed(STEP, "coefficients", (states, order + 1))
 
 
 def _followed(record: np.dtype[Any], name: str, shape: tuple[int, ...]) -> np.dtype[Any]:
-    """A record and the doubles that stand behind it."""
+    """Record followed by doubles."""
     assert record.names is not None
     return np.dtype([*((field, record[field]) for field in record.names), (name, "f8", shape)], align=True)
 
 
 @dataclass(frozen=True, eq=False)
 class Workspace:
-    """Memory of one run at a time."""
+    """Memory of one run; reusable by a later run."""
 
     block: NDArray[np.float64]
-    """All of it."""
+    """Entire memory."""
     run: Any
-    """The same as the compiled loop takes it: a pointer."""
+    """Pointer to it, as ``struct run *``."""
     state: NDArray[np.float64]
-    """A view: the run's scalars and vectors."""
+    """View: scalars and vectors of the run."""
     memory: memoryview
-    """The same as bytes are packed into it."""
+    """Memoryview of ``state``, for packing bytes."""
     band: NDArray[np.float64]
-    """A view: coefficients of the last expansion, a row a state, then a guard."""
+    """View: coefficients of the last expansion, one row per state, then per guard."""
     transitions: NDArray[np.float64]
-    """A view: transitions, shape (CHUNK, TRANSITION_PLACES + n), each :data:`TRANSITION` and a
-    state, and behind it with contacts the words of the mode before and after. (An array of records is copied field by
-    field: as long as half of a short run.)"""
+    """View: transitions, shape (CHUNK, TRANSITION_PLACES + n). Each row is a :data:`TRANSITION` and a state; with
+    contacts, the words of the modes before and after follow. (Rows of doubles are copied much faster than records.)"""
 
     @classmethod
     def of(cls, *sizes: int) -> Workspace:
-        """For systems of some sizes: states, guards of the largest mode, order, contacts that a mode is entries of (0
-        where it is a row), and constants of such a mode.
-
-        Parts of an unused one may be used at once: they are zero where the loop takes that for granted.
+        """Allocate a workspace for ``sizes``: states, largest number of guards, order, contacts (0 if a mode is a row),
+        and constants of a mode of contacts. The memory is zero, as the loop requires.
         """
         own = kernel.places_of(*sizes)
         block = np.zeros(own.size + kernel.ALIGNMENT)
@@ -107,16 +104,16 @@ class Workspace:
 
 
 _FOURS = [tuple(digit - 1 for digit in reversed(four)) for four in product(range(4), repeat=4)]
-"""Of each byte its four entries."""
+"""The four entries in each byte."""
 
 
 def words_of(contacts: int) -> int:
-    """Words that a mode takes; 0 without contacts, where a mode is a row."""
+    """Number of words of a mode; 0 if a mode is a row."""
     return int(kernel.words_of(contacts))
 
 
 def packed(mode: Mode) -> int:
-    """A mode as a number.
+    """Return a mode as a number.
 
     Examples
     --------
@@ -127,22 +124,22 @@ def packed(mode: Mode) -> int:
 
 
 def unpacked(number: int, contacts: int) -> Mode:
-    """The mode of a number."""
+    """Return the mode of a number."""
     return _entries(number.to_bytes(8 * words_of(contacts), "little"), contacts)
 
 
 def written(number: int, contacts: int) -> NDArray[np.int64]:
-    """The words of a number, shape (words,)."""
+    """Return the words of a number, shape (words,)."""
     return np.frombuffer(number.to_bytes(8 * words_of(contacts), "little"), dtype="<i8")
 
 
 def read(words: NDArray[np.int64]) -> int:
-    """The number of some words."""
+    """Return the number in the given words."""
     return int.from_bytes(words.tobytes(), "little")
 
 
 def numbered(words: NDArray[np.int64], contacts: int) -> tuple[tuple[Mode, ...], NDArray[np.int64]]:
-    """Different modes among some, shape (k, words), and the place of each among these."""
+    """Return the distinct modes in ``words``, shape (k, number of words), and the index of each row among them."""
     rows = np.ascontiguousarray(words).view(f"V{8 * words.shape[1]}")[:, 0]
     different, places_among = np.unique(rows, return_inverse=True)
     return tuple(_entries(row.tobytes(), contacts) for row in different), places_among.astype(np.int64)

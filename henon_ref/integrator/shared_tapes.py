@@ -1,4 +1,4 @@
-"""A system's modes at parameter values in doubles and in balls: tapes and functions are made once for all values."""
+"""Tapes and functions of a system's modes, built once and evaluated at any parameter values in doubles or balls."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from henon_ref.precision import one_at_a_time
 from henon_ref.taylor.tape import TIME, Tape, build_tape
 
 KEPT = 64
-"""Functions of one pattern each that are kept."""
+"""Largest number of cached functions."""
 ALIKE = 4
-"""Expressions of one pattern, on the average, from which on each is evaluated by itself: those of blocks in a row are
-compiled once, in place of all of them together (a first run of 64 blocks takes 1.1 in place of 1.7 s)."""
+"""Average number of expressions per pattern above which each pattern is compiled once, instead of all expressions
+together. (A first run of 64 equal blocks then takes 1.1 s instead of 1.7 s.)"""
 
 
 class SharedTapes:
-    """Tapes of a system without values of its parameters, which come in an order."""
+    """Tapes of a system with symbolic parameters, whose values are given in a fixed order."""
 
     def __init__(self, system: FilippovSystem, parameters: tuple[sp.Symbol, ...]) -> None:
         self._system, self._parameters = system, parameters
@@ -36,15 +36,15 @@ class SharedTapes:
         self._programs: dict[int, tuple[Tape, ConstantProgram]] = {}
 
     def in_doubles(self, values: tuple[float, ...]) -> ModeEvaluation:
-        """The modes in double precision at parameter values."""
+        """Return the modes in double precision at parameter values."""
         return ModeEvaluation(self._system, DOUBLES, _InDoubles(self, values))
 
     def in_balls(self, values: tuple[sp.Expr, ...]) -> ModeEvaluation:
-        """The modes in balls of the working precision at exact parameter values."""
+        """Return the modes in ball arithmetic of the working precision at exact parameter values."""
         return ModeEvaluation(self._system, BALLS, _InBalls(self, values))
 
     def constants(self, tape: Tape) -> ConstantProgram:
-        """Constants of one of the tapes from here."""
+        """Return the program of the constants of one of these tapes."""
         if id(tape) not in self._programs:
             with one_at_a_time():
                 self._programs[id(tape)] = tape, constant_program(self._parameters, tape.constants)
@@ -55,7 +55,7 @@ class SharedTapes:
             return mode_with_tape(self._system, mode)
 
     def _function(self, names: tuple[sp.Symbol, ...], expressions: tuple[sp.Expr, ...]) -> Callable[..., list[Any]]:
-        """(t, *names, *parameters) -> values of expressions, in double precision."""
+        """Compile (t, *names, *parameters) -> values of expressions, in double precision."""
         with one_at_a_time():
             places = {symbol: k for k, symbol in enumerate((TIME, *names, *self._parameters))}
             parts = [renamed((e,)) for e in expressions]
@@ -65,13 +65,13 @@ class SharedTapes:
             return lambda *point: [value for function, of in made for value in function(*[point[k] for k in of])]
 
     def _tape(self, names: tuple[sp.Symbol, ...], expressions: tuple[sp.Expr, ...]) -> Tape:
-        """Expressions in time and these names as a tape."""
+        """Build a tape of expressions in time and ``names``."""
         with one_at_a_time():
             return build_tape(names, (), expressions)
 
 
 class _AtValues:
-    """Tapes of a system at parameter values (:class:`henon_ref.modes.mode_evaluation.Tapes`)."""
+    """Tapes of a system at given parameter values (:class:`henon_ref.modes.mode_evaluation.Tapes`)."""
 
     def __init__(self, shared: SharedTapes, values: tuple[Any, ...]) -> None:
         self.mode, self._shared, self._values = shared.mode, shared, values
@@ -100,6 +100,6 @@ class _InBalls(_AtValues):
 
 @lru_cache(maxsize=KEPT)
 def _in_doubles(names: tuple[sp.Symbol, ...], expressions: tuple[sp.Expr, ...]) -> Callable[..., list[Any]]:
-    """(*names) -> values of expressions in these; kept for all of one pattern."""
+    """Compile (*names) -> values of expressions; cached by pattern."""
     made: Callable[..., list[Any]] = sp.lambdify(names, list(expressions), "math", cse=True)
     return made

@@ -1,4 +1,4 @@
-"""Transitions of a run as an array."""
+"""Array of transitions."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ from henon_ref.modes.mode import Mode
 from henon_ref.trajectory import Kind, Transition
 
 KINDS: tuple[Kind, ...] = ("stick", "release", "crossing", "graze", "reset")
-"""By the numbers of :mod:`henon_ref.integrator.records`."""
+"""Names of the kinds, indexed by the constants of :mod:`henon_ref.integrator.records`."""
 
 
 class TransitionArray(Sequence[Transition]):
-    """Transitions kept as rows of an array; each becomes a :class:`Transition` when it is looked at.
+    """Sequence of transitions stored as rows of an array; an item is converted to a :class:`Transition` on access.
 
     Parameters
     ----------
     rows : ndarray, shape (k, TRANSITION_PLACES + n)
-        Each a record of :data:`henon_ref.integrator.records.TRANSITION` and a state.
+        Each row is a :data:`henon_ref.integrator.records.TRANSITION` followed by a state.
     modes : sequence
-        Modes by the numbers that the records hold.
+        Modes, indexed by the fields ``from_mode`` and ``to_mode``.
     contacts : int, optional
-        Where modes are entries of so many contacts: behind each state stand the words of the mode before and after
-        (:mod:`henon_ref.integrator.records`), which become numbers, and modes, when somebody asks.
+        Number of entries of a mode, if the words of the modes before and after follow each state
+        (:mod:`henon_ref.integrator.records`). They are converted to indices and modes on first access.
     """
 
     __slots__ = ("_made_of", "_numbered")
@@ -45,7 +45,7 @@ class TransitionArray(Sequence[Transition]):
         self._numbered = None if contacts else (rows, modes)
 
     def _in_numbers(self) -> tuple[NDArray[np.float64], Sequence[Mode]]:
-        """Rows, and modes by the numbers in them."""
+        """Return rows with indices of modes, and these modes."""
         if self._numbered is None:
             rows, _, contacts = self._made_of
             self._numbered = numbered_rows(rows, contacts)
@@ -53,21 +53,21 @@ class TransitionArray(Sequence[Transition]):
 
     @property
     def modes(self) -> Sequence[Mode]:
-        """Modes by the numbers that the records hold."""
+        """Modes, indexed by the fields ``from_mode`` and ``to_mode``."""
         return self._in_numbers()[1]
 
     @property
     def rows(self) -> NDArray[np.float64]:
-        """A record and a state each."""
+        """Record and state of each transition."""
         return self._in_numbers()[0]
 
     @property
     def recorded(self) -> NDArray[np.float64]:
-        """What it was made of."""
+        """Rows as given to the constructor."""
         return self._made_of[0]
 
     def visible(self, kinks: HiddenKinks) -> TransitionArray:
-        """Those that are not on hidden kinks, their modes as :meth:`HiddenKinks.shown` has them."""
+        """Return the transitions that are not on hidden kinks, with modes converted by :meth:`HiddenKinks.shown`."""
         if kinks.hides_none(self.modes):
             return self
         rows = self.rows[kinks.are_transitions(self.records, self.modes)]
@@ -75,12 +75,12 @@ class TransitionArray(Sequence[Transition]):
 
     @property
     def records(self) -> NDArray[Any]:
-        """Shape (k,) of :func:`henon_ref.integrator.records.transition_dtype`: a view."""
+        """View as records, shape (k,), of :func:`henon_ref.integrator.records.transition_dtype`."""
         return self.rows.view(transition_dtype(self.rows.shape[1] - TRANSITION_PLACES))[:, 0]
 
     @property
     def times(self) -> NDArray[np.float64]:
-        """Time and what rounding it lost [s], shape (k, 2)."""
+        """Times as pairs of doubles [s], shape (k, 2)."""
         return self.recorded[:, :2]
 
     @property
@@ -114,8 +114,8 @@ class TransitionArray(Sequence[Transition]):
 
 
 def numbered_rows(rows: NDArray[np.float64], contacts: int) -> tuple[NDArray[np.float64], tuple[Mode, ...]]:
-    """Rows without the words of the modes before and after at their end, which their records hold as numbers; and the
-    modes of these.
+    """Move the words of the modes before and after from the end of each row into its record, as indices of the returned
+    modes.
     """
     words = words_of(contacts)
     ends = np.ascontiguousarray(rows[:, -2 * words :]).view(np.int64).reshape(-1, words)

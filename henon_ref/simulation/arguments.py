@@ -1,4 +1,4 @@
-"""The arguments of a run, read as a case file's ``initial`` and ``until`` are, to an initial-value problem."""
+"""Arguments of a run, read as a case file's ``initial`` and ``until``, and the initial-value problem they define."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from henon_ref.text import did_you_mean, listed, shortened
 
 DIRECTIONS = ("falling", "rising")
 STOPS = 63
-"""Surfaces, of the first ones, on which a run can be stopped: bits of a positive whole number."""
+"""Number of surfaces on which a run can be stopped (the first ones): bits of a positive int64."""
 SMALLEST, LARGEST = 1e-16, 1.0
-"""Between these lies a tolerance, as in a case file."""
+"""Bounds of a tolerance, as in a case file."""
 
 
 def start_of(
     system: System, initial: Any, until: Any, start: Any, mode: Mapping[Any, Any] | None
 ) -> tuple[Any, Any, Any, Mapping[Any, Any] | None]:
-    """Initial values by their states, horizon, initial time and mode of a run; of the case for what is not given.
+    """Return initial values by state, horizon, initial time and mode of a run; defaults are those of the case.
 
-    The mode of the case belongs to its initial values.
+    The mode of the case is used only with its initial values.
     """
     own = system.own_start
     if (initial is None or until is None) and own is None:
@@ -60,13 +60,15 @@ def problem_of(
     parameters: Mapping[Any, Any] | None = None,
     mode: Mapping[Any, Any] | None = None,
 ) -> tuple[System, Problem]:
-    """The system of a run and its initial-value problem in exact numbers; arguments as in :func:`henon_ref.simulate`.
+    """Return the system of a run and its initial-value problem in exact numbers.
+
+    The arguments are those of :func:`henon_ref.simulate`.
 
     Raises
     ------
     ArgumentError
-        For a missing or unknown state, a number that is not finite, an unknown parameter, a horizon that is not later
-        than the start, and a mode of an unknown surface, or one that the start contradicts.
+        If a state is missing or unknown, a number is not finite, a parameter is unknown, the horizon is not later than
+        the start, or a mode names an unknown surface or contradicts the start.
     """
     initial, until, start, mode = start_of(system, initial, until, start, mode)
     if parameters:
@@ -85,7 +87,7 @@ def problem_of(
 
 
 def _mapping(value: object, what: str, kind: str, known: tuple[str, ...]) -> MappingNode:
-    """A mapping of known names."""
+    """Return a mapping as a tree node; ArgumentError if a name is not known."""
     node = tree_of(value, what)
     if not isinstance(node, MappingNode):
         others = ", or an array with a value for each state" if kind == "state" else ""
@@ -97,7 +99,7 @@ def _mapping(value: object, what: str, kind: str, known: tuple[str, ...]) -> Map
 
 
 def tolerance_of(value: Any) -> float:
-    """A relative tolerance as a double; an ArgumentError for what is no number between 1e-16 and 1."""
+    """Return a relative tolerance as a double; ArgumentError unless it is a number from 1e-16 to below 1."""
     if isinstance(value, str):
         raise ArgumentError(f"rtol is text, {shortened(value)}; wanted a number without quotes, as in rtol=1e-9")
     is_number = isinstance(value, Real) and not isinstance(value, bool)
@@ -107,16 +109,16 @@ def tolerance_of(value: Any) -> float:
 
 
 def whole_number(value: Any, what: str, least: int = 1, most: int | None = None) -> int:
-    """A whole number within bounds; an ArgumentError for anything else."""
+    """Return a whole number within bounds; ArgumentError for anything else."""
     whole = isinstance(value, Integral) and not isinstance(value, bool)
     if not (whole and least <= value and (most is None or value <= most)):
-        bounds = f"from {least} on" if most is None else f"from {least} to {most}"
+        bounds = f"of at least {least}" if most is None else f"from {least} to {most}"
         raise ArgumentError(f"{what} is {str(value)[:60]}; wanted a whole number {bounds}")
     return int(value)
 
 
 def stop_of(system: System, stop: Mapping[Any, Any]) -> tuple[int, int]:
-    """Surfaces that end a run where they are reached from above, and from below: a bit each, by their index."""
+    """Return the surfaces that end a run, as bit masks by index: those reached from above, and from below."""
     names = system.model.sign_names
     _mapping(stop, "'stop'", "surface", names)
     bits = dict.fromkeys(DIRECTIONS, 0)

@@ -1,4 +1,4 @@
-"""Dense output: the Taylor polynomials of a run's own steps."""
+"""Dense output from the Taylor polynomials of a run's steps."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ Vector = NDArray[np.float64]
 
 
 STEPS = 256
-"""Steps that are kept in one block of memory."""
+"""Number of steps in one block of memory."""
 
 
 @dataclass(frozen=True, eq=False)
 class DenseOutput:
-    """The solution between the start and the end of a run; a function of time.
+    """Solution of a run as a function of time.
 
     Parameters
     ----------
     begin, begin_low : ndarray, shape (k,)
-        Time at which each step begins [s], and what rounding it lost; the end of the run comes last.
+        Start time of each step [s], a pair of doubles whose sum it is; the last entry is the end of the run.
     unit : ndarray, shape (k,)
         Unit of time of each step's polynomial [s].
     coefficients : ndarray, shape (k, n, order + 1)
-        Taylor coefficients of the states on each step, in its unit.
+        Taylor coefficients of the states on each step, in this unit.
     start, end : float
-        Times between which the solution is known [s].
+        Interval of the solution [s].
     """
 
     begin: Vector
@@ -59,12 +59,12 @@ class DenseOutput:
         )
 
     def __call__(self, t: ArrayLike) -> Vector:
-        """The state at a time, shape (n,), or at m times, shape (n, m); the one after, where it jumps.
+        """Return the state at a time, shape (n,), or at m times, shape (n, m); at a jump, the state after it.
 
         Raises
         ------
         ArgumentError
-            Also a ValueError: for a time outside the run, and for what is no number.
+            Also a ValueError, if a time lies outside the run or is not a number.
         """
         times = checked_times(t, self.start, self.end)
         flat = np.atleast_1d(times)
@@ -72,11 +72,11 @@ class DenseOutput:
         return np.ascontiguousarray(value.T) if times.ndim else value[0]
 
     def before(self, times: Vector) -> Vector:
-        """The state just before each of m times at which it jumps, shape (n, m)."""
+        """Return the state just before each of m jumps, at their times, shape (n, m)."""
         return np.ascontiguousarray(self._on(np.maximum(np.searchsorted(self.begin, times) - 1, 0), times).T)
 
     def _on(self, step: NDArray[np.intp], times: Vector) -> Vector:
-        """The states that some steps' polynomials have at some times, shape (m, n)."""
+        """Evaluate the polynomial of ``step[i]`` at ``times[i]``, shape (m, n)."""
         part = ((times - self.begin[step]) - self.begin_low[step]) / self.unit[step]
         rows = self.coefficients[step]
         value: Vector = rows[:, :, -1]
@@ -86,7 +86,7 @@ class DenseOutput:
 
 
 def checked_times(t: ArrayLike, start: float, end: float) -> Vector:
-    """Times of a run as an array of no or one dimension; an ArgumentError for what is none between start and end."""
+    """Return times as an array of zero or one dimension; ArgumentError unless all lie between start and end."""
     try:
         times = np.asarray(t, dtype=np.float64)
     except (TypeError, ValueError):

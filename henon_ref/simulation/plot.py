@@ -24,11 +24,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 PORTRAIT, PANEL, BORDER = (5.6, 4.3), 1.5, 0.85
-"""Width and height of a portrait, height of a panel over time, and of what stands above and below the panels [in]."""
+"""Width and height of a portrait, height of a time panel, and total height above and below the panels [in]."""
 
 
 def keywords_of(kind: type[Artist]) -> list[str]:
-    """What matplotlib takes for a kind of drawing, its short names included."""
+    """Return matplotlib's keywords for a kind of artist, with their aliases."""
     inspector = ArtistInspector(kind)
     return sorted({*inspector.get_setters(), *(short for names in inspector.aliasd.values() for short in names)})
 
@@ -42,7 +42,7 @@ def plotted(
     transitions: pd.DataFrame | None,
     line: dict[str, Any],
 ) -> Axes:
-    """Axes with a portrait, or a state over time: see :meth:`henon_ref.simulation.solution.Solution.plot`."""
+    """Plot a portrait, or a state over time: see :meth:`henon_ref.simulation.solution.Solution.plot`."""
     check_words("plot", line, ("x", "y", "ax", "transitions"), keywords_of(Line2D))
     across, upward = _plane(system, x, y)
     if across is None:
@@ -64,7 +64,7 @@ def plotted(
 def plotted_over_time(
     system: FilippovSystem, motion: Motion, names: Sequence[str], ax: Any, line: dict[str, Any]
 ) -> NDArray[Any]:
-    """Axes of states and surfaces: see :meth:`henon_ref.simulation.solution.Solution.plot_time`."""
+    """Plot states and surfaces over time: see :meth:`henon_ref.simulation.solution.Solution.plot_time`."""
     check_words("plot_time", line, ("ax",), keywords_of(Line2D))
     known = [*system.state_names, *system.sign_names]
     for name in names:
@@ -87,7 +87,7 @@ def plotted_over_time(
 
 
 def _plane(system: FilippovSystem, x: str | None, y: str | None) -> tuple[int | None, int]:
-    """Index of the state across (None: time), and of the one upward."""
+    """Return the indices of the states on the horizontal axis (None: time) and on the vertical axis."""
     names = system.state_names
     for what, name in (("x", x), ("y", y)):
         if name is not None and name not in names and (what, name) != ("x", TIME.name):

@@ -1,4 +1,4 @@
-"""A run as a file: an archive of arrays that NumPy reads, documented at ``Solution.save``."""
+"""Write and read runs as NumPy archives; ``Solution.save`` documents the format."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ from henon_ref.trajectory import Counts, Decisions, Trajectory
 
 FORMAT = 1
 WORDS = {"kind": KINDS, "landing": LANDINGS}
-"""Fields of a transition that are words in the file, which the records number."""
+"""Fields of a transition that are text in the file and numbers in the records."""
 NAMES = {"from_mode": "from", "to_mode": "to"}
-"""Fields that have shorter names in the file."""
+"""Names in the file of fields whose names differ there."""
 STEP_FIELDS = ("time", "time_low", "unit", "coefficients")
 
 
 Saved = tuple[System, float, Sequence[tuple[float, float]], Trajectory, NDArray[Any] | None]
-"""A run: its system with its own parameters, initial time [s], initial states with what rounding lost of each, what the
-reference returned, and the steps' polynomials where they are kept."""
+"""A run: system with the run's parameters, initial time [s], initial states as pairs of doubles, trajectory, and the
+steps' polynomials if there is dense output."""
 
 
 def write_run(path: Path, run: Saved) -> None:
-    """Write a run, in the place of what is there; an ArgumentError where it cannot be written."""
+    """Write a run, replacing an existing file; ArgumentError if the file cannot be written."""
     buffer = io.BytesIO()
-    np.savez_compressed(buffer, allow_pickle=False, **_arrays(run))  # to memory: to a path it would add an ending
+    np.savez_compressed(buffer, allow_pickle=False, **_arrays(run))  # given a path, NumPy would append .npz
     try:
         replace_file(path, buffer.getvalue())
     except OSError as error:
@@ -45,7 +45,7 @@ def write_run(path: Path, run: Saved) -> None:
 
 
 def read_run(path: str | Path) -> Saved:
-    """What :func:`write_run` has written; an ArgumentError for a file that cannot be read, or is none of these."""
+    """Read a run that :func:`write_run` has written; ArgumentError if the file is unreadable or not a run."""
     try:
         with np.load(path, allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
@@ -58,11 +58,11 @@ def read_run(path: str | Path) -> Saved:
     except (zipfile.BadZipFile, AttributeError, EOFError, KeyError, IndexError, TypeError, ValueError) as error:
         if isinstance(error, ArgumentError):
             raise
-        raise ArgumentError(f"{path} is no run that Solution.save has written") from error
+        raise ArgumentError(f"{path} is not a run written by Solution.save") from error
 
 
 def _arrays(run: Saved) -> dict[str, NDArray[Any]]:
-    """The file's arrays by name."""
+    """Return the file's arrays by name."""
     system, start, initial, end, steps = run
     about = {
         "format": FORMAT,
@@ -96,7 +96,7 @@ def _arrays(run: Saved) -> dict[str, NDArray[Any]]:
 
 
 def _run(about: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Saved:
-    """The run in the file's arrays."""
+    """Return the run in the file's arrays."""
     tree = tree_of(about["system"], "'system'")
     assert isinstance(tree, MappingNode)
     counts = dict(about["counts"])
@@ -126,7 +126,7 @@ def _run(about: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Saved:
 
 
 def _transitions(arrays: dict[str, NDArray[Any]]) -> TransitionArray:
-    """The transitions as the reference records them."""
+    """Return the transitions as records of the integrator."""
     states = arrays["transition_state"]
     rows = np.zeros((len(states), TRANSITION_PLACES + states.shape[1]))
     records = rows.view(transition_dtype(states.shape[1]))[:, 0] if len(rows) else rows

@@ -1,4 +1,4 @@
-"""A scene from Python: bodies and what connects them, in the words of a case file's ``scene``."""
+"""Scenes in Python: bodies and their connections, with the keys of a case file's ``scene``."""
 
 from __future__ import annotations
 
@@ -24,26 +24,26 @@ if TYPE_CHECKING:
     from henon_ref.simulation.solution import Solution
 
 FRAMES = 100
-"""Frames of an animation."""
+"""Default number of frames of an animation."""
 Value = Any
-"""A number, text or SymPy: an expression in the parameters; where it says so in time ``t`` and states, too."""
+"""Number, text or SymPy expression in the parameters; if documented, also in time ``t`` and the states."""
 
 
 @dataclass(frozen=True)
 class SceneBody:
-    """A body of a :class:`Scene`."""
+    """Body of a :class:`Scene`."""
 
     name: str
     states: tuple[str, ...] = ()
-    """Names of its states: position [m] and velocity [m/s], or angle [rad] and angular velocity [rad/s]; none where
-    its motion is given."""
+    """Names of its states: position [m] and velocity [m/s], or angle [rad] and angular velocity [rad/s]; empty if its
+    motion is prescribed."""
 
 
 @explained_methods
 class Scene:
-    """Bodies on a line or an axis, and what connects them; :meth:`system` writes out their equations of motion.
+    """Bodies on a line or an axis, and their connections; :meth:`system` derives the equations of motion.
 
-    Only what is named is in the equations. The keys, units and laws are those of a case file's ``scene``.
+    The equations contain only the declared effects. Keys, units and laws are those of a case file's ``scene``.
 
     Parameters
     ----------
@@ -52,9 +52,9 @@ class Scene:
 
     Notes
     -----
-    Values are text or SymPy in the parameters, or numbers, which are exact (a float is the decimal that it is printed
-    as). Between rotors N stands for N m, and m for rad. v_p and v_q are the velocities of the first and the second
-    body.
+    Values are text or SymPy expressions in the parameters, or numbers, which are exact (a float stands for the decimal
+    number that Python prints). Between rotors read N m for N, and rad for m. v_p and v_q are the velocities of the
+    first and the second body.
 
     Examples
     --------
@@ -74,31 +74,32 @@ class Scene:
         self._bodies: dict[str, Node] = {}
         self._connections: list[Node] = []
         self._declared: list[str] = []
-        """What each declaration is, for messages; a node's line is the number of its own, counted from 1."""
+        """Description of each declaration, for messages; the line of a node is its declaration's number, from 1."""
 
     # -- bodies -----------------------------------------------------------------------------------------
 
     def body(self, name: str, mass: Value, states: Sequence[str] | None = None) -> SceneBody:
-        """A mass [kg] that moves along the line; ``states`` names position [m] and velocity [m/s].
+        """Add a mass [kg] that moves along the line.
 
-        Its states are ``x_NAME`` and ``v_NAME`` if they are not named.
+        ``states`` gives the names of its position [m] and velocity [m/s]; by default ``x_NAME`` and ``v_NAME``.
         """
         return self._moving(name, {"mass": mass}, states, STATE_NAMES["mass"])
 
     def rotor(self, name: str, inertia: Value, states: Sequence[str] | None = None) -> SceneBody:
-        """A moment of inertia [kg m^2] that turns; ``states`` names angle [rad] and angular velocity [rad/s].
+        """Add a rotor with a moment of inertia [kg m^2].
 
-        Its states are ``phi_NAME`` and ``omega_NAME`` if they are not named.
+        ``states`` gives the names of its angle [rad] and angular velocity [rad/s]; by default ``phi_NAME`` and
+        ``omega_NAME``.
         """
         return self._moving(name, {"inertia": inertia}, states, STATE_NAMES["rotor"])
 
     def prescribed(self, name: str, position: Value = None, velocity: Value = None) -> SceneBody:
-        """A body whose motion is given in ``t``: its position [m or rad], or its velocity alone [m/s or rad/s]."""
+        """Add a body with prescribed motion: its position [m or rad], or only its velocity [m/s or rad/s], in ``t``."""
         given = {"position": position, "velocity": velocity}
         return self._body(name, {key: value for key, value in given.items() if value is not None})
 
     def fixed(self, name: str, position: Value = 0) -> SceneBody:
-        """A body that stands still, at a position [m or rad]."""
+        """Add a fixed body at a position [m or rad]."""
         return self._body(name, {"fixed": position})
 
     @property
@@ -111,11 +112,11 @@ class Scene:
     def spring(
         self, p: SceneBody | str, q: SceneBody | str, *, stiffness: Value = None, cubic: Value = None, name: str = ""
     ) -> None:
-        """A spring: -(stiffness d + cubic d^3) on the first body, d = x_p - x_q; stiffness [N/m], cubic [N/m^3]."""
+        """Add a spring with force -(stiffness d + cubic d^3) on the first body, d = x_p - x_q [N/m, N/m^3]."""
         self._between("spring", p, q, name, stiffness=stiffness, cubic=cubic)
 
     def damper(self, p: SceneBody | str, q: SceneBody | str, *, coefficient: Value, name: str = "") -> None:
-        """A damper: -coefficient (v_p - v_q) on the first body; coefficient [N s/m]."""
+        """Add a damper with force -coefficient (v_p - v_q) on the first body [N s/m]."""
         self._between("damper", p, q, name, coefficient=coefficient)
 
     def friction(
@@ -132,7 +133,7 @@ class Scene:
         normal: Value = None,
         name: str = "",
     ) -> None:
-        """Dry friction between two bodies, which it holds together while the load is within its limit.
+        """Add dry friction between two bodies; the contact sticks while its load is within the static limit.
 
         Parameters
         ----------
@@ -141,17 +142,17 @@ class Scene:
             ``force``; force/(1 + slope abs(v)), Eq. (2) of Olejnik and Awrejcewicz (2013);
             force + (static - force) exp(-abs(v)/velocity).
         force : number, str or Expr
-            Of friction in sliding [N]; with ``normal`` its coefficient [1].
+            Kinetic friction force [N]; with ``normal``, the coefficient of kinetic friction [1].
         static : number, str or Expr, optional
-            What the contact holds [N], or a coefficient [1]; ``force`` if left out.
+            Static friction limit [N] or coefficient [1]; by default ``force``.
         slope, velocity : number, str or Expr, optional
-            Of the laws ``stribeck`` [s/m] and ``stribeck_exp`` [m/s].
+            Parameters of the laws ``stribeck`` [s/m] and ``stribeck_exp`` [m/s].
         viscous : number, str or Expr, optional
-            Coefficient of a viscous part besides [N s/m].
+            Coefficient of an additional viscous force [N s/m].
         normal : number, str or Expr, optional
-            Load on the contact in ``t`` and states [N]; it counts as 0 where it is negative.
+            Normal load on the contact, in ``t`` and states [N]; negative values count as 0.
         name : str
-            The symbol of the contact's sign; ``s_P_Q`` if left out.
+            Symbol of the contact's sign; by default ``s_P_Q``.
         """
         keys = {"law": law, "force": force, "slope": slope, "velocity": velocity}
         self._between("friction", p, q, name, **keys, viscous=viscous, static=static, normal=normal)
@@ -167,30 +168,30 @@ class Scene:
         restitution: Value = None,
         name: str = "",
     ) -> None:
-        """A stop, which keeps x_p - x_q at or above ``gap`` [m].
+        """Add a stop that keeps x_p - x_q at or above ``gap`` [m].
 
-        It is hard with ``restitution`` (speed after an impact over that before, 0 to 1), else elastic with
-        ``stiffness`` [N/m] and ``damping`` [N s/m].
+        With ``restitution`` (speed after an impact over the speed before it, 0 to 1) the stop is rigid; otherwise it is
+        elastic, with ``stiffness`` [N/m] and ``damping`` [N s/m].
         """
         self._between("stop", p, q, name, gap=gap, stiffness=stiffness, damping=damping, restitution=restitution)
 
     def force(self, body: SceneBody | str, value: Value, name: str = "") -> None:
-        """A force [N] from outside on a mass, in ``t`` and parameters."""
+        """Add an external force [N] on a mass, in ``t`` and parameters."""
         self._on("force", body, value, name)
 
     def torque(self, body: SceneBody | str, value: Value, name: str = "") -> None:
-        """A torque [N m] from outside on a rotor, in ``t`` and parameters."""
+        """Add an external torque [N m] on a rotor, in ``t`` and parameters."""
         self._on("torque", body, value, name)
 
     # -- equations --------------------------------------------------------------------------------------
 
     def system(self) -> System:
-        """The equations of motion: positions and velocities as states, contacts and stops as surfaces.
+        """Derive the equations of motion: positions and velocities are states, contacts and stops are surfaces.
 
         Raises
         ------
         ArgumentError
-            For an invalid declaration: which one, what is wrong with it and what is allowed.
+            If a declaration is invalid. The message names it and states what is wrong and what is allowed.
         """
         bodies, connections = mapping(self._bodies), sequence(self._connections)
         scene = mapping({"parameters": self._parameters, "bodies": bodies, "connections": connections})
@@ -199,19 +200,19 @@ class Scene:
     # -- pictures ---------------------------------------------------------------------------------------
 
     def plot(self, ax: Axes | None = None, **patch: Any) -> Axes:
-        """The scene as a schematic: bodies as boxes and discs, what connects them by its symbol and name.
+        """Draw the scene as a schematic: bodies as boxes and discs, connections by symbol and name.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where it is drawn; a new figure of pyplot's if left out.
+            Axes to draw into; by default a new pyplot figure.
         **patch
-            Matplotlib's keywords of patches, for the bodies, such as ``facecolor``.
+            Matplotlib's patch keywords for the bodies, such as ``facecolor``.
 
         Raises
         ------
         ArgumentError
-            For an invalid scene, or one that has more bodies than a picture shows.
+            If the scene is invalid, or has more bodies than a schematic shows.
         """
         from matplotlib.patches import Patch
 
@@ -229,28 +230,28 @@ class Scene:
     def animate(
         self, run: Solution, times: Sequence[float] | None = None, *, fps: float = 20, ax: Axes | None = None
     ) -> SceneAnimation:
-        """The scene as it moves in a run.
+        """Animate the scene along a run.
 
         Parameters
         ----------
         run : Solution
             A run of :meth:`system` with dense output.
         times : sequence of float, optional
-            Times of the frames [s]; 100 over the run if left out.
+            Times of the frames [s]; by default 100 equidistant times over the run.
         fps : float
-            Frames a second.
+            Frames per second.
         ax : matplotlib Axes, optional
-            Where it is drawn; a new figure of pyplot's if left out.
+            Axes to draw into; by default a new pyplot figure.
 
         Returns
         -------
         matplotlib.animation.FuncAnimation
-            A notebook shows it as HTML5; ``.save("belt.gif")`` and ``.save("belt.html")`` write it.
+            A notebook shows it as HTML5; ``.save("belt.gif")`` and ``.save("belt.html")`` write a file.
 
         Raises
         ------
         ArgumentError
-            For a run of another system or without dense output, and as :meth:`plot`.
+            If the run is of a different system or has no dense output, and as in :meth:`plot`.
         """
         from henon_ref.figures.animation import animated
 
@@ -263,7 +264,7 @@ class Scene:
         return animated(self._axes(scene) if ax is None else ax, scene, run.system.model, motion, fps)
 
     def _drawable(self) -> Any:
-        """The scene with its expressions read."""
+        """Return the scene with its expressions parsed."""
         from henon_ref.casefile.problem import read_scene
         from henon_ref.figures.scene import MOST_BODIES
 
@@ -294,7 +295,7 @@ class Scene:
     def _body(self, name: str, given: Mapping[str, Value]) -> SceneBody:
         written = written_name(name, "a body's name")
         if written in self._bodies:
-            raise ArgumentError(f"there is a body '{written}' already; bodies: {listed(self._bodies)}")
+            raise ArgumentError(f"a body '{written}' exists already; bodies: {listed(self._bodies)}")
         self._bodies[written] = self._node(f"body '{written}'", given)
         return SceneBody(written)
 

@@ -1,4 +1,4 @@
-"""What a simulation returns."""
+"""Result of a simulation."""
 
 from __future__ import annotations
 
@@ -29,26 +29,26 @@ if TYPE_CHECKING:
     from henon_ref.figures.motion import Motion
 
 PLOTTED = 4000
-"""Times at which a plotted solution is looked at, besides the ends of its steps."""
+"""Number of times at which a plot evaluates the solution, in addition to the ends of its steps."""
 SHOWN = 10
-"""Transitions that a notebook shows."""
-_NO_DENSE = "can be had with dense output alone: simulate with dense_output=True"
+"""Largest number of transitions that a notebook shows."""
+_NO_DENSE = "requires dense output: simulate with dense_output=True"
 
 
 class Solution(Outcome):
-    """One run: where it went, what happened on the way, and how it ended.
+    """Result of one run: its solution, its transitions, and how it ended.
 
     Attributes
     ----------
     t : ndarray, shape (k,)
-        The start, the ends of the steps, both sides of every transition (its time stands there at least twice), and
-        where the run ended [s]. Without dense output no ends of steps.
+        Times of the start, the ends of the steps, every transition (at least twice, for the states before and after
+        it), and the end of the run [s]. Without dense output the ends of the steps are left out.
     y : ndarray, shape (n, k)
-        The state there; where it jumps, first the one before each map and then the one after (without dense output that
-        alone).
+        States at ``t``. At a jump the state before each map comes first, then the state after it; without dense output
+        only the state after it.
     sol : DenseOutput or None
-        The solution between, by the steps' own Taylor polynomials: ``sol(t)`` has shape (n,) for a number, (n, m) for
-        m times. None without dense output.
+        Dense output from the Taylor polynomials of the steps: ``sol(t)`` has shape (n,) for a number and (n, m) for m
+        times. None without dense output.
     start_time : float
         Initial time [s].
     system, trajectory, status, success, message, counts, undecided_after, final_mode
@@ -86,11 +86,12 @@ class Solution(Outcome):
         times, states = changes["time"], changes["state"]
         if self.sol is not None:
             begin, values = self.sol.begin, self.sol.coefficients[:, :, 0]
-            at = np.maximum(np.searchsorted(begin, times), 1)  # the start comes before what happens there
+            at = np.maximum(np.searchsorted(begin, times), 1)  # the start precedes a transition at the same time
             jumps = changes["kind"] == RESET
             states = states.copy()
             states[jumps] = self.sol.before(times[jumps]).T
-            follows = jumps[1:] & jumps[:-1] & (times[1:] == times[:-1])  # before it is what the last map has left
+            # Of several maps at one instant each starts from the result of the previous map.
+            follows = jumps[1:] & jumps[:-1] & (times[1:] == times[:-1])
             states[1:][follows] = changes["state"][:-1][follows]
             return np.insert(begin, at, times), np.ascontiguousarray(np.insert(values, at, states, axis=0).T)
         moved = end.end_time > self.start_time or len(changes) > 0
@@ -108,14 +109,14 @@ class Solution(Outcome):
         found = self.trajectory.transitions
         if isinstance(found, TransitionArray):
             return found
-        return TransitionArray(np.zeros((0, TRANSITION_PLACES + len(self._pairs))), ())  # there are none
+        return TransitionArray(np.zeros((0, TRANSITION_PLACES + len(self._pairs))), ())  # no transitions
 
     def _modes(self, times: NDArray[np.float64]) -> list[Mode]:
-        """The mode at each time, after the transitions there."""
+        """Mode at each time, after any transitions at that time."""
         return self._modes_after(np.searchsorted(self._changes["time"], times, side="right"))
 
     def _modes_after(self, counts: NDArray[np.intp]) -> list[Mode]:
-        """The modes after so many transitions each."""
+        """Mode after each of the given numbers of transitions."""
         changes = self._transitions
         if not len(changes):
             return [self.trajectory.end_mode] * counts.size
@@ -123,14 +124,14 @@ class Solution(Outcome):
         return [changes.modes[row] for row in rows[counts].tolist()]
 
     def mode(self, t: ArrayLike) -> dict[str, int] | list[dict[str, int]]:
-        """The mode at a time: -1 or +1 (the sign, in slip) or 0 (sliding) by surface, such as ``{"s": 0}``.
+        """Return the mode at a time: surface -> -1 or +1 (the sign, in slip) or 0 (sliding), such as ``{"s": 0}``.
 
-        At a transition it is the mode after it. For several times it is a list of these.
+        At a transition this is the mode after it. For several times, return a list of modes.
 
         Raises
         ------
         ArgumentError
-            Also a ValueError: for a time outside the run, and without dense output.
+            Also a ValueError, if a time lies outside the run or there is no dense output.
         """
         if self.sol is None:
             raise ArgumentError(f"the mode at a time {_NO_DENSE}")
@@ -141,20 +142,21 @@ class Solution(Outcome):
 
     @cached_property
     def transitions(self) -> pd.DataFrame:
-        """A row a transition: ``time_s, kind, surface, from_mode, to_mode``, then the states by name."""
+        """Table of transitions: ``time_s, kind, surface, from_mode, to_mode``, then the states by name."""
         from henon_ref.simulation.tables import transition_table
 
         return transition_table(self._base.model, self._transitions)
 
     @cached_property
     def sticks(self) -> pd.DataFrame:
-        """A row a whole stick: ``start_s, duration_s, surface``; one that the end of the run cuts off is left out."""
+        """Table of sticks: ``start_s, duration_s, surface``; a stick that has not ended by the end of the run is left
+        out."""
         from henon_ref.simulation.tables import stick_table
 
         return stick_table(self._base.model, self.trajectory.transitions, self.start_time)
 
     def __getitem__(self, name: str) -> NDArray[np.float64]:
-        """A state by name at the times ``run.t``, shape (k,); ``run["t"]`` are these."""
+        """Return a state by name at the times ``run.t``, shape (k,); ``run["t"]`` returns the times."""
         if name == TIME.name:
             return self.t
         names = self._base.state
@@ -166,28 +168,28 @@ class Solution(Outcome):
         return state
 
     def to_dataframe(self, times: ArrayLike | None = None) -> pd.DataFrame:
-        """Times, states and signs as a data frame.
+        """Return times, states and signs as a data frame.
 
         Parameters
         ----------
         times : array_like, shape (m,), optional
-            Times within the run [s]; the times ``run.t``, with both sides of every transition, if left out.
+            Times within the run [s]; by default ``run.t``, with the states before and after every transition.
 
         Returns
         -------
         DataFrame
-            A row a time: ``t``, the states by name, and by surface its sign: -1, +1, or 0 for sliding.
+            One row per time: ``t``, the states by name, and for each surface -1, +1 (its sign) or 0 (sliding).
 
         Raises
         ------
         ArgumentError
-            For a time outside the run, and for times without dense output.
+            If a time lies outside the run, or times are given and there is no dense output.
         """
         from henon_ref.simulation.tables import state_table
 
         if times is None:
             at, states = self.t, self.y.T
-            first = np.concatenate([[True], at[1:] != at[:-1]])  # before what happens there; what follows is after it
+            first = np.concatenate([[True], at[1:] != at[:-1]])  # the first row at a time is before its transitions
             sides = (np.searchsorted(self._changes["time"], at, side=side) for side in ("left", "right"))
             modes = self._modes_after(np.where(first, *sides))
         else:
@@ -198,36 +200,36 @@ class Solution(Outcome):
         return state_table(self._base.model, at, states, modes)
 
     def save(self, path: str | Path) -> None:
-        """Write the run to a file that NumPy reads; :func:`henon_ref.load_run` makes a run of it again.
+        """Write the run to a file that NumPy can read; :func:`henon_ref.load_run` reads the run back.
 
         Parameters
         ----------
         path : str or Path
-            What is there is replaced.
+            An existing file is replaced.
 
         Raises
         ------
         ArgumentError
-            Where it cannot be written.
+            If the file cannot be written.
 
         Notes
         -----
-        The file is an archive of arrays (``numpy.load``, nothing pickled), by these names:
+        The file is an archive of arrays for ``numpy.load``, without pickled objects:
 
         ``about``
-            JSON as text: ``format`` (1), ``system`` (in the words of a case file), ``start`` and ``end`` [s],
-            ``status``, ``reason``, ``counts``, and what else the run says.
+            JSON text: ``format`` (1), ``system`` (with the keys of a case file), ``start`` and ``end`` [s], ``status``,
+            ``reason``, ``counts``, ``max_surface_drift``, ``undecided_after``.
         ``states``, ``signs``
             Names of the n states and m surfaces.
         ``initial``, ``end_state``, ``end_mode``
-            The state at the start, shape (2, n), with what rounding lost of it; state and mode at the end.
+            State at the start as a pair of doubles whose sum it is, shape (2, n); state and mode at the end.
         ``transition_time``, ``_time_low``, ``_kind``, ``_surface``, ``_from``, ``_to``, ``_state``, ``_landing``
-            (Each begins with ``transition``.) A row a transition: its time and what rounding lost of it, kind, index of
-            the surface, modes before and after as rows of ``modes``, state, and how it was landed on.
+            (Each name begins with ``transition``.) One row per transition: time as a pair of doubles whose sum it is,
+            kind, index of the surface, modes before and after as rows of ``modes``, state, and the landing method.
         ``modes``
             Modes as rows of m entries: -1, 0, +1.
         ``step_time``, ``step_time_low``, ``step_unit``, ``step_coefficients``
-            With dense output a row a step: x_i(time + tau unit) = sum over k of coefficients[i, k] tau^k.
+            With dense output, one row per step: x_i(time + tau unit) = sum over k of coefficients[i, k] tau^k.
         """
         from henon_ref.simulation.run_file import write_run
 
@@ -242,23 +244,23 @@ class Solution(Outcome):
         transitions: bool = False,
         **line: Any,
     ) -> Axes:
-        """Phase portrait, coloured by mode, or with ``x="t"`` a state over time.
+        """Plot a phase portrait coloured by mode, or with ``x="t"`` a state over time.
 
         Parameters
         ----------
         x : str, optional
-            What is across: a state, or ``"t"``. If left out a position, of which ``y`` is the velocity (of a system
-            with one state: t).
+            Horizontal axis: a state, or ``"t"``. By default the position whose velocity is ``y`` (``"t"`` for a system
+            with one state).
         y : str, optional
-            The state upward; if left out the velocity of ``x``. If both are, a body's velocity over its position: of
-            the body that the first surface is about.
+            Vertical axis: a state. By default the velocity that belongs to ``x``. If neither is given, velocity over
+            position of the body in the first surface.
         ax : matplotlib Axes, optional
-            Where it is drawn; a new figure of pyplot's if left out.
+            Axes to draw into; by default a new pyplot figure.
         transitions : bool
-            Mark each transition with a dot, and, where they are few, with its kind and time.
+            Mark each transition with a dot, and, if there are few, with its kind and time.
         **line
-            Matplotlib's keywords of lines, such as ``color`` and ``linewidth``. With a ``label`` there is no legend of
-            modes: ``ax.legend()`` makes one of several runs.
+            Matplotlib's line keywords, such as ``color`` and ``linewidth``. If ``label`` is given, the legend of modes
+            is left out, so that ``ax.legend()`` can list several runs.
 
         Returns
         -------
@@ -268,7 +270,7 @@ class Solution(Outcome):
         Raises
         ------
         ArgumentError
-            Without dense output, where the run has not left its start, and for a name that is no state.
+            If there is no dense output, the run has not left its start, or a name is not a state.
         """
         from henon_ref.simulation.plot import plotted
 
@@ -276,47 +278,47 @@ class Solution(Outcome):
         return plotted(self.system.model, self._drawn(), x, y, ax, marked, line)
 
     def plot_time(self, *names: str, ax: Any = None, **line: Any) -> NDArray[Any]:
-        """States and surfaces over time, a panel each, with the sticks shaded.
+        """Plot states and surfaces over time, one panel each, with the sticks shaded.
 
         Parameters
         ----------
         *names : str
-            States, and surfaces by their signs (of a scene: contacts by name), whose expressions are drawn; if left
-            out the states of the phase portrait and the first surfaces.
-        ax : matplotlib Axes, or a sequence of as many as names, optional
-            Where they are drawn; a new figure of pyplot's if left out.
+            States, and signs of surfaces, whose expressions h(t, x) are drawn. By default the states of the phase
+            portrait and the first surfaces.
+        ax : matplotlib Axes, or a sequence with one Axes per name, optional
+            Axes to draw into; by default a new pyplot figure.
         **line
             As in :meth:`plot`.
 
         Returns
         -------
         ndarray of matplotlib Axes
-            One each.
+            One per name.
 
         Raises
         ------
         ArgumentError
-            As :meth:`plot`.
+            As in :meth:`plot`.
         """
         from henon_ref.simulation.plot import plotted_over_time
 
         return plotted_over_time(self.system.model, self._drawn(), names, ax, line)
 
     def _drawn(self) -> Motion:
-        """What a plot shows."""
+        """Return the motion that a plot shows."""
         if self.sol is None or self.sol.end <= self.sol.start:
-            raise ArgumentError("nothing to plot: it takes dense output, and a run that has left its start")
+            raise ArgumentError("nothing to plot: a plot requires dense output and a run that has left its start")
         return self.motion(PLOTTED, self.t)
 
     def motion(self, count: int, more: ArrayLike = ()) -> Motion:
-        """States and modes to be drawn: at a number of times, at each transition, and just before each jump."""
+        """Return states and modes at equidistant times, at each transition, and just before each jump, for drawing."""
         changes = self._changes["time"]
         jumps = np.nextafter(changes[self._changes["kind"] == RESET], -np.inf)
         grid = np.linspace(self.start_time, self.trajectory.end_time, count)
         return self.motion_at(np.unique(np.concatenate([grid, changes, jumps, more])))
 
     def motion_at(self, times: ArrayLike) -> Motion:
-        """States and modes to be drawn at some times."""
+        """Return states and modes at given times, for drawing."""
         if self.sol is None:
             raise ArgumentError(f"a motion {_NO_DENSE}")
         from henon_ref.figures.motion import Motion

@@ -1,4 +1,4 @@
-"""A piecewise-smooth system from Python, or from a case file."""
+"""A piecewise-smooth system, written in Python or read from a case file."""
 
 from __future__ import annotations
 
@@ -35,11 +35,13 @@ from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed
 
 MODEL_KEYS = ("system", "scene", "sliding", "resets")
-"""Keys of a case file that make its system."""
+"""Keys of a case file that define the system."""
 
 
 class System:
-    """x' = f(t, x, s) with surfaces h_i(t, x) = 0 and their signs s_i, in the words of a case file's ``system``.
+    """Piecewise-smooth system x' = f(t, x, s) with surfaces h_i(t, x) = 0 and signs s_i = sign(h_i).
+
+    The keys are those of a case file's ``system``.
 
     Parameters
     ----------
@@ -54,39 +56,39 @@ class System:
     valid : sequence, optional
         The model holds while these expressions are > 0.
     sliding : mapping, optional
-        Sign symbol -> ``{"field": [...], "release": [{"when": EXPR, "direction": "rising", "to": -1}]}``, sliding in a
-        other way (static friction, with ``"entry": "inside"``) in place of Filippov's.
+        Sign symbol -> ``{"field": [...], "release": [{"when": EXPR, "direction": "rising", "to": -1}]}``: a sliding
+        mode that replaces Filippov's, such as static friction (with ``"entry": "inside"``).
     resets : mapping, optional
-        Sign symbol -> ``{"when": "falling", "map": {state: EXPR}, "priority": 0}``: where the surface falls through
-        zero the state jumps, each right-hand side in time and the state before; states that are not named stay. A map
-        that carries another such surface through zero triggers that one next; of several that are due the lowest
-        priority goes first (0 if not given).
+        Sign symbol -> ``{"when": "falling", "map": {state: EXPR}, "priority": 0}``: the state jumps when the surface
+        falls through zero. Each expression is in time and the state before the jump; states without an expression keep
+        their values. If a map carries another surface with a reset through zero, that reset follows. If several resets
+        are due, the one with the lowest priority (default 0) is applied first.
 
     Notes
     -----
-    Expressions are text or SymPy, whose symbols go by their names; ``Abs``, ``sign``, ``Max``, ``Min``, ``Piecewise``,
-    ``Heaviside`` are taken, too: their kinks and jumps become surfaces. Numbers are int, float, Fraction or text. They
-    are exact, and a float is the decimal that it is printed as: 0.1 is 1/10, as in a case file. Systems with equal
-    content are equal, and an equal system is not compiled again.
+    Expressions are text or SymPy; SymPy's symbols are matched by name. ``Abs``, ``sign``, ``Max``, ``Min``,
+    ``Piecewise`` and ``Heaviside`` are allowed: their kinks and jumps become surfaces. Numbers are int, float, Fraction
+    or text, and are exact: a float stands for the decimal number that Python prints, so that 0.1 is 1/10, as in a case
+    file. Systems with equal content compare equal, and an equal system is not compiled again.
 
     Attributes
     ----------
     state : tuple of str
     model : FilippovSystem
-        What is integrated.
+        The system as it is integrated.
     tree : MappingNode
-        What it was read from.
+        The description that the system was read from.
     prepared : dict
-        What is made of it for runs, by tolerance.
+        Prepared starts of runs, by tolerance.
     initial, start, until, mode
-        Of the reading of a case (:meth:`from_case`), exact numbers by name; None for a system from Python.
+        Start and horizon of the case's reading (:meth:`from_case`), as exact numbers; None for a system from Python.
     own_start : OwnStart
-        The same as it is written, with which a run begins that is given no other.
+        Start and horizon of the case's reading as written; the defaults of a run.
 
     Raises
     ------
     HenonRefError
-        Also a ValueError, for invalid arguments: what is wrong, and what is allowed.
+        Also a ValueError, for invalid arguments. The message states what is wrong and what is allowed.
 
     Examples
     --------
@@ -124,20 +126,22 @@ class System:
 
     @classmethod
     def from_case(cls, path: str | Path, reading: str | None = None) -> System:
-        """The system of a case file, with where and how long its reading runs: that is what ``simulate`` runs.
+        """Read the system of a case file, with the start and the horizon of one of its readings.
+
+        ``simulate`` uses that start and horizon unless others are given.
 
         Parameters
         ----------
         path : str or Path
-            A case file, with a ``system`` or a ``scene``; or the name of a case that comes with the package, such as
-            ``fig8``.
+            A case file with a ``system`` or a ``scene``, or the name of a case that is installed with the package, such
+            as ``fig8``.
         reading : str, optional
-            Name of the reading; the first one of the file if left out.
+            Name of the reading; by default the first one in the file.
 
         Raises
         ------
         HenonRefError
-            For a file that is no case (with file, line and column), and a reading that it does not have.
+            If the file is not a valid case (the message gives file, line and column) or has no such reading.
         """
         if not (reading is None or isinstance(reading, str)):
             raise ArgumentError(f"reading is {str(reading)[:60]!r}; wanted the name of a reading, or None")
@@ -153,9 +157,9 @@ class System:
 
     @classmethod
     def from_tree(cls, tree: MappingNode, declared: Sequence[str] = ()) -> System:
-        """The system of a case file's tree: its keys ``system`` or ``scene``, ``sliding`` and ``resets``.
+        """Read the system from the tree of a case file: its keys ``system`` or ``scene``, ``sliding`` and ``resets``.
 
-        ``declared`` says what the nodes of each line are, for messages; those of line 0 are nothing in particular.
+        ``declared[k - 1]`` names the declaration on line k, for messages; nodes on line 0 have no declaration.
         """
         self = cls.__new__(cls)
         self._read(tree, declared)
@@ -173,13 +177,13 @@ class System:
         self._begin()
 
     def _begin(self) -> None:
-        """What the system has of its own, apart from what it says."""
+        """Set the attributes that do not follow from the description."""
         self.state: tuple[str, ...] = self.model.state_names
         self.own_start: OwnStart | None = None
         self.prepared: dict[float, Any] = {}
 
     def with_surfaces(self, surfaces: Mapping[sp.Symbol, sp.Expr]) -> System:
-        """The system with more surfaces, by their signs, which neither its fields nor its text know of."""
+        """Return the system with additional surfaces, by sign, on which its field does not depend."""
         other, model = System.__new__(System), self.model
         other.tree, other._written, other._names = self.tree, self._written, self._names
         surfaces = dict(zip(model.signs, model.surfaces, strict=True)) | dict(surfaces)
@@ -209,11 +213,11 @@ class System:
 
     @property
     def parameters(self) -> dict[str, Number]:
-        """Name -> exact number, as a copy (:meth:`with_parameters` makes a system with others)."""
+        """Name -> exact number; a copy. :meth:`with_parameters` returns a system with other values."""
         return {name: python_number(value) for name, value in self._names.values.items()}
 
     def with_parameters(self, parameters: Mapping[Any, Any]) -> System:
-        """The system with other values of some parameters; what is an expression in them follows.
+        """Return the system with other values of some parameters; parameters that depend on them are recomputed.
 
         Parameters
         ----------
@@ -223,7 +227,7 @@ class System:
         Raises
         ------
         HenonRefError
-            For a name that is no parameter, and values that the system does not allow.
+            If a name is not a parameter, or the system does not allow a value.
         """
         given = tree_of(parameters, "'parameters'")
         if not isinstance(given, MappingNode):
@@ -240,29 +244,29 @@ class System:
         return other
 
     def expression(self, value: object, what: str = "the expression") -> sp.Expr:
-        """An expression in time, states and parameters, read with the care of a case file.
+        """Read an expression in time, states and parameters, with the checks of a case file.
 
         Parameters
         ----------
         value : str, number or Expr
         what : str
-            What it is, for the message.
+            Name of the expression in error messages.
 
         Raises
         ------
         HenonRefError
-            For names and functions that are not the system's.
+            If it contains a name or function that the system does not have.
         """
         names = {"t": TIME, **self._names.states, **self._names.parameters}
         return self._parsed(parse_expression, value, names, what)
 
     def number(self, value: object, what: str = "the number") -> sp.Expr:
-        """An exact number: one of Python's or SymPy's, or text in parameters.
+        """Read an exact number: a Python or SymPy number, or text in the parameters.
 
         Raises
         ------
         HenonRefError
-            For what is no finite real number.
+            If the value is not a finite real number.
         """
         return self._parsed(parse_number, value, self._names.values, what)
 
@@ -273,13 +277,13 @@ class System:
             raise ArgumentError(f"{what}: {error.message}") from None
 
     def work(self) -> Work:
-        """What is known to whoever reads more of the system's tree: the system itself."""
+        """Work record that holds this system as already built, for reading more keys of its tree."""
         nodes = tuple(self.tree.entries.get(key) for key in MODEL_KEYS)
         return Work(built={("system", *map(id, nodes)): (nodes, (self.model, self._names))})
 
     @cached_property
     def conditions(self) -> list[sp.Expr]:
-        """What a scene wants of its parameters (see :func:`henon_ref.casefile.scene.conditions`)."""
+        """Expressions in the parameters that the scene requires to be > 0."""
         if not Source(self.tree).has_scene:
             return []
         from henon_ref.casefile.scene import conditions
@@ -288,7 +292,7 @@ class System:
 
     @cached_property
     def parameter_expressions(self) -> dict[str, sp.Expr]:
-        """Parameters that are given as text -> that, in symbols for other parameters."""
+        """Parameter given as text -> its expression in the other parameters."""
         tree = child(self.tree, ["system" if "system" in self.tree.entries else "scene", "parameters"])
         nodes = tree.entries if isinstance(tree, MappingNode) else {}
         given = {n: x.given for n, x in nodes.items() if isinstance(x, ScalarNode) and isinstance(x.value, str)}
@@ -296,12 +300,12 @@ class System:
 
     @cached_property
     def exponent_parameters(self) -> frozenset[str]:
-        """Parameters in exponents: with other values of them the system is another one."""
+        """Parameters that occur in exponents; other values of these change the system's structure."""
         return frozenset(symbol.name for symbol in parameters_in_exponents(self._written))
 
     @cached_property
     def has_moving_exponents(self) -> bool:
-        """Whether a surface, or a ``valid`` expression, has an exponent in time or states."""
+        """Whether an exponent in a surface or a ``valid`` expression depends on time or states."""
         moving, powers = {TIME, *self.model.states}, set[sp.Pow]()
         return any(
             p.exp.free_symbols & moving
@@ -310,7 +314,7 @@ class System:
 
     @cached_property
     def structure(self) -> tuple[object, ...]:
-        """What the system says whatever the values of its parameters, in a form that can be compared and hashed."""
+        """The system without the values of its parameters, in a hashable form."""
         model = self.model
         overrides = tuple(
             (i, o.field, tuple((r.when, r.direction, r.to) for r in o.release), o.entry)
@@ -322,7 +326,7 @@ class System:
 
     @cached_property
     def content(self) -> tuple[object, ...]:
-        """Everything that it says, likewise."""
+        """The system with the values of its parameters, in a hashable form."""
         return self.structure, tuple(self._names.values.values())
 
     def __eq__(self, other: object) -> bool:

@@ -1,4 +1,4 @@
-"""Transitions and sticks of a run as data frames, and as named tuples one at a time."""
+"""Tables of a run: transitions, sticks and states as data frames, and transitions as named tuples."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ if TYPE_CHECKING:
     import pandas as pd
 
 COLUMNS = ("time_s", "kind", "surface", "from_mode", "to_mode")
-"""Columns of a table of transitions, which the states follow by name."""
+"""Columns of a table of transitions; the states follow by name."""
 STICK_COLUMNS = ("start_s", "duration_s", "surface")
 _named_tuple: Any = namedtuple
-"""Whose fields no type checker can know."""
+"""namedtuple without a static type: its fields depend on the system."""
 
 
 def columns_of(system: FilippovSystem, transitions: TransitionArray) -> dict[str, NDArray[Any]]:
-    """By name, the columns of a table of transitions: COLUMNS, then the states."""
+    """Return the columns of a table of transitions by name: COLUMNS, then the states."""
     records = transitions.records
     rows, places = np.unique([records["from_mode"], records["to_mode"]], return_inverse=True)
     texts = np.array([mode_text(transitions.modes[row], system.sign_names) for row in rows.tolist()], dtype=object)
@@ -42,9 +42,9 @@ def columns_of(system: FilippovSystem, transitions: TransitionArray) -> dict[str
 
 
 def rows_of(system: FilippovSystem) -> Callable[[TransitionArray], Iterator[Any]]:
-    """What makes rows of transitions: named tuples of COLUMNS and the states.
+    """Return a function that converts transitions to named tuples with the fields COLUMNS and the states.
 
-    Every name that a state may have is fit for a field: a letter first, no word of Python, none of the columns.
+    Every valid state name is a valid field: it begins with a letter and is neither a Python keyword nor a column.
     """
     make = _named_tuple("TransitionRow", (*COLUMNS, *system.state_names))._make
 
@@ -55,14 +55,14 @@ def rows_of(system: FilippovSystem) -> Callable[[TransitionArray], Iterator[Any]
 
 
 def transition_table(system: FilippovSystem, transitions: TransitionArray) -> pd.DataFrame:
-    """A row a transition: COLUMNS, then the states by name."""
+    """Return a table with one row per transition: COLUMNS, then the states by name."""
     import pandas as pd
 
     return pd.DataFrame(columns_of(system, transitions))
 
 
 def stick_table(system: FilippovSystem, transitions: Sequence[Transition], start: float) -> pd.DataFrame:
-    """A row a whole stick, in order of their ends: one that the end of the run cuts off is left out."""
+    """Return a table with one row per stick that ends within the run, ordered by end."""
     import pandas as pd
 
     found = sticks(transitions, start=start, after=start)
@@ -77,7 +77,7 @@ def stick_table(system: FilippovSystem, transitions: Sequence[Transition], start
 def state_table(
     system: FilippovSystem, times: NDArray[np.float64], states: NDArray[np.float64], modes: Sequence[Mode]
 ) -> pd.DataFrame:
-    """A row a time: ``t``, the states by name, and by surface its sign; ``states`` has shape (k, n)."""
+    """Return a table with one row per time: ``t``, the states, and the signs; ``states`` has shape (k, n)."""
     import pandas as pd
 
     signs = system.sign_names

@@ -1,7 +1,6 @@
-"""Values from Python as the words of a case file: names, numbers, expressions, and a tree of them.
+"""Values from Python as the nodes of a case file's tree: names, numbers, expressions, lists and mappings.
 
-What a case file may hold is decided in one place (:mod:`henon_ref.casefile`), so that a system from Python is read with
-the same care as one from a file.
+A system from Python is thus checked by the same code as one from a file (:mod:`henon_ref.casefile`).
 """
 
 from __future__ import annotations
@@ -26,18 +25,18 @@ from henon_ref.taylor.size import size
 from henon_ref.text import shortened
 
 NOWHERE = Place(0, 0)
-"""What comes from Python stands in no file."""
+"""Place of values from Python, which have no line in a file."""
 MOST_ENTRIES = 10_000
-"""Entries that one list or mapping may have."""
+"""Largest number of entries of a list or mapping."""
 DEEPEST = 8
-"""How deep lists and mappings may stand in each other."""
+"""Largest nesting depth of lists and mappings."""
 Number = int | Fraction | Any
-"""An exact number: whole, rational, or one of SymPy's (``sqrt(3)/9``)."""
+"""Exact number: integer, rational, or a SymPy number such as ``sqrt(3)/9``."""
 _OTHER = "wanted a number (int, float, Fraction), text or a SymPy expression"
 
 
 class OwnStart(NamedTuple):
-    """Where and how long the reading of a case runs, in the words of the file."""
+    """Start and horizon of a case's reading, as written in the file."""
 
     initial: dict[str, str]
     start: str
@@ -46,14 +45,14 @@ class OwnStart(NamedTuple):
 
     @classmethod
     def of(cls, source: Source, states: Sequence[str]) -> OwnStart:
-        """What a reading says of its start and horizon."""
+        """Start and horizon of a reading."""
         start = source.word(("initial", "t"), "0")
         mode = {name: int(source.text(("initial", "mode", name))) for name in source.keys(("initial", "mode"))}
         return cls({x: source.text(("initial", x)) for x in states}, start, source.text(("until",)), mode)
 
 
 def written_name(value: object, what: str) -> str:
-    """The name of a state, a parameter or a surface, from text or a symbol; ``what`` it is goes into the message."""
+    """Return the name of a state, parameter or surface, given as text or a symbol; ``what`` names it in messages."""
     if isinstance(value, str):
         return str(value)
     if isinstance(value, sp.Symbol):
@@ -62,10 +61,10 @@ def written_name(value: object, what: str) -> str:
 
 
 def written(value: object, what: str) -> str:
-    """A number or an expression as the text that a case file would have.
+    """Return a number or an expression as the text of a case file.
 
-    It is an int, float, Fraction, Decimal, text or SymPy; a float is the decimal number that it is printed as: 0.1 is
-    1/10, as in a case file. An ArgumentError for what is not finite, too long, or none of these.
+    ``value`` is an int, float, Fraction, Decimal, text or SymPy expression; a float stands for the decimal number that
+    Python prints (0.1 is 1/10). ArgumentError if it is of another type, not finite, or too long.
     """
     if isinstance(value, str):
         return str(value)
@@ -87,9 +86,9 @@ def written(value: object, what: str) -> str:
 
 
 def as_given(value: object, what: str) -> Written:
-    """A number or an expression as it is read: SymPy as it is, anything else as text (see :func:`written`).
+    """Return a SymPy expression unchanged, and any other number or expression as text (:func:`written`).
 
-    SymPy may have no more operations (written out, as often as they stand there), nor longer numbers, than a text.
+    The limits on operations (each occurrence counts) and on the length of numbers are those of text.
     """
     if not isinstance(value, sp.Expr):
         return written(value, what)
@@ -101,10 +100,10 @@ def as_given(value: object, what: str) -> Written:
 
 
 def tree_of(value: object, what: str, depth: int = 0, place: Place = NOWHERE) -> Node:
-    """A value as the node of a case file's tree, with all its nodes at a place.
+    """Return a value as a node of a case file's tree, with all its nodes at one place.
 
-    It is a mapping, list, tuple, array, matrix, None, or what :func:`written` takes, within ``depth`` lists and
-    mappings. An ArgumentError for what cannot stand in a case file.
+    ``value`` is a mapping, list, tuple, array, matrix, None, or accepted by :func:`written`; ``depth`` lists and
+    mappings enclose it. ArgumentError if a case file cannot contain it.
     """
     if isinstance(value, np.ndarray | sp.MatrixBase):
         value = value.tolist() if isinstance(value, np.ndarray) else list(value)
@@ -134,39 +133,39 @@ def tree_of(value: object, what: str, depth: int = 0, place: Place = NOWHERE) ->
 
 
 def mapping(entries: Mapping[str, Node], place: Place = NOWHERE) -> MappingNode:
-    """A mapping of nodes, its keys where they stand."""
+    """Return a mapping node; each key has the place of its value."""
     keys = {key: entry.place for key, entry in entries.items()}
     return MappingNode(place, entries, keys, 1 + sum(entry.size for entry in entries.values()))
 
 
 def sequence(items: Sequence[Node], place: Place = NOWHERE) -> SequenceNode:
-    """A list of nodes."""
+    """Return a sequence node."""
     return SequenceNode(place, tuple(items), 1 + sum(item.size for item in items))
 
 
 def python_number(number: sp.Expr) -> Number:
-    """An exact number as int or Fraction where it is rational."""
+    """Return an exact number as int or Fraction if it is rational."""
     if number.is_Integer:
         return int(number)
     return Fraction(int(number.p), int(number.q)) if number.is_Rational else number
 
 
 def argument_error(error: HenonRefError, declared: Sequence[str] = ()) -> ArgumentError:
-    """An error of reading as one of an argument: what comes from Python has no line and column, but is declared."""
+    """Convert an error of the reader, with the name of the declaration in place of line and column."""
     message, line = getattr(error, "message", str(error)), getattr(error, "line", None)
     return ArgumentError(f"{declared[line - 1]}: {message}" if declared and line else message)
 
 
 def source_of(tree: MappingNode) -> Source:
-    """A model from Python, whose expressions may cost the more the more states it has."""
+    """Source of a model from Python; its allowed work grows with the number of states."""
     state = child(tree, ["system", "state"])
     parts = len(state.items) // MAX_STATES if isinstance(state, SequenceNode) else 0
     return Source(tree, work=Work(files=1 + parts), most_states=MOST_STATES)
 
 
 def _shown(value: object) -> str:
-    """A piece of a value of any type."""
+    """Return the beginning of a value's repr."""
     try:
         return shortened(repr(value))[1:-1]
-    except Exception:  # noqa: BLE001 - somebody's repr may raise anything, and the message is about the value
+    except Exception:  # noqa: BLE001 - a foreign __repr__ may raise anything
         return f"a {type(value).__name__}"

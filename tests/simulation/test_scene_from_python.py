@@ -101,7 +101,7 @@ WRONG: dict[str, tuple[Callable[[hr.Scene], object], str]] = {
     "on": (lambda s: s.force("belt", 1), r"force on 'belt': a force acts on a mass"),
     "mass": (lambda s: s.body("c", mass=0), r"body 'c': 'mass' \[kg\] of 'c' must be larger than 0"),
     "motion": (lambda s: s.prescribed("c"), r"body 'c': 'c' lacks what it is"),
-    "twice": (lambda s: s.body("a", mass=1), r"there is a body 'a' already"),
+    "twice": (lambda s: s.body("a", mass=1), r"a body .a. exists already"),
     "states": (lambda s: s.body("c", mass=1, states=["x"]), r"'states' of 'c' must be two names"),
     "no number": (lambda s: s.damper("a", "wall", coefficient=float("nan")), r"'coefficient' of .* must be finite"),
 }
