@@ -122,3 +122,10 @@ def proves_zero(expression: sp.Expr) -> bool:
         return False
     unknown = sp.Dummy("x")
     return bool(sp.minimal_polynomial(simple, unknown) == unknown)
+
+
+def sign_of(ball: arb) -> int:
+    """Return the sign of a ball; 0 if it contains zero."""
+    if ball > 0:
+        return 1
+    return -1 if ball < 0 else 0

@@ -9,7 +9,7 @@ from itertools import product
 import sympy as sp
 from flint import arb, ctx
 
-from henon_ref.enclosure.balls import enclose, proves_zero
+from henon_ref.enclosure.balls import enclose, proves_zero, sign_of
 from henon_ref.enclosure.contact_proof import is_proven
 from henon_ref.enclosure.enclosure import UndecidedError
 from henon_ref.enclosure.model import ModeModel, SystemModel, solve_for_states
@@ -274,9 +274,3 @@ class Judge:
             if sign == side:
                 return False
         return True
-
-
-def sign_of(ball: arb) -> int:
-    if ball > 0:
-        return 1
-    return -1 if ball < 0 else 0

@@ -9,6 +9,7 @@ from typing import Literal
 
 from flint import arb
 
+from henon_ref.enclosure.balls import sign_of
 from henon_ref.enclosure.enclosure import Curve, Tail, UndecidedError, interval
 
 DEPTH = 90
@@ -87,14 +88,14 @@ def scan(curve: Curve, end: float, armed: bool, name: str) -> Scan:
             return Scan(None, armed)
         low, high, depth, curve = stack.pop()
         value, slope = curve.over(low, high)
-        sign = _sign(value)
+        sign = sign_of(value)
         if sign > 0:
             positive = armed = True
             continue
         if sign < 0 and not armed:
             positive = False
             continue
-        shape = _monotone(curve, low, high, _sign(slope), positive)
+        shape = _monotone(curve, low, high, sign_of(slope), positive)
         if armed and low == 0.0 and (sign < 0 or shape == "rises"):
             raise UndecidedError(f"{name} is negative where it should start positive", "start")
         if shape == "falls":
@@ -121,8 +122,8 @@ def _monotone(curve: Curve, low: float, high: float, slope: int, positive: bool)
     """Classify a guard on a subinterval on which its slope has a strict sign."""
     if slope == 0:
         return "unknown"
-    first = 1 if positive else _sign(curve.at(arb(low)))
-    last = _sign(curve.at(arb(high)))
+    first = 1 if positive else sign_of(curve.at(arb(low)))
+    last = sign_of(curve.at(arb(high)))
     if first > 0 and last < 0:
         return "falls"
     if first < 0 and last > 0:
@@ -141,12 +142,6 @@ def _graze(name: str, low: float, value: arb) -> str:
         f"{name} touches zero or comes so near to it (within {abs(value).upper().str(3, radius=False)}) with no "
         "strict slope that an event can be neither proven nor excluded: a graze"
     )
-
-
-def _sign(ball: arb) -> int:
-    if ball > 0:
-        return 1
-    return -1 if ball < 0 else 0
 
 
 def refine(root: Root) -> arb:

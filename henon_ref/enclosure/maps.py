@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import sympy as sp
 from flint import arb
 
-from henon_ref.enclosure.balls import enclose
-from henon_ref.enclosure.consistency import EndedError, sign_of
+from henon_ref.enclosure.balls import enclose, sign_of
+from henon_ref.enclosure.consistency import EndedError
 from henon_ref.enclosure.enclosure import UndecidedError
 from henon_ref.enclosure.impacts import speed_after
 from henon_ref.enclosure.model import SystemModel

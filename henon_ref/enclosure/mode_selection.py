@@ -13,8 +13,8 @@ from collections.abc import Mapping, Sequence
 import sympy as sp
 from flint import arb
 
-from henon_ref.enclosure.balls import enclose
-from henon_ref.enclosure.consistency import EndedError, Entry, Identities, Judge, sign_of
+from henon_ref.enclosure.balls import enclose, sign_of
+from henon_ref.enclosure.consistency import EndedError, Entry, Identities, Judge
 from henon_ref.enclosure.enclosure import UndecidedError
 from henon_ref.enclosure.model import SystemModel
 from henon_ref.modes.decision import ended

@@ -138,9 +138,12 @@ class ReturnMap:
             hit = flow.step(horizon)
             if hit is not None:
                 events.append(hit)
+        wanted = self.guess.events
+        if wanted is not None and len(events) < wanted:
+            raise OrbitError(f"the return map has {len(events)} events, not {wanted}")
         if flow.mode != self.guess.mode:
             raise OrbitError(f"the return map ends in mode {flow.mode}, not in {self.guess.mode} where it started")
-        if self.guess.events is not None:
+        if wanted is not None:
             self._check_last(events[-1])
         end = flow.points.hull()
         return MappedPoint(

@@ -116,3 +116,10 @@ def test_an_event_orbit_ends_with_the_event_it_starts_at() -> None:
     guess = Guess(sp.Integer(0), (-0.541006353870, 0.2), (0,), events=2, surface=0, tangent=True)
     with pytest.raises(OrbitError, match="not with the event it starts at"):
         find_periodic_orbit(systems.stribeck_belt().system, guess, radius=1e-15)
+
+
+def test_a_motion_that_never_returns_has_no_orbit(problem: Callable[..., Problem]) -> None:
+    """x = t leaves the surface x = 0 for good."""
+    away = problem("x v", ["v", "0"], {"s": "x"}, [0, 1], 1)
+    with pytest.raises(OrbitError, match="has 0 events, not 1"):
+        find_periodic_orbit(away.system, Guess(sp.Integer(0), (0.0, 1.0), (1,), events=1, surface=0))

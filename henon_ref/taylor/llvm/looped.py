@@ -128,7 +128,7 @@ class _OneNode:
             results[k + 1] = k, state.coefficient(k + 1)
         return self.w.pieces(results, "%p0", self.order + 1)
 
-    def output(self) -> tuple[list[str], int]:
+    def output(self) -> list[str]:
         """Lines of an output: its row, and its ratios as stored by :func:`_ratios`."""
         w, order, target = self.w, self.order, self.made.linear(self.form)
         in_rows = order >= LANES and all(self.shape.series[label][0] for label in self.form.terms)
@@ -141,7 +141,7 @@ class _OneNode:
             store_values(w, values, ("%p0", 0))
         if order >= 3:
             _ratios(w, values, 1 + len(self.shape.series) + self.shape.constants)
-        return w.lines, 0
+        return w.lines
 
 
 def _ratios(w: IRWriter, values: Sequence[Value], pointer: int) -> None:
@@ -267,7 +267,7 @@ class _LoopedExpansion:
             ]
             bases = ["%C", *self._bases(shape), "%S", "%S"]
             made = _OneNode(shape, self.order)
-            self._loop((shape, "row"), bases[: len(rows[0])], lambda made=made: made.output()[0], self._table(rows))  # type: ignore[misc]
+            self._loop((shape, "row"), bases[: len(rows[0])], lambda made=made: made.output(), self._table(rows))  # type: ignore[misc]
 
     def _norms(self) -> None:
         """Compute the rows of the outputs, and the numbers after the rows."""
