@@ -2,15 +2,14 @@
 
 The principle and its literature are explained in :mod:`henon_ref.modes.held_groups`. Its dual problem has the contact
 forces s_i as unknowns: the relative accelerations are N = a - W s, and each s_i is in an interval [lower_i, upper_i],
-at the upper bound if N_i > 0, at the lower bound if N_i < 0.
+at the upper bound if N_i > 0, at the lower bound if N_i < 0. N and W are computed from values of the accelerations at a
+point with and without each force, in any arithmetic (floats, balls). A friction force is in units of kinetic friction,
+unless the contact's override has a ``push``.
 
-N and W are computed from values of the accelerations at a point with and without each force, in any arithmetic (floats,
-balls). A friction force is in units of kinetic friction, unless the contact's override has a ``push``.
-
-A mode states which contacts hold (N_i = 0) and in which direction the other contacts slip. It is found in double
-precision by block principal pivoting (Júdice and Pires, *Comput. Oper. Res.* 21 (1994) 587-596). If blocks make no
-progress, the pivoting continues with Murty's rule of the last index, which terminates. A proof checks the conditions of
-the minimum for this solution in ball arithmetic (:mod:`henon_ref.enclosure.contact_proof`).
+A mode states which contacts hold (N_i = 0) and in which direction the others slip. It is found in double precision by
+block principal pivoting (Júdice and Pires, *Comput. Oper. Res.* 21 (1994) 587-596) and, if blocks make no progress, by
+Murty's rule of the last index, which terminates. A proof checks the conditions of the minimum for this solution in ball
+arithmetic (:mod:`henon_ref.enclosure.contact_proof`).
 """
 
 from __future__ import annotations
@@ -178,11 +177,10 @@ def balance_of(
 def _rows(
     system: FilippovSystem, mode: Mode, group: tuple[int, ...], values: Values, negative: Negative
 ) -> Iterator[Row] | None:
-    """Yield, for each expression of the group, its value without contact signs and its slope in each sign.
+    """Return, for each expression of the group, its value without contact signs and its slope in each sign.
 
-    The slopes are differences of values with the signs 0 and 1. Contacts that no expression has in common get their
-    signs in one evaluation. A last evaluation with all signs 1 checks that the expressions are affine; None if one is
-    not.
+    Slopes are differences of values with the signs 0 and 1; contacts that no expression has in common get their signs
+    in one evaluation. A last evaluation with all signs 1 checks that the expressions are affine; None if one is not.
     """
     count = len(group)
     written, (together, places) = _written(system, group), _together(system, group)
@@ -235,10 +233,8 @@ def _written(system: FilippovSystem, group: tuple[int, ...]) -> tuple[sp.Expr, .
 
 @lru_cache(maxsize=256)
 def _together(system: FilippovSystem, group: tuple[int, ...]) -> tuple[list[frozenset[int]], list[int]]:
-    """Return the places of the contacts on which each expression depends, and an evaluation number for each contact.
-
-    Contacts that no expression has in common share an evaluation number.
-    """
+    """Return the contacts, by place, in each expression, and an evaluation number per contact (shared if never
+    together)."""
     contacts = {system.signs[i]: k for k, i in enumerate(group)}
     own = [frozenset(contacts[s] for s in e.free_symbols if s in contacts) for e in _written(system, group)]
     parts: list[frozenset[int]] = []

@@ -57,7 +57,7 @@ def held_field(system: SwitchedField, reacting: SwitchedField, sliding: Collecti
     Raises
     ------
     ModelError
-        If the loads of contacts that act on each other have no unique solution, or if a ``sliding`` override contradicts
+        If the loads of coupled contacts have no unique solution, or if a ``sliding`` override contradicts
         the balance of forces.
     """
     held = sorted(i for i in sliding if i in system.overrides)

@@ -267,7 +267,7 @@ class _Group:
         return not any(mode[i] == 0 for i in slipped & self.static) and system.has_equations(mode)
 
     def _kept(self, mode: Mode, slipped: frozenset[int]) -> Mode | None:
-        """Return a mode that its own field keeps, starting from a mode in which only ties are undecided."""
+        """Return a mode kept by its own field, starting from a mode in which only ties are undecided."""
         seen: set[Mode] = set()
         for _ in range(ROUNDS * (len(self.contacts) + 1)):
             mode = self._closed(mode)
@@ -324,7 +324,6 @@ class _Group:
         return self.settled(slipped)
 
     def _limited(self, balance: Balance, slipped: frozenset[int]) -> ContactProblem:
-        """Return the contact problem with static limits for the contacts that have not slipped."""
         free, matrix, lower, upper = (list(part) for part in balance.problem)
         for k, (least, most) in balance.static.items():
             if self.contacts[k] not in slipped:

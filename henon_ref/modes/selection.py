@@ -1,14 +1,13 @@
 """Selection of the mode at the start of a run and after each event: the candidate that its own field keeps.
 
-Each candidate mode is tested for consistency (:mod:`henon_ref.modes.consistency`). If exactly one candidate is
-consistent, the future is unique. If several are consistent (repelling sliding, a spontaneous switch), the future is not
-unique and the run ends with this status. See Filippov (1988), Sec. 2.10, and Dieci and Lopez, *J. Comput. Appl. Math.*
-236 (2012) 3967-3991. If static friction holds some of several active surfaces, :mod:`henon_ref.modes.held_groups`
-decides.
+Each candidate is tested for consistency (:mod:`henon_ref.modes.consistency`). One consistent candidate: the future is
+unique. Several (repelling sliding, a spontaneous switch): it is not unique, and the run ends with this status. See
+Filippov (1988), Sec. 2.10, and Dieci and Lopez, *J. Comput. Appl. Math.* 236 (2012) 3967-3991. If static friction holds
+some of several active surfaces, :mod:`henon_ref.modes.held_groups` decides.
 
 The selection is written once, over points of any arithmetic (:mod:`henon_ref.modes.arithmetic`): the reference decides
 in doubles and in balls, the multiprecision truth in balls of its own series. :mod:`henon_ref.enclosure` shares no code
-with this module. :func:`sign_after` is the special case of one surface and two velocities that are clearly not zero.
+with it. :func:`sign_after` is the special case of one surface and two velocities that are clearly not zero.
 """
 
 from __future__ import annotations
@@ -52,7 +51,7 @@ class ExactStart(Protocol):
     def system(self) -> FilippovSystem: ...
 
     def exactly(self, start: sp.Expr, initial: Sequence[sp.Expr]) -> Point:
-        """Return the point with these exact numbers as time and state."""
+        """Return the point with these exact numbers."""
 
 
 def sign_after(below: float, above: float) -> int | None:
@@ -92,10 +91,7 @@ def signs_at(system: FilippovSystem, start: sp.Expr, initial: Sequence[sp.Expr])
 def initial_mode(
     modes: ExactStart, start: sp.Expr, initial: Sequence[sp.Expr], given: Mapping[int, int] | None = None
 ) -> Decision:
-    """Decide the mode at the start from exact numbers.
-
-    ``given``: prescribed entries of surfaces on which the start lies.
-    """
+    """Decide the mode at the start from exact numbers; ``given``: prescribed entries of surfaces on which it lies."""
     return mode_by_signs(modes.exactly(start, initial), *signs_at(modes.system, start, initial), given or {})
 
 
@@ -106,10 +102,8 @@ def mode_by_signs(
     given: Mapping[int, int] | None = None,
     where: str = "at the start",
 ) -> Decision:
-    """Decide the mode at a point from the signs of the surfaces and of the ``valid`` expressions there.
-
-    ``where``: the point as error messages name it.
-    """
+    """Decide the mode at a point from the signs of surfaces and ``valid`` expressions; ``where``: the point, for
+    messages."""
     system, given = at.system, given or {}
     for i, sign in enumerate(surfaces):
         if i in given and sign not in (0, given[i]):
@@ -165,11 +159,10 @@ def after_event(at: Point, mode: Mode, hits: Sequence[Guard], *, touched: bool =
 
 
 def contact_orders(at: Point, mode: Mode, active: Iterable[int], edges: Iterable[int] = ()) -> list[int]:
-    """Return, for each guard of a mode, the multiplicity of its zero at a point that lies on the ``active`` surfaces.
+    """Return, for each guard of a mode, the multiplicity of its zero at a point on the ``active`` surfaces.
 
-    For a surface that has just been left: 1 if with non-zero speed, 2 if tangentially, and so on; 0 for guards of other
-    surfaces and for guards that are not zero. Likewise for the ``valid`` expressions in ``edges``, which are zero at
-    the start; 0 for an expression that falls or stays zero.
+    For a surface just left: 1 if with non-zero speed, 2 if tangentially, and so on; 0 for all other guards. Likewise
+    for the ``valid`` expressions in ``edges``, which are zero at the start; 0 for one that falls or stays zero.
     """
     guards = at.system.guards(mode) if at.system.has_equations(mode) else ()
     active, edges = set(active), set(edges)
@@ -207,10 +200,8 @@ def _known_zeros(at: Point, mode: Mode, place: int, guard: Guard) -> int:
 
 
 def _decided(at: Point, mode: Mode, active: tuple[int, ...], slipped: Collection[int] = ()) -> Decision:
-    """Decide with the first zero level; if no mode is consistent, try the larger and the smaller levels.
-
-    A level is the relative size below which a derivative counts as zero, since rounding may have changed a zero.
-    """
+    """Decide with the first relative size below which a derivative counts as zero; try the others if no mode is
+    consistent."""
     system = at.system
     one_of = _in_groups if by_groups(system, active) or system.shared is not None else _of_all
     for level in at.levels:
@@ -236,8 +227,8 @@ def _attracting(at: Point, decision: Decision) -> Decision:
 def _of_all(at: Point, mode: Mode, active: tuple[int, ...], slipped: Collection[int], zero: float) -> Decision:
     """Return the one consistent mode among all candidates for the active surfaces.
 
-    All candidates are tried, without pivoting, since the fields need not be those of friction: the first consistent
-    mode is the only one only if all principal minors of the slopes of the normal velocities are positive
+    All are tried, without pivoting, since the fields need not be those of friction: the first consistent mode is the
+    only one only if all principal minors of the slopes of the normal velocities are positive
     (:mod:`henon_ref.modes.sliding`).
     """
     found = [own for own in _candidates(at, mode, active) if broken_guards(at, own, active, zero, alone=True) == []]
@@ -254,7 +245,6 @@ def _of_all(at: Point, mode: Mode, active: tuple[int, ...], slipped: Collection[
 
 
 def _candidates(at: Point, mode: Mode, active: tuple[int, ...]) -> Iterator[Mode]:
-    """Yield all modes that are possible for the active surfaces."""
     entries = product(*(at.system.entries_from(mode[i], i) for i in active))
     return (with_entries(mode, active, choice) for choice in entries)
 
@@ -262,10 +252,9 @@ def _candidates(at: Point, mode: Mode, active: tuple[int, ...]) -> Iterator[Mode
 def _staying_mode(at: Point, mode: Mode, active: tuple[int, ...]) -> Decision | None:
     """Decide the mode if no candidate leaves some surfaces, as at rest exactly on a kink; None if this does not apply.
 
-    If all slips that stay on the surfaces have the same motion, in all derivatives that are computed, then this motion
-    is the run's, without a transition; a surface keeps its entry, or +1 if the entry is 0. If their motions differ, the
-    field jumps along the motion; every convex combination of the two fields is then a solution (Filippov, 1988, Sec.
-    4), and the future is not unique.
+    If all slips that stay on the surfaces have the same motion, in all computed derivatives, this motion is the run's,
+    without a transition; a surface keeps its entry, or gets +1 instead of 0. If their motions differ, every convex
+    combination of the fields is also a solution (Filippov, 1988, Sec. 4), and the future is not unique.
     """
     system, stay, found = at.system, set[int](), list[Mode]()
     tied = [relation for relation in relations(system, active) if _unsettled(system, relation)]
@@ -297,7 +286,6 @@ def _unsettled(system: FilippovSystem, relation: Relation) -> bool:
 
 
 def _in_groups(at: Point, mode: Mode, active: tuple[int, ...], slipped: Collection[int], zero: float) -> Decision:
-    """Decide the mode by Gauss's principle with Coulomb friction."""
     broken = partial(broken_guards, at, zero=zero, alone=False)
     numbers = Numbers(at.values, at.arithmetic.negative, broken, at.same_motion, at.when)
     try:
