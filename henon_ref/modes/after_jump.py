@@ -171,8 +171,7 @@ class _Rule:
         return AfterJump(_refused(reason), self.state)
 
     def _turned(self, index: int, mode: Mode) -> list[int]:
-        """Return the surfaces that changed sides at the impact and whose signs are in the acceleration towards the
-        surface."""
+        """Return the surfaces whose side the impact changed and whose signs are in the acceleration."""
         acceleration, signs = self.impacts[index].acceleration, self.system.signs
         return [j for j, s in enumerate(signs) if mode[j] != self.mode[j] and j != index and acceleration.has(s)]
 
@@ -238,8 +237,7 @@ class _Rule:
         return ""
 
     def _at_rest(self, surfaces: tuple[int, ...], after: Sequence[Any], stuck: Mode, time: Any) -> list[Any]:
-        """Return the state at which bodies come to rest, projected onto the surfaces; error about the square of
-        ``time``."""
+        """Return the state at rest, projected onto the surfaces; its error is about the square of ``time``."""
         system, numbers = self.system, self.numbers
         x = list(after)
         for i in surfaces:

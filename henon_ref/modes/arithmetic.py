@@ -55,8 +55,7 @@ class Doubles:
         return rate_of(states, outputs)
 
     def leading(self, series: Sequence[float], first: int, rate: float, size: float, zero: float) -> int | None:
-        """Index of the first coefficient from ``first`` on that is not zero relative to ``size`` and the rest, or
-        None."""
+        """Index of the first coefficient from ``first`` on that is not zero relative to ``size`` and the rest."""
         terms = scaled(series, rate)
         unit = max(size / rate if first else size, *map(abs, terms[first:]))
         return next((k for k in range(first, len(terms)) if abs(terms[k]) > zero * unit), None)
@@ -64,8 +63,8 @@ class Doubles:
     def end_of_hold(
         self, series: Sequence[float], ends: Sequence[Sequence[float]], rate: float, zero: float
     ) -> int | None:
-        """Like :meth:`leading`, for one end of a hold zone, whose load is compared with the distance to the other
-        ``ends``."""
+        """Like :meth:`leading`, for an end of a hold zone, whose load is compared with the distance to the other
+        ends."""
         width = max(abs(value) for c in ends for value in scaled(c, rate))
         return 0 if abs(series[0]) > zero * width else self.leading(series, 1, rate, 0.0, zero)
 
@@ -132,12 +131,10 @@ class Point(Protocol):
         """Time as messages name it."""
 
     def guards(self, mode: Mode) -> tuple[Guard, ...] | None:
-        """Guards of a mode; None if it has no equations. Raises :data:`NO_VALUE` if their derivatives are not
-        finite."""
+        """Guards of a mode, None without equations; :data:`NO_VALUE` if their derivatives are not finite."""
 
     def leading(self, mode: Mode, place: int, first: int, zero: float, beside: int | None = None) -> Leading | None:
-        """First non-zero coefficient of a guard just after the point, from derivative ``first`` on; None if it stays
-        zero.
+        """First non-zero coefficient of a guard, from derivative ``first`` on; None if the guard stays zero.
 
         ``beside``: the surface whose normal velocities are the scale of comparison.
         """

@@ -59,8 +59,7 @@ def rounded(expression: sp.Expr) -> sp.Expr:
 
 
 def with_rounded_constants(expressions: Iterable[sp.Expr]) -> tuple[sp.Expr, ...]:
-    """Return expressions with :func:`rounded` constants; a constant expression becomes a double, so all values are
-    doubles."""
+    """Return expressions with :func:`rounded` constants; constant expressions become doubles."""
     return tuple(_float(e) if e.is_number else rounded(e) for e in expressions)
 
 
@@ -77,8 +76,7 @@ def _float(number: sp.Expr) -> sp.Float:
 
 
 class ScalarPrinter(PythonCodePrinter):
-    """Printer with ``math`` names; a non-integer power of a negative base raises an exception instead of a complex
-    value."""
+    """Printer with ``math`` names; a non-integer power of a negative base raises an exception."""
 
     def __init__(self) -> None:
         super().__init__({"fully_qualified_modules": False, "inline": True, "allow_unknown_functions": True})

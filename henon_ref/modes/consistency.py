@@ -79,8 +79,7 @@ def indeterminate(at: Point, mode: Mode, index: int, zero: float) -> bool:
 
 
 def _rests(at: Point, mode: Mode, index: int, zero: float) -> bool:
-    """Check whether a body on a stop stays there: without the reaction, h would not rise and would start with zero
-    speed."""
+    """Check whether a body stays on a stop: without the reaction, h would start with zero speed and not rise."""
     free = replaced(mode, index, 1)
     try:
         guards = at.guards(free)

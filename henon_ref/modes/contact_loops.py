@@ -45,8 +45,7 @@ Relation = Mapping[int, sp.Rational]
 
 @lru_cache(maxsize=1024)
 def relations(system: SwitchedField, surfaces: tuple[int, ...]) -> tuple[Relation, ...]:
-    """Return a basis of the relations among surfaces; the last surface of each has factor 1 and is in no other
-    relation.
+    """Return a basis of the relations among surfaces; the last surface of each is in no other and has factor 1.
 
     Only relations with rational factors between expanded surfaces are found; a surface that is always zero is ignored.
     """

@@ -29,8 +29,7 @@ from henon_ref.modes.mode import Mode
 from henon_ref.modes.system import FilippovSystem
 
 COMPLIANCE = 1e-9
-"""Compliance of each contact, relative to its inverse inertia; it determines how contacts in a loop share their
-loads."""
+"""Compliance of a contact, relative to its inverse inertia; it determines how contacts in a loop share loads."""
 TIE = 1e-6
 """Relative acceleration, as a part of its terms, below which it may be zero."""
 ROUNDING = 1e-12
@@ -201,8 +200,7 @@ def _rows(
 
 
 def _inertia(system: FilippovSystem, index: int, place: int, own: Row, ends: Iterable[tuple[int, Row]]) -> Any:
-    """Return how a user-written load grows with the acceleration, from the slopes of both in another contact's
-    force."""
+    """Return the slope of a user-written load in the acceleration, by the slopes of both in another force."""
     for side, end in ends:
         slope, j = max(((abs(float(v)), j) for j, v in enumerate(own[1:]) if j != place), default=(0.0, 0))
         if slope:
@@ -216,8 +214,7 @@ def _inertia(system: FilippovSystem, index: int, place: int, own: Row, ends: Ite
 
 @lru_cache(maxsize=256)
 def _written(system: FilippovSystem, group: tuple[int, ...]) -> tuple[sp.Expr, ...]:
-    """Return the expressions of each contact of a group: acceleration, ends of its hold zone, inertia, kinetic
-    friction."""
+    """Return the expressions of each contact: acceleration, ends of its hold zone, inertia, kinetic friction."""
     off = {system.signs[i]: sp.S.One for i in system.resting}
     acting = system.with_reactions(frozenset(i for i in group if i in system.overrides and system.overrides[i].push))
     found = []
@@ -233,8 +230,7 @@ def _written(system: FilippovSystem, group: tuple[int, ...]) -> tuple[sp.Expr, .
 
 @lru_cache(maxsize=256)
 def _together(system: FilippovSystem, group: tuple[int, ...]) -> tuple[list[frozenset[int]], list[int]]:
-    """Return the contacts, by place, in each expression, and an evaluation number per contact (shared if never
-    together)."""
+    """Return the contacts, by place, in each expression; and an evaluation number of each contact."""
     contacts = {system.signs[i]: k for k, i in enumerate(group)}
     own = [frozenset(contacts[s] for s in e.free_symbols if s in contacts) for e in _written(system, group)]
     parts: list[frozenset[int]] = []

@@ -245,8 +245,7 @@ class _Solution:
 def _equations(
     system: SwitchedField, held: SwitchedField, slid: Sequence[int], own: Mapping[int, int], forces: Forces
 ) -> SwitchedEquations:
-    """Return the equations; ``system`` has only the surfaces with sliding, which are the surfaces ``slid`` of
-    ``held``."""
+    """Return the equations; ``system`` has only the surfaces with sliding: ``slid``, as indices of ``held``."""
     entries = entries_of(held.signs)
     switches = [tuple(entries[i][0])[1:] for i in slid]
     solution = _Solution(len(switches))

@@ -32,8 +32,7 @@ Entries = tuple[Mapping[sp.Symbol, sp.Expr], ...]
 
 
 def entries_of(signs: Sequence[sp.Symbol]) -> tuple[Entries, ...]:
-    """Return the entries of each surface; the sign of a sliding surface, +1, occurs only in terms that its switches
-    make 0."""
+    """Return the entries of each surface; a sliding surface's sign, +1, occurs only in terms that are switched off."""
     found = []
     for i, sign in enumerate(signs):
         slip, slide = (sp.Symbol(f"{name}_{i}", real=True) for name in ("slip", "slide"))
@@ -135,8 +134,7 @@ class SwitchedEquations:
         return [*slips, *ends, *range(2 * len(mode), len(self.outputs))]
 
     def places(self, mode: Mode) -> tuple[int, ...]:
-        """Return the index of each of :meth:`guards` among those of the mode's own equations; -1 if it is not one of
-        them."""
+        """Return the index of each of :meth:`guards` among the guards of the mode's own equations, or -1."""
         places = {row: place for place, row in enumerate(self.rows(mode))}
         return tuple(places.get(row, -1) for row in range(len(self.outputs)))
 
@@ -228,8 +226,7 @@ def is_crossed(system: SwitchedField, index: int, acting: Sequence[int]) -> bool
 def _contact(
     system: SwitchedField, index: int, acting: Sequence[int], places: Mapping[sp.Symbol, int]
 ) -> Contact | None:
-    """Return a surface's part of the equations, or None; ``acting``: rows of the field with its sign, ``places``: of
-    states."""
+    """Return a surface's part, or None; ``acting``: rows of the field with its sign; ``places``: rows of states."""
     h, sign = system.surfaces[index], system.signs[index]
     row = _own_state(h, places)
     if row is None or acting != [row]:
@@ -252,8 +249,7 @@ def _contact(
 def _in_slip_and_slide(
     h: sp.Expr, x: sp.Symbol, sign: sp.Symbol, rate: sp.Expr, moving: sp.Tuple, *held: sp.Expr
 ) -> tuple[sp.Expr, sp.Expr, sp.Expr] | None:
-    """Return the rate that keeps a surface and the two guards of its sliding; None if they are not the same in all
-    modes.
+    """Return the rate that keeps a surface and the guards of its sliding; None if not the same in all modes.
 
     ``held``: rate and ends of static friction as written.
     """

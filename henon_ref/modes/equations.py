@@ -43,8 +43,8 @@ class Guard:
     ends: Refusal | None = None
     """Reason why the run ends when the guard falls; None if the run continues in another mode."""
     cut: tuple[tuple[int, int], ...] = ()
-    """Surfaces of a cut through a loop of contacts, ``index`` first, each with the side of its slip after the release;
-    empty for a single contact."""
+    """Surfaces of a cut through a loop of contacts, ``index`` first, with their sides after it; empty for one
+    contact."""
 
 
 @dataclass(frozen=True)
@@ -54,8 +54,7 @@ class ModeEquations:
     field: tuple[sp.Expr, ...]
     """x' in this mode, in time, states and parameters."""
     guards: tuple[Guard, ...]
-    """Guards that end the mode: surfaces in slip first, then releases, ``attracts``, ``valid``; by index within
-    each."""
+    """Guards that end the mode: surfaces in slip, releases, ``attracts``, ``valid``; by index within each."""
     equivalent_signs: Mapping[int, sp.Expr]
     """Sliding surface -> its equivalent sign in [-1, 1] (empty with a ``sliding`` override)."""
 

@@ -1,13 +1,12 @@
 """Equations of modes in which several surfaces slide and static friction holds some of them.
 
 A held contact on which no sliding surface acts moves as its ``sliding`` override states. Contacts that act on each
-other at one instant are held by the loads that keep all of their surfaces: the velocity of each surface is constant,
-which is a linear system for the signs. The sign of a held contact is its load over its kinetic friction and may exceed
-1, since static friction limits the loads, not these signs (:mod:`henon_ref.modes.held_groups`, with literature). A body
-at rest on a stop is one more contact of its group: its velocity is h', its sign is the reaction, which must not become
-negative. If surfaces depend on each other, the system has many solutions, all with one motion. The solution used gives
-zero load to the contacts whose surfaces follow from the other surfaces; :mod:`henon_ref.modes.contact_loops` has the
-limits.
+other at one instant are held by the loads that keep all of their surfaces: the velocity of each surface is constant, a
+linear system for the signs. The sign of a held contact is its load over its kinetic friction and may exceed 1, since
+static friction limits the loads, not the signs (:mod:`henon_ref.modes.held_groups`, with literature). A body at rest on
+a stop is one more contact of its group: its velocity is h', its sign is the reaction, which must not become negative.
+If surfaces depend on each other, the system has many solutions with one motion. The solution used gives zero load to
+contacts whose surfaces follow from other surfaces; :mod:`henon_ref.modes.contact_loops` has the limits.
 """
 
 from __future__ import annotations

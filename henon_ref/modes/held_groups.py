@@ -1,14 +1,14 @@
 """Contacts with Coulomb friction that act on each other: the theory, and which contacts hold, slip and are released.
 
-**Contact.** A surface h = 0 between two bodies, where h is their relative velocity; the sign of h is the direction
-against which the friction force acts. A contact *slips* (mode -1 or +1) if h is not zero, and is *held* (mode 0) if a
-force within its limits keeps h at zero. The limit is static friction, or kinetic friction once the contact has slipped
-at this instant, for example because its load has just reached the static limit. A body at rest on a stop is also a
-contact: its relative velocity is h' and its force is the reaction, which cannot pull.
+**Contact.** A surface h = 0 between two bodies, where h is their relative velocity; the friction force acts against the
+sign of h. A contact *slips* (mode -1 or +1) if h is not zero, and is *held* (mode 0) if a force within its limits keeps
+h at zero. The limit is static friction, or kinetic friction once the contact has slipped at this instant, for example
+because its load has just reached the static limit. A body at rest on a stop is also a contact: its relative velocity is
+h' and its force is the reaction, which cannot pull.
 
 **Group.** Contacts whose forces act on each other at one instant, through common bodies. Their relative accelerations
-are affine in their forces, N = a - W s. The matrix W is their inverse inertia: symmetric up to units, and positive
-semidefinite (:mod:`~henon_ref.modes.contact_problem`).
+are affine in their forces, N = a - W s. W is their inverse inertia: symmetric up to units, and positive semidefinite
+(:mod:`~henon_ref.modes.contact_problem`).
 
 **The problem.** The motion follows from Gauss's principle with Coulomb friction: the accelerations minimize
 
@@ -16,26 +16,24 @@ semidefinite (:mod:`~henon_ref.modes.contact_problem`).
 
 over the contacts with h_i = 0; a stop has the constraint N_i >= 0 instead of a term. The sum is strictly convex, so the
 accelerations are unique, also in loops and between drives that pull a body apart. The conditions of the minimum are a
-complementarity problem for the forces, each in an interval, solved by pivoting
-(:mod:`~henon_ref.modes.contact_problem`). A contact that slips in the solution and had not slipped before gets kinetic
-friction as its limit, and the problem is solved again, at most once per contact.
+complementarity problem for the forces, each in an interval, solved by pivoting. A contact that slips in the solution
+and had not slipped before gets kinetic friction as its limit, and the problem is solved again, at most once per
+contact.
 
 **Ties.** If a quantity is zero at its limit (a load equal to the largest load that a contact holds, a vanishing
 reaction), the next derivatives decide: the mode found is expanded, and the entries of the guards that fall first are
 changed, until the mode's own field keeps it.
 
 **Loop.** Contacts whose surfaces depend on each other, so that W is singular: the motion is unique, the loads are not.
-The contacts hold while some distribution of the loads is within all limits; holding ends when the load of a cut reaches
-its limit (:mod:`~henon_ref.modes.contact_loops`). The guards of cuts are smooth in time, whereas the largest load of
-one solution is not.
+The contacts hold while some distribution of the loads is within all limits, until the load of a cut reaches its limit
+(:mod:`~henon_ref.modes.contact_loops`: guards that are smooth in time, unlike the largest load of one solution).
 
 **Equations.** Held contacts of a group: :mod:`~henon_ref.modes.held_contacts`; all modes of contacts that do not act on
 each other: :mod:`~henon_ref.modes.decoupled_contacts`; rows and trees of bodies:
 :mod:`~henon_ref.modes.coupled_contacts`; rest on a stop: :mod:`~henon_ref.modes.resets`.
 
 Moreau, *Standard inelastic shocks and the dynamics of unilateral constraints* (1985), Sec. 2; Lötstedt, *SIAM J. Appl.
-Math.* 42 (1982) 281-296; Glocker, *Set-Valued Force Laws* (2001), Ch. 6; Brogliato, *Nonsmooth Mechanics* (2016), Ch.
-5.
+Math.* 42 (1982) 281-296; Glocker, *Set-Valued Force Laws* (2001), Ch. 6; Brogliato, *Nonsmooth Mechanics* (2016).
 """
 
 from __future__ import annotations
@@ -79,8 +77,7 @@ SMALL_ACCELERATION = 1e-5
 """Part of a relative acceleration's terms that represents an acceleration growing from zero."""
 
 Broken = Sequence[tuple[Guard, int]]
-"""Guards of a mode that become negative just after a point, each with the deciding order of derivative of the
-forces."""
+"""Guards of a mode that become negative just after a point, each with the deciding order (:func:`order_of`)."""
 
 
 @dataclass(frozen=True)
@@ -108,10 +105,8 @@ def by_groups(system: FilippovSystem, active: Sequence[int]) -> bool:
 
 
 def order_of(system: FilippovSystem, guard: Guard, derivative: int) -> int:
-    """Return the order of the derivative of the forces that corresponds to a derivative of a guard.
-
-    The guard of a slip is a velocity, whose first derivative is an acceleration: order 0.
-    """
+    """Return the order of the forces' derivative in a guard's derivative: 0 for an acceleration, a slip guard's second
+    value."""
     return derivative if guard.kind == "release" else derivative - 1 - system.rests(guard.index)
 
 
@@ -249,16 +244,15 @@ class _Group:
             0 if i in self.static - slipped else entry for i, entry in zip(self.contacts, found.entries, strict=True)
         ]
         mode = with_entries(self.mode, self.contacts, entries)
-        if found.clear and self._tells_all(mode, slipped):
+        if found.clear and self._needs_no_derivatives(mode, slipped):
             return mode
         kept = self._kept(mode, slipped)
         if kept is not None and any(kept[i] == 0 for i in slipped & self.static):
             self._need_proof(problem, found, f"whether {self._names(slipped)} hold by kinetic friction")
         return kept
 
-    def _tells_all(self, mode: Mode, slipped: frozenset[int]) -> bool:
-        """Check whether the forces alone, clear of their limits, show that a mode is kept: no derivatives or proof
-        needed."""
+    def _needs_no_derivatives(self, mode: Mode, slipped: frozenset[int]) -> bool:
+        """Check whether forces clear of their limits show that a mode is kept, without derivatives or a proof."""
         system = self.system
         simple = all(i in self.static or i not in system.overrides for i in self.contacts)
         if self.numbers.proof or system.has_loops or self.contacts != self.active or not simple:
@@ -302,10 +296,9 @@ class _Group:
         return with_entries(mode, sorted(more), [0] * len(more))
 
     def _separated(self, mode: Mode, slipped: frozenset[int]) -> Mode | None:
-        """Return the mode after the contacts are separated that cannot hold together, since their drives differ later.
+        """Return the mode after contacts separate that cannot hold together, since their drives differ later.
 
-        The first non-zero derivative gives the direction of slip; a small acceleration represents it in the contact
-        problem.
+        The first non-zero derivative gives the direction of slip; a small acceleration represents it in the problem.
         """
         balance = self._balance
         if balance is None or self.separating:

@@ -1,5 +1,4 @@
-"""Surfaces at kinks and jumps of a field: modes that do not use them, and surfaces across which the field is
-continuous."""
+"""Surfaces at kinks and jumps of a field: modes that hide them, and surfaces without a jump of the field."""
 
 from __future__ import annotations
 

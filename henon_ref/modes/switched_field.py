@@ -144,8 +144,7 @@ class SwitchedField:
 
     @cached_property
     def multiples(self) -> dict[int, tuple[int, int]]:
-        """Surface that is a number times an earlier one, as written -> (this earlier surface, the sign of the
-        number)."""
+        """Surface that is a number times an earlier one, as written -> (the earlier surface, sign of the number)."""
         found: dict[int, tuple[int, int]] = {}
         first: dict[sp.Expr, tuple[int, int]] = {}
         for j, surface in enumerate(self.surfaces):

@@ -31,8 +31,7 @@ if TYPE_CHECKING:
     from henon_ref.modes.decoupled_contacts import SwitchedEquations
 
 FEW = 3
-"""Largest number of surfaces for which each mode has its own equations; above it, all modes share one set if
-possible."""
+"""Largest number of surfaces for which each mode has its own equations; above it, modes share one set."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,8 +84,7 @@ class FilippovSystem(SwitchedField):
 
     @kept
     def hides(self, index: int, mode: Mode) -> bool:
-        """Check whether field, other guards and sections of a mode do not contain a surface's sign; False if it
-        slides."""
+        """Check whether field, other guards and sections of a mode lack the sign of a surface in slip."""
         if not mode[index]:
             return False
         if self.switched is not None:
@@ -113,15 +111,13 @@ class FilippovSystem(SwitchedField):
 
     @kept
     def unused_kinks(self, mode: Mode) -> frozenset[int]:
-        """Return the kinks of branches that a mode does not use and that are open or have no real value in this
-        mode."""
+        """Return the kinks of branches that a mode does not use and that are open or have no real value in it."""
         positive = [s * self.numeric(h) for h, s in zip(self.surfaces, mode, strict=True) if s and self.kinks]
         found = {i for i in self.kinks - self.open_kinks if has_no_value(self.numeric(self.surfaces[i]), positive)}
         return frozenset(i for i in found | self.open_kinks if self.hides(i, mode))
 
     def _in_mode(self, guard: Guard, mode: Mode, slip: Mapping[sp.Symbol, sp.Expr]) -> Guard:
-        """Return a guard of the shared equations in one mode. It ends the run if undecided kinks come into use beyond
-        it."""
+        """Return a shared guard in one mode; it ends the run if undecided kinks come into use beyond it."""
         if guard.kind != "surface":
             return replace(guard, expression=put(guard.expression, slip))
         unused, beyond = self.unused_kinks(mode), replaced(mode, guard.index, -mode[guard.index])
@@ -159,8 +155,7 @@ class FilippovSystem(SwitchedField):
 
     @property
     def shared(self) -> SwitchedEquations | None:
-        """:attr:`switched` if its contacts do not act on each other, so that a mode's own equations follow from it;
-        else None."""
+        """:attr:`switched` if its contacts do not act on each other, so that it gives a mode's own equations."""
         return None if self.switched is None or self.switched.coupled else self.switched
 
     @kept
@@ -281,8 +276,7 @@ class FilippovSystem(SwitchedField):
         )
 
     def in_play(self, hit: Iterable[int], sliding: Iterable[int]) -> frozenset[int]:
-        """Return the surfaces whose mode entries are open when some are hit: these surfaces and those that act on
-        them."""
+        """Return the surfaces whose entries are open when some are hit: these, and those that act on them."""
         hit, sliding = set(hit), set(sliding)
         zero = self.closed(hit, sliding)
         return frozenset(j for i in hit | (zero - sliding) for j in self.together(i, zero))
@@ -323,8 +317,7 @@ class FilippovSystem(SwitchedField):
         return tuple(map(frozenset, beside))
 
     def entries_from(self, entry: int, index: int) -> tuple[int, ...]:
-        """Return the possible next entries of a surface; a body does not pass through a surface on which it can
-        rest."""
+        """Return the possible next entries of a surface; a body does not pass through its stop."""
         if self.switched is not None and index in self.switched.crossed:
             return (-1, 1)
         return (0, 1) if entry >= 0 and self.rests(index) else (-1, 0, 1)
