@@ -154,8 +154,7 @@ class TangentFlow:
 
     @property
     def vectors(self) -> Matrix:
-        """Present tangent vectors, shape (n, n): a copy. Assigned columns restart the volume; missing columns become
-        zero."""
+        """Present tangent vectors, shape (n, n): a copy. Assigned columns restart the volume; missing ones are zero."""
         return self._run.x[self._n : -1].reshape(self._n, self._n).copy()
 
     @vectors.setter

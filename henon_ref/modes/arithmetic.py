@@ -63,8 +63,7 @@ class Doubles:
     def end_of_hold(
         self, series: Sequence[float], ends: Sequence[Sequence[float]], rate: float, zero: float
     ) -> int | None:
-        """Like :meth:`leading`, for an end of a hold zone, whose load is compared with the distance to the other
-        ends."""
+        """Like :meth:`leading`, for an end of a hold zone; a load is compared with the distance to the other ends."""
         width = max(abs(value) for c in ends for value in scaled(c, rate))
         return 0 if abs(series[0]) > zero * width else self.leading(series, 1, rate, 0.0, zero)
 

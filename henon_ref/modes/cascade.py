@@ -115,8 +115,7 @@ class Cascade:
         return first[-1]
 
     def _followed(self, start: Instant, known: Sequence[Instant] = ()) -> list[Instant] | Decision:
-        """Return the instants from ``start``, with the first possible map each time, until none is due or one is
-        known."""
+        """Return the instants from ``start``, with the first possible map each time, until none is due or known."""
         made = [start]
         while self._endless or (made[-1].due and not any(self._alike(made[-1], other) for other in known)):
             if self._endless or self._count >= MOST:

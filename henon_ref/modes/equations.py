@@ -43,8 +43,7 @@ class Guard:
     ends: Refusal | None = None
     """Reason why the run ends when the guard falls; None if the run continues in another mode."""
     cut: tuple[tuple[int, int], ...] = ()
-    """Surfaces of a cut through a loop of contacts, ``index`` first, with their sides after it; empty for one
-    contact."""
+    """Surfaces of a cut of a loop of contacts, ``index`` first, with their sides after it; empty for one contact."""
 
 
 @dataclass(frozen=True)

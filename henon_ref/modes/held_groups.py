@@ -105,8 +105,7 @@ def by_groups(system: FilippovSystem, active: Sequence[int]) -> bool:
 
 
 def order_of(system: FilippovSystem, guard: Guard, derivative: int) -> int:
-    """Return the order of the forces' derivative in a guard's derivative: 0 for an acceleration, a slip guard's second
-    value."""
+    """Return the order of the derivative of the forces that a guard's derivative contains; 0: an acceleration."""
     return derivative if guard.kind == "release" else derivative - 1 - system.rests(guard.index)
 
 

@@ -24,8 +24,7 @@ TransitionT = TypeVar("TransitionT", bound=Any)
 
 @dataclass(frozen=True)
 class HiddenKinks:
-    """Kinks of a system that a mode does not use, since another branch is in force; their signs have no meaning
-    there."""
+    """Kinks of a system that a mode does not use, since another branch is in force; their signs have no meaning."""
 
     system: FilippovSystem
 
@@ -54,8 +53,7 @@ class HiddenKinks:
         return self.shown(before)[surface] != self.shown(after)[surface]
 
     def are_transitions(self, records: NDArray[Any], modes: Sequence[Mode]) -> NDArray[np.bool_]:
-        """Apply :meth:`is_transition` to records with fields ``surface``, ``from_mode``, ``to_mode`` (indices of
-        ``modes``)."""
+        """Apply :meth:`is_transition` to records with the fields ``surface``, ``from_mode`` and ``to_mode``."""
         found, count = np.ones(len(records), dtype=bool), len(modes)
         pairs = records["from_mode"].astype(np.int64) * count + records["to_mode"]
         for index in self.system.kinks:

@@ -14,8 +14,7 @@ from henon_ref.taylor.size import size, total_size
 from henon_ref.text import spelled
 
 MOST_OPERATIONS, MOST_IN_ALL = 500, 2_500
-"""Largest number of operations of one expression, and of all expressions together, that are set as formulas, since
-SymPy's printer sorts terms and is slow on long ones."""
+"""Largest number of operations of one expression, and of all, set as formulas: SymPy's printer is slow on long ones."""
 
 MOST_IN_CELL = 200
 """Largest number of operations of an expression shown in a table or in a line."""

@@ -20,8 +20,7 @@ from henon_ref.taylor.size import size
 from henon_ref.taylor.tape import TIME
 
 MAX_SYMBOLIC = 4
-"""Largest number of coupled signs that are solved with symbolic parameters; larger systems use the parameters'
-numbers."""
+"""Largest number of coupled signs that are solved with symbolic parameters; beyond, their numbers are used."""
 EXPLICIT = 3
 """Largest number of rows for which a determinant is a short sum of products for any entries."""
 MAX_PRODUCTS, MAX_ENTRY = 5_000, 200

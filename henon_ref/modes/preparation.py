@@ -67,8 +67,7 @@ def with_held_loops(system: FilippovSystem) -> FilippovSystem:
     unique. The two guards of a contact's sliding (each field points at its surface) then become the ends of a hold
     zone, and the contact is decided like a contact with static friction. Surfaces that are only multiples of one
     surface are one contact for :func:`henon_ref.modes.sliding.filippov_sliding` and are not changed here. A stop on
-    which a body rests may be part of a loop, for example with the contacts that a block has with a wall and with that
-    body.
+    which a body rests may be part of a loop, for example with the contacts of a block with a wall and with that body.
     """
     acting = [i for i, s in enumerate(system.signs) if i in system.overrides or system.normal_velocity(i).has(s)]
     if not relations(system.velocities, tuple(acting)):
@@ -97,8 +96,7 @@ def with_held_loops(system: FilippovSystem) -> FilippovSystem:
 
 
 def _held(system: FilippovSystem, index: int) -> SlidingOverride | None:
-    """Return the override of a contact without static friction as a held one; None if its surface cannot be slid on
-    alone."""
+    """Return the override that holds a contact without static friction; None if it cannot slide on its own."""
     try:
         field, guards, _ = filippov_sliding(system, (index,))
     except ModelError:

@@ -9,8 +9,8 @@ Brogliato, *Nonsmooth Mechanics* (2016), Ch. 1.
 A body that bounces on a surface h with decreasing speed comes to rest in finite time. With the speed v of h just after
 an impact, the acceleration -a < 0 between impacts, and the ratio r < 1 of the speeds after and before an impact, all
 later flights together last ``2 v / (a (1 - r))``. If friction reverses at the apex of each flight, the acceleration is
--a on the way up and -b on the way down: a flight ends with the speed ``q v``, q = sqrt(b/a), and all flights last ``v
-(1 + 1/q) / (a (1 - q r))``. Both formulas neglect changes of a and b, an error of about the square of that time, so
+-a on the way up and -b on the way down: a flight ends with the speed ``q v``, q = sqrt(b/a), and all flights last
+``v (1 + 1/q) / (a (1 - q r))``. Both formulas neglect changes of a and b, an error of about the square of that time, so
 they are used once the time is below :data:`REMAINING` of the run. The impacts until then are recorded; afterwards the
 body rests on the surface, a one-sided constraint (Brogliato, *Nonsmooth Mechanics*, 2016, Ch. 5): the force of the
 surface acts along the jumps of the state and keeps h'' at zero while it does not have to pull.
@@ -163,8 +163,7 @@ def with_resting(system: FilippovSystem) -> FilippovSystem:
 
 @lru_cache(maxsize=64)
 def turning_in_flight(system: FilippovSystem, index: int) -> frozenset[int]:
-    """Return surfaces that are multiples of h', so that their signs change at the apex of each flight and at
-    impacts."""
+    """Return surfaces that are multiples of h': their signs change at the apex of each flight and at impacts."""
     impact = impact_of(system, index)
     if impact is None or impact.speed.has(*system.signs):
         return frozenset()
@@ -174,8 +173,7 @@ def turning_in_flight(system: FilippovSystem, index: int) -> frozenset[int]:
 
 
 def time_to_rest(before: Any, after: Any, acceleration: Any, most: Any, falling: Any = None) -> Any:
-    """Return the duration of all later flights together; None if above ``most`` [s], or if the body does not come to
-    rest.
+    """Return the duration of all later flights; None if above ``most`` [s], or if the body does not come to rest.
 
     ``before``, ``after``: h' before and after the impact; ``acceleration``: h'' after it; ``falling``: h'' on the way
     back, if different.

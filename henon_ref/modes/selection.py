@@ -102,8 +102,7 @@ def mode_by_signs(
     given: Mapping[int, int] | None = None,
     where: str = "at the start",
 ) -> Decision:
-    """Decide the mode at a point from the signs of surfaces and ``valid`` expressions; ``where``: the point, for
-    messages."""
+    """Decide the mode at a point from the signs of surfaces and ``valid`` expressions; ``where``: for messages."""
     system, given = at.system, given or {}
     for i, sign in enumerate(surfaces):
         if i in given and sign not in (0, given[i]):
@@ -200,8 +199,7 @@ def _known_zeros(at: Point, mode: Mode, place: int, guard: Guard) -> int:
 
 
 def _decided(at: Point, mode: Mode, active: tuple[int, ...], slipped: Collection[int] = ()) -> Decision:
-    """Decide with the first relative size below which a derivative counts as zero; try the others if no mode is
-    consistent."""
+    """Decide with the first relative size below which a derivative is zero; if no mode is consistent, try the next."""
     system = at.system
     one_of = _in_groups if by_groups(system, active) or system.shared is not None else _of_all
     for level in at.levels:
@@ -227,9 +225,9 @@ def _attracting(at: Point, decision: Decision) -> Decision:
 def _of_all(at: Point, mode: Mode, active: tuple[int, ...], slipped: Collection[int], zero: float) -> Decision:
     """Return the one consistent mode among all candidates for the active surfaces.
 
-    All are tried, without pivoting, since the fields need not be those of friction: the first consistent mode is the
-    only one only if all principal minors of the slopes of the normal velocities are positive
-    (:mod:`henon_ref.modes.sliding`).
+    All are tried, without pivoting: the first consistent mode is the only one only if all principal minors of the
+    slopes of the normal velocities are positive (:mod:`henon_ref.modes.sliding`), as for friction, but not for all
+    fields.
     """
     found = [own for own in _candidates(at, mode, active) if broken_guards(at, own, active, zero, alone=True) == []]
     if len(found) > 1:
@@ -277,10 +275,7 @@ def _staying_mode(at: Point, mode: Mode, active: tuple[int, ...]) -> Decision | 
 
 
 def _unsettled(system: FilippovSystem, relation: Relation) -> bool:
-    """Check whether dependent surfaces are neither a loop of contacts nor one surface written twice.
-
-    A continuous kink cannot be slid on by itself.
-    """
+    """Check whether dependent surfaces, none a lone continuous kink, are neither a loop of contacts nor multiples."""
     plain = [i for i in relation if i not in system.overrides]
     return len(relation) > 2 and bool(plain) and all(system.can_slide(frozenset((i,))) for i in plain)
 

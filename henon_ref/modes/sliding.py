@@ -1,8 +1,8 @@
 """Filippov sliding: the convex combination of the fields on both sides of the surfaces, and the guards that end it.
 
-On one surface ``f = (1 + s)/2 f(+1) + (1 - s)/2 f(-1)``, where the equivalent sign s in [-1, 1] keeps ``h' = slope s +
-rest = 0``: ``s = -rest / slope`` (Filippov, 1988, Sec. 4). On several surfaces the combination is multi-affine
-(blending: Alexander and Seidman, *Houston J. Math.* 24, 1998), and ``slope`` is a matrix.
+On one surface ``f = (1 + s)/2 f(+1) + (1 - s)/2 f(-1)``. The equivalent sign s in [-1, 1] keeps the rate
+``h' = slope s + rest`` at zero: ``s = -rest / slope`` (Filippov, 1988, Sec. 4). On several surfaces the combination is
+multi-affine (blending: Alexander and Seidman, *Houston J. Math.* 24, 1998), and ``slope`` is a matrix.
 
 **Attraction.** With the normal velocities v = a - M s in the signs s, the modes that are consistent at a point solve a
 complementarity problem on the box [-1, 1]^m. The problem has exactly one solution for every a if and only if all
@@ -46,8 +46,7 @@ from henon_ref.text import listed
 MAX_CORNERS = 16
 """Largest number of sign combinations at which an expression that is not linear in the signs is evaluated."""
 EXHAUSTIVE = 4
-"""Largest number of coupled surfaces for which all principal minors are checked; beyond, the diagonal and
-determinant."""
+"""Largest number of coupled surfaces of which all principal minors are checked, not only diagonal and determinant."""
 
 
 def _interpolated(expression: sp.Expr, signs: tuple[sp.Symbol, ...]) -> sp.Expr:
@@ -165,8 +164,7 @@ def attraction_guards(system: SwitchedField, sliding: Sequence[int], slopes: sp.
     """Return the principal minors of M that may become non-positive, without those implied by smaller minors.
 
     ``slopes``, shape (m, m), is -M. If the minor of all surfaces that act on each other falls through zero, the run
-    ends as ``nonunique``, since the determinant falls too; after any other minor it is undecided whether sliding
-    attracts.
+    ends ``nonunique``, since the determinant falls too; after any other minor it is undecided whether sliding attracts.
     """
     matrix = -slopes
     edges = [(i, j) for i in range(matrix.rows) for j in range(matrix.cols) if matrix[i, j] != 0]
@@ -189,8 +187,7 @@ def _determinant(system: SwitchedField, matrix: sp.Matrix) -> sp.Expr:
 
 
 def _joined(chosen: Sequence[int], edges: Iterable[tuple[int, int]]) -> bool:
-    """Check whether surfaces act on each other without other surfaces; if not, their minor is a product of smaller
-    minors."""
+    """Check whether surfaces are coupled without other surfaces; if not, their minor is a product of smaller ones."""
     inside = [(i, j) for i, j in edges if i in chosen and j in chosen]
     return len(strongly_connected_components((chosen, inside))) == 1
 

@@ -55,9 +55,8 @@ class SlidingOverride:
     ``attracting``: both slip fields point at the surface, as in Filippov's sliding. ``inside``: every release guard is
     positive, or zero and not about to fall, whatever the slip fields are. This is static friction, which holds a load
     that kinetic friction could not hold (between Fk and Fs both slip fields point the same way, and a block that comes
-    to rest on the belt sticks nevertheless). ``resting``: h' is also zero, and the first non-zero derivative of h in
-    the slip field is negative; a one-sided constraint on a surface that resets the state
-    (:mod:`henon_ref.modes.resets`).
+    to rest on the belt still sticks). ``resting``: h' is also zero, and the first non-zero derivative of h in the slip
+    field is negative; a one-sided constraint on a surface that resets the state (:mod:`henon_ref.modes.resets`).
     """
     inertia: sp.Expr | None = None
     """Slope of the load, in the unit of the ends of the hold zone, in an acceleration of the surface by forces that
@@ -69,8 +68,7 @@ class SlidingOverride:
 
 @dataclass(frozen=True)
 class Reset:
-    """Jump of the state when a surface falls through zero; a surface that rises through zero is crossed without a
-    jump."""
+    """Jump of the state when a surface falls through zero; a rising surface is crossed without a jump."""
 
     map: Mapping[sp.Symbol, sp.Expr]
     """State -> its value after the jump, in time, the states before it, and parameters; other states stay."""

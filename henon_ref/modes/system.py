@@ -50,8 +50,7 @@ class FilippovSystem(SwitchedField):
     kinks: frozenset[int] = frozenset()
     """Surfaces of kinks or jumps written as such in the field (``abs``, ``piecewise`` ...)."""
     sections: tuple[sp.Expr, ...] = ()
-    """Signs of surfaces whose own text has kinks, in the signs of their branches (``abs(x) - 1``): such a branch is in
-    use even if the field does not contain its sign."""
+    """Signs of surfaces whose text has kinks (``abs(x) - 1``), in the signs of its branches, which are then in use."""
     effects: tuple[str, ...] = ()
     """Names of the effects of a scene (empty for a plain system)."""
 
@@ -130,9 +129,9 @@ class FilippovSystem(SwitchedField):
     def common_equations(self, mode: Mode) -> tuple[Mode | frozenset[int], ModeEquations]:
         """Return the equations that a mode shares with other modes, with their key.
 
-        They are the shared equations of its sliding surfaces, with symbols for the slip signs. If these equations, the
-        normal velocities at its surfaces, or kinks contain operations of branches that the mode does not use, the
-        mode's own equations are returned.
+        They are the shared equations of its sliding surfaces, with symbols for the slip signs. If these equations,
+        normal velocities or kinks contain operations of branches that the mode does not use, they are the mode's own
+        equations.
         """
         sliding = frozenset(i for i, s in enumerate(mode) if s == 0)
         shared = self.shared_equations(sliding)
@@ -247,8 +246,7 @@ class FilippovSystem(SwitchedField):
         return self.with_reactions(self.resting)
 
     def together(self, index: int, sliding: Iterable[int]) -> frozenset[int]:
-        """Return the surface and those of ``sliding`` that act on it, or on which it acts, directly or through each
-        other.
+        """Return the surface and those of ``sliding`` that act on it, or on which it acts, also through each other.
 
         Surfaces act through the signs in each other's normal velocities and in the loads of held contacts. A surface
         with an ``attracting`` override acts on every surface.

@@ -68,8 +68,7 @@ def fixed(series: Sequence[arb]) -> list[int]:
 
 
 def first_event_of(q: Fixed, zeros: int, suspect: int) -> tuple[What, bool, int]:
-    """Return the first event of q tau^zeros on (0, 1] up to its minimum near a point: (kind, at a minimum,
-    position)."""
+    """Return the first event of q tau^zeros on (0, 1] up to its minimum near a point: (kind, at minimum, place)."""
     outcome, low, high = first_falling_root(q)
     whole = [0] * zeros + list(q)
     bottom = _minimum(whole, suspect)
