@@ -123,7 +123,7 @@ def _refuse_limits(problem: Problem, late: Sequence[Transition]) -> None:
         rests = t.kind == "stick" and problem.system.rests(t.surface)
         if rests and (t.time, t.time_low, t.surface) not in impacts:
             name = problem.system.sign_names[t.surface]
-            raise OrbitError(f"impacts on {name} come to a limit at t = {t.time:.17g}: no orbit is proven across it")
+            raise OrbitError(f"impacts on {name} accumulate at t = {t.time:.17g}: no orbit is proven across it")
 
 
 def _between_events(problem: Problem, run: Trajectory, period: sp.Expr, tolerance: float) -> Guess:
@@ -137,7 +137,7 @@ def _between_events(problem: Problem, run: Trajectory, period: sp.Expr, toleranc
     time = times[k] + float(gaps[k]) / 2
     time -= float(period) if time > run.end_time else 0.0
     there = prepared_run(problem, rtol=tolerance, sample_times=np.array([time]))()
-    assert there.samples is not None  # asked for
+    assert there.samples is not None  # sample_times is given
     assert there.sample_modes is not None
     return Guess(sp.Rational(time), tuple(there.samples[0].tolist()), there.sample_modes[0], period=period)
 

@@ -181,6 +181,6 @@ class _Volume:
         self.allowed += self.rounding
         if not abs(self.off) <= IDENTITY * self.terms + self.allowed:
             raise UnsupportedError(
-                "the tangent vectors' growth is lost in rounding: the sum of its logarithms is off by "
-                f"{self.off:.3g} from the integrated divergence, of terms of {self.terms:.3g} altogether"
+                "the growth of the tangent vectors is lost in rounding: the sum of its logarithms differs by "
+                f"{self.off:.3g} from the integrated divergence, and all absolute terms sum to {self.terms:.3g}"
             )

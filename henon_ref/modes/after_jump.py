@@ -111,7 +111,7 @@ class _Rule:
             return AfterJump(decision, after, on=on)
         try:
             found = self._followed(decision, on, most, valid)
-            beside = self._come_to_a_limit(found.rest.mode, most) if self.several and found.rest else []
+            beside = self._accumulating(found.rest.mode, most) if self.several and found.rest else []
             return self._no_rest(beside[:1], SEVERAL) if beside else found
         except NO_VALUE:
             return AfterJump(_refused(f"a derivative after t = {numbers.text(t)} is not finite"), after)
@@ -156,7 +156,7 @@ class _Rule:
         rest = Rest(time, self._at_rest(tuple(times), after, stuck, time), stuck)
         return AfterJump(decision, after, on=on, rest=rest)
 
-    def _come_to_a_limit(self, mode: Mode, most: Any) -> list[int]:
+    def _accumulating(self, mode: Mode, most: Any) -> list[int]:
         """Return the surfaces whose impacts accumulate, in addition to those on which bodies rest at once."""
         series, found = self.numbers.guard_series(mode, self.t, self.state), []
         for guard, own in zip(self.system.equations(mode).guards, series, strict=True):
@@ -167,7 +167,7 @@ class _Rule:
 
     def _no_rest(self, surfaces: Iterable[int], why: str) -> AfterJump:
         names, at = listed([self.system.sign_names[i] for i in surfaces]), self.numbers.text(self.t)
-        reason = f"impacts on {names} come to their limit after t = {at}, and no rest is derived: {why}"
+        reason = f"impacts on {names} accumulate after t = {at}, and no rest is derived: {why}"
         return AfterJump(_refused(reason), self.state)
 
     def _turned(self, index: int, mode: Mode) -> list[int]:
@@ -188,15 +188,15 @@ class _Rule:
     ) -> Decision:
         """Decide the mode at rest; surfaces whose sign changed in flight are decided with zero speed."""
         stuck, x = mode, after
-        open_ones: set[int] = set()
+        undecided: set[int] = set()
         for i in times:
             stuck, impact = replaced(stuck, i, 0), self.impacts[i]
             if not impact.refusal:
                 x = without_speed(impact, self.numbers, self.t, x)
-                open_ones |= turning_in_flight(self.system, i).intersection(self._turned(i, mode))
-        if not open_ones:
+                undecided |= turning_in_flight(self.system, i).intersection(self._turned(i, mode))
+        if not undecided:
             return Decision("unique", stuck)
-        still = [0 if i in times or i in open_ones else side for i, side in enumerate(sides)]
+        still = [0 if i in times or i in undecided else side for i, side in enumerate(sides)]
         return self.numbers.decide(self.t, x, still, valid)
 
     def _refusal(
@@ -216,7 +216,7 @@ class _Rule:
             turned = set(self._turned(i, mode)) - set(times) - turning_in_flight(system, i)
             if turned and numbers.sign(times[i]):
                 signs = listed([system.sign_names[j] for j in sorted(turned)])
-                return f"the force that presses the body on changes with the sign of {signs} in flight"
+                return f"the force towards the surface changes with the sign of {signs} in flight"
         lasting = [time for time in times.values() if numbers.sign(time)]
         if lasting and self.several:
             return SEVERAL

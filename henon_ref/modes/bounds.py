@@ -87,7 +87,7 @@ def check_domain(name: str, argument: sp.Expr, offset: int) -> None:
         if beyond > 0:
             raise ExpressionError(f"'{name}' of {shown(argument)} is not a real number", offset)
         if not argument.is_Rational and beyond > -sp.Float("1e-100", 120):
-            raise ExpressionError(f"'{name}' of {shown(argument)}, which cannot be told from 1 or -1", offset)
+            raise ExpressionError(f"'{name}' of {shown(argument)}, which cannot be distinguished from 1 or -1", offset)
 
 
 def check_exponential(argument: sp.Expr, offset: int) -> None:
@@ -134,7 +134,7 @@ def check_constant(value: sp.Expr, offset: int) -> None:
         if not number.is_Float and not number.is_Rational:
             raise ExpressionError(f"the value {shown(value)} is not a real number", offset)
         if value.is_Add and number.is_Float and number._prec == 1:
-            raise ExpressionError(f"{shown(value)} cannot be told from zero; write 0", offset)
+            raise ExpressionError(f"{shown(value)} cannot be distinguished from zero; write 0", offset)
     if abs(number) > LARGEST:
         raise ExpressionError("the value is larger than the largest double, 1.8e308", offset)
 

@@ -103,15 +103,15 @@ class Cascade:
         first = self._followed(Instant(x, sides, frozenset(due), [abs(v) for v in x]))
         if isinstance(first, Decision):
             return first
-        known, open_ones = list(first), self._alternatives(first)
-        while open_ones:
-            made = self._followed(open_ones.pop(), known)
+        known, alternatives = list(first), self._alternatives(first)
+        while alternatives:
+            made = self._followed(alternatives.pop(), known)
             if isinstance(made, Decision):
                 return made
             if not (made[-1].due or self._alike(made[-1], first[-1])):
                 return self._not_unique(first, made[0])
             known += made
-            open_ones += self._alternatives(made)
+            alternatives += self._alternatives(made)
         return first[-1]
 
     def _followed(self, start: Instant, known: Sequence[Instant] = ()) -> list[Instant] | Decision:
@@ -176,12 +176,11 @@ class Cascade:
                 continue
             if not (j == index or self._speed(impact).free_symbols & moved):
                 continue
-            if (
-                sides[j] > 0 and self._clear_sign(*self._with_size(system.surfaces[j], made)) == 0
-            ):  # touched, with no speed until now
+            # The state may be on the surface only up to rounding, if its speed was zero before this map.
+            if sides[j] > 0 and self._clear_sign(*self._with_size(system.surfaces[j], made)) == 0:
                 sides[j] = 0
             if sides[j] == 0:
-                rates[j] = self._thrown_back(impact, now, made) if j == index else self._turned(j, impact, now, made)
+                rates[j] = self._own_map(impact, now, made) if j == index else self._other_map(j, impact, now, made)
                 due = self._due_by_rate(j, impact, now, due, rates[j]) if j != index else due
         return Instant(after, tuple(sides), due, made.sizes, rates, (*now.applied, (index, after)))
 
@@ -193,7 +192,8 @@ class Cascade:
             return due if turned and index in now.fired else due | {index}
         return due if impact.refusal else due - {index}
 
-    def _thrown_back(self, impact: Impact, now: Instant, made: Instant) -> Rate:
+    def _own_map(self, impact: Impact, now: Instant, made: Instant) -> Rate:
+        """Return the rate of a surface after its own map."""
         numbers, speed = self._numbers, self._speed(impact)
         if impact.refusal:
             before, then = (numbers.values((speed,), self._t, own.state)[0] for own in (now, made))
@@ -203,7 +203,8 @@ class Cascade:
             then = ratio * before
         return Rate(before, then, numbers.sign(then))
 
-    def _turned(self, index: int, impact: Impact, now: Instant, made: Instant) -> Rate:
+    def _other_map(self, index: int, impact: Impact, now: Instant, made: Instant) -> Rate:
+        """Return the rate of a surface after the map of another surface."""
         speed = self._speed(impact)
         if index in now.rates:
             before = now.rates[index].before

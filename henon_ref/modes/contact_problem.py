@@ -114,7 +114,7 @@ def solved(problem: ContactProblem) -> Accelerations:
         fewest = min(fewest, wrong.size)
         turned = wrong if patience > 0 else wrong[-1:]
         entries[turned] = above[turned].astype(int) - below[turned].astype(int)
-    raise ModelError("the forces of contacts that act on each other have no solution that pivoting finds")
+    raise ModelError("pivoting finds no forces for contacts that act on each other")
 
 
 def independent_of(problem: ContactProblem, order: Sequence[int]) -> list[int]:

@@ -170,7 +170,7 @@ class _Joint:
         if found is None:
             raise ModelError(f"the loads of contacts that hold together are not determined: {_names(system, group)}")
         self.shared = {s: value / scales[s] for s, value in zip(symbols, found, strict=True)}
-        self.signs = self._one_of_many(rates)
+        self.signs = self._without_loop_loads(rates)
         field = [put(rate, self.signs) for rate in rates]
         signs = [system.signs[i] for i in group]
         self.rows = {k for k, rate in enumerate(rates) if rate.has(*signs)} | set(solved.values())
@@ -183,7 +183,7 @@ class _Joint:
         self.field = tuple(field)
         self.guards = self._plain(matrix, scales, held)
 
-    def _one_of_many(self, rates: Sequence[sp.Expr]) -> dict[sp.Symbol, sp.Expr]:
+    def _without_loop_loads(self, rates: Sequence[sp.Expr]) -> dict[sp.Symbol, sp.Expr]:
         """Return signs in which the contacts whose surfaces follow from the other surfaces carry no load."""
         if not self.relations:
             return self.shared

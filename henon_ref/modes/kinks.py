@@ -48,7 +48,7 @@ class HiddenKinks:
         """Check whether an event on a surface between two modes is a transition: the surface is not a hidden kink."""
         if surface not in self.system.kinks:
             return True
-        if before[surface] == after[surface]:  # it was touched
+        if before[surface] == after[surface]:  # a graze
             return not self.hidden(surface, before)
         return self.shown(before)[surface] != self.shown(after)[surface]
 
@@ -60,8 +60,8 @@ class HiddenKinks:
             at = np.flatnonzero(records["surface"] == index)
             if at.size:
                 own, which = np.unique(pairs[at], return_inverse=True)
-                told = [self.is_transition(index, modes[pair // count], modes[pair % count]) for pair in own.tolist()]
-                found[at] = np.array(told, dtype=bool)[which]
+                flags = [self.is_transition(index, modes[pair // count], modes[pair % count]) for pair in own.tolist()]
+                found[at] = np.array(flags, dtype=bool)[which]
         return found
 
 

@@ -120,7 +120,7 @@ def impact_of(system: FilippovSystem, index: int) -> Impact | None:
     idle = sp.expand(acceleration.xreplace(on).xreplace(settled_state(fast, system.states))) == 0
     if speed.has(*system.signs):
         names = listed([s.name for s in system.signs if speed.has(s)])
-        return Impact(speed, acceleration, f"how fast the surface is reached depends on the sign of {names}", idle)
+        return Impact(speed, acceleration, f"the speed of the impact depends on the sign of {names}", idle)
     moving = set(system.states)
     changes = {k: (jump.states[k] - system.states[k]).xreplace(on) for k in jump.moved}
     shares = {k: sp.Integer(0) if fast == 0 else sp.cancel(change / fast) for k, change in changes.items()}

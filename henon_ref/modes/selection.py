@@ -259,7 +259,7 @@ def _staying_mode(at: Point, mode: Mode, active: tuple[int, ...]) -> Decision | 
     if tied:
         names = listed([system.sign_names[i] for i in sorted(tied[0])])
         reason = f"no mode is consistent at t = {at.when}: the surfaces of {names} depend on each other, and "
-        return Decision("none", None, reason + "their signs do not act on them as forces and counterforces do")
+        return Decision("none", None, reason + "their signs do not act as action and reaction")
     for candidate in _candidates(at, mode, active):
         broken = broken_guards(at, candidate, active, at.levels[0], alone=True) or []
         surfaces = {guard.index for guard, _ in broken}  # a body that does not leave its stop rests: another candidate

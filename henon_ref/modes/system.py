@@ -254,7 +254,7 @@ class FilippovSystem(SwitchedField):
         found, left, more = {index}, set(sliding), {index}
         while more:
             left -= more
-            more = left.intersection(chain.from_iterable(self._beside[i] for i in more))
+            more = left.intersection(chain.from_iterable(self._coupled[i] for i in more))
             found |= more
         return frozenset(found)
 
@@ -266,7 +266,7 @@ class FilippovSystem(SwitchedField):
         """
         if guard.kind not in ("surface", "release"):
             return False
-        if self._beside[guard.index] <= {guard.index} and not self.has_loops:
+        if self._coupled[guard.index] <= {guard.index} and not self.has_loops:
             return False
         others = self.in_play([guard.index], sliding) - {guard.index}
         return bool(others) and (
@@ -300,7 +300,7 @@ class FilippovSystem(SwitchedField):
         return tuple(sorted(i for i in found if self.held_inside(i)))
 
     @cached_property
-    def _beside(self) -> tuple[frozenset[int], ...]:
+    def _coupled(self) -> tuple[frozenset[int], ...]:
         """For each surface, the surfaces that act on it or on which it acts."""
         places = {s: i for i, s in enumerate(self.signs)}
         beside: list[set[int]] = [set() for _ in places]

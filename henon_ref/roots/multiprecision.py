@@ -74,7 +74,7 @@ def first_event_of(q: Fixed, zeros: int, suspect: int) -> tuple[What, bool, int]
     bottom = _minimum(whole, suspect)
     middle = (low + high) // 2
     if outcome == "touch" or (outcome == "root" and low == high):  # the polynomial is nearly zero there
-        crossed = outcome == "root" or _falls_behind(q, low, high)
+        crossed = outcome == "root" or _falls_after(q, low, high)
         if crossed and (bottom is None or bottom >= low):
             return "root", False, _flat_root(q, middle, 1, exact=outcome == "root")
     if outcome == "touch":
@@ -87,7 +87,7 @@ def first_event_of(q: Fixed, zeros: int, suspect: int) -> tuple[What, bool, int]
     return "root", False, rising_root([-c for c in q], low, high)
 
 
-def _falls_behind(q: Fixed, low: int, high: int) -> bool:
+def _falls_after(q: Fixed, low: int, high: int) -> bool:
     """Check whether a polynomial is negative at its first clear value after a nearly zero interval."""
     distance = max(high - low, SAME_PLACE)
     while high + distance <= ONE:
