@@ -120,8 +120,8 @@ def decide_groups(
 ) -> Decision:
     """Decide the mode that follows for the contacts of groups.
 
-    ``mode``: entries of the surfaces that are not active; ``active``: the surfaces to decide; ``slipped``: contacts
-    whose loads have just reached their limits.
+    ``mode``: entries of the surfaces that are not active; ``active``: surfaces on which the point is and whose entries
+    are open; ``slipped``: contacts whose loads have just reached their limits.
 
     Raises
     ------

@@ -1,9 +1,10 @@
 """Selection of the mode at the start of a run and after each event: the candidate that its own field keeps.
 
-Each candidate is tested for consistency (:mod:`henon_ref.modes.consistency`). One consistent candidate: the future is
-unique. Several (repelling sliding, a spontaneous switch): it is not unique, and the run ends with this status. See
-Filippov (1988), Sec. 2.10, and Dieci and Lopez, *J. Comput. Appl. Math.* 236 (2012) 3967-3991. If static friction holds
-some of several active surfaces, :mod:`henon_ref.modes.held_groups` decides.
+The active surfaces are those on which the state is and whose mode entries are open. Each candidate for these entries is
+tested for consistency (:mod:`henon_ref.modes.consistency`). One consistent candidate: the future is unique. Several
+(repelling sliding, a spontaneous switch): it is not unique, and the run ends with this status. See Filippov (1988),
+Sec. 2.10, and Dieci and Lopez, *J. Comput. Appl. Math.* 236 (2012) 3967-3991. If static friction holds some of several
+active surfaces, :mod:`henon_ref.modes.held_groups` decides.
 
 The selection is written once, over points of any arithmetic (:mod:`henon_ref.modes.arithmetic`): the reference decides
 in doubles and in balls, the multiprecision truth in balls of its own series. :mod:`henon_ref.enclosure` shares no code
@@ -225,9 +226,8 @@ def _attracting(at: Point, decision: Decision) -> Decision:
 def _of_all(at: Point, mode: Mode, active: tuple[int, ...], slipped: Collection[int], zero: float) -> Decision:
     """Return the one consistent mode among all candidates for the active surfaces.
 
-    All are tried, without pivoting: the first consistent mode is the only one only if all principal minors of the
-    slopes of the normal velocities are positive (:mod:`henon_ref.modes.sliding`), as for friction, but not for all
-    fields.
+    All are tried, without pivoting, since the fields need not be those of friction: the first consistent mode is the
+    only one only if the slopes of the normal velocities are a P-matrix (:mod:`henon_ref.modes.sliding`).
     """
     found = [own for own in _candidates(at, mode, active) if broken_guards(at, own, active, zero, alone=True) == []]
     if len(found) > 1:
