@@ -71,7 +71,7 @@ def test_the_multipliers_of_a_shaken_block_are_those_of_its_turns() -> None:
         (lambda: hr.tangent_points(BELT, surface="q"), "no surface"),
         (lambda: hr.tangent_points(BELT, along="q"), "unknown name"),
         (lambda: hr.tangent_points(BELT, parameters={"q": 1}), "no parameter"),
-        (lambda: hr.tangent_points(hr.System(["x"], {}, {"s": "x"}, ["s"])), "along which coordinate"),
+        (lambda: hr.tangent_points(hr.System(["x"], {}, {"s": "x"}, ["s"])), "give the coordinate along it"),
     ],
 )
 def test_what_cannot_be_meant_is_refused(call: object, says: str) -> None:
