@@ -32,7 +32,7 @@ PARALLEL = 1e-8
 """Part of a vector orthogonal to those before it, up to which the vector counts as removed by a transition."""
 
 TURNED = 1e-3
-"""Size of a random rotation of the first frame, so that it excludes no direction that grows later."""
+"""Size of a random perturbation of the first frame, so that it excludes no direction that grows later."""
 
 
 class TangentFrame:
@@ -153,7 +153,7 @@ class TangentFrame:
 
 
 def _first_frame(flow: TangentFlow) -> Matrix:
-    """Return the frame to which vectors converge under the Jacobian of the start, rotated by :data:`TURNED`.
+    """Return the frame to which vectors converge under the Jacobian of the start, perturbed by :data:`TURNED`.
 
     The directions of largest growth are first; the averages of a linear system are then exact from the start.
     """

@@ -177,8 +177,7 @@ class TangentFlow:
         self._run.go_back(saved)
 
     def advance(self, until: sp.Expr | float) -> TangentTransition | Trajectory:
-        """Advance to the next transition, or to ``until`` [s] if that is earlier; exact numbers are used in
-        double-double.
+        """Advance to the next transition, or to ``until`` [s] if that is earlier (exact numbers: to double-double).
 
         Returns
         -------

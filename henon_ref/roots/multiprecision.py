@@ -99,11 +99,10 @@ def _falls_after(q: Fixed, low: int, high: int) -> bool:
 
 
 def _flat_root(q: Fixed, place: int, parity: int, *, exact: bool) -> int:
-    """Return the root of even or odd order in a nearly zero neighbourhood, or the mean of several roots that count as
-    one.
+    """Return the root of even or odd order in a nearly zero neighbourhood, or the mean of roots that count as one.
 
-    The order is that of the term that dominates away from the root. A root of order m is a simple root of derivative m
-    - 1, which determines its position. ``exact``: the root is at ``place``; otherwise it is only near.
+    The order is that of the term that dominates away from the root. A root of order m is a simple root of the
+    derivative m-1, which determines its position. ``exact``: the root is at ``place``; otherwise it is only near.
     """
     derivatives = [list(q)]
     for _ in range(HIGHEST):
