@@ -1,10 +1,10 @@
-"""Which solver gets the stick-slip transitions of a Filippov system right, to how many digits, at what cost.
+"""Compare how accurately, and at what cost, solvers compute the stick-slip transitions of a Filippov system.
 
 >>> import henon_ref
 >>> case = henon_ref.load_case("cases/fig8.yaml")  # doctest: +SKIP
 >>> comparison = henon_ref.compare(case, solvers=["henon", "heyoka"])  # doctest: +SKIP
 
-Everything is loaded on first use, so that importing the package costs next to nothing.
+All submodules are loaded on first use, so that importing the package is fast.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from importlib import import_module
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-if TYPE_CHECKING:  # modules, too, under the names by which they go here
+if TYPE_CHECKING:  # also modules, under their public names
     import henon_ref.figures.sweeps as plots  # noqa: F401
     import henon_ref.sweeps.observe as observe  # noqa: F401
     import henon_ref.sweeps.points as points  # noqa: F401
@@ -78,7 +78,7 @@ _HOME = {
 }
 
 _MODULES = {"observe": "sweeps.observe", "plots": "figures.sweeps", "points": "sweeps.points"}
-"""What goes with :func:`sweep`: what is observed, where it is run, how it is drawn."""
+"""Modules used with :func:`sweep`: observations, points, figures."""
 
 __all__ = [
     "ArgumentError",
@@ -124,10 +124,8 @@ def __getattr__(name: str) -> Any:
 
 
 def _loaded(module: str) -> ModuleType:
-    """A module, with what it imports; nothing of that becomes garbage, so that none is looked for meanwhile.
-
-    (Of the time to a first run that would take a tenth.)
-    """
+    """Import a module with the garbage collector off: an import creates no garbage, and the collector takes a tenth of
+    the time to a first run."""
     enabled = gc.isenabled()
     gc.disable()
     try:

@@ -1,4 +1,4 @@
-"""Every error this package raises on purpose: what is wrong, where, and the mend."""
+"""Errors that this package raises on purpose: each names the problem, its place, and the remedy."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ class HenonRefError(Exception):
 
 
 class ExpressionError(HenonRefError):
-    """An expression that the whitelist does not allow.
+    """Expression that the whitelist does not allow.
 
     Parameters
     ----------
     message : str
-        What is wrong and what is allowed.
+        The problem and what is allowed.
     offset : int
-        0-based character offset in the expression at which it goes wrong.
+        0-based character offset of the problem in the expression.
     """
 
     def __init__(self, message: str, offset: int = 0) -> None:
@@ -25,14 +25,14 @@ class ExpressionError(HenonRefError):
 
 
 class CaseError(HenonRefError):
-    """A case file (or an argument) that cannot be used; printed as one line.
+    """Case file or argument that cannot be used; printed as one line.
 
     Parameters
     ----------
     message : str
-        What is wrong and what is allowed.
+        The problem and what is allowed.
     file : str, optional
-        The file it stands in.
+        The file with the problem.
     line, column : int, optional
         1-based place in the file.
     """
@@ -49,12 +49,12 @@ class CaseError(HenonRefError):
 
 
 class ArgumentError(HenonRefError, ValueError):
-    """An invalid argument of a function; the message names it and says what is allowed.
+    """Invalid argument of a function; the message names it and the allowed values.
 
     Parameters
     ----------
     message : str
-        What is longer than ``LONGEST`` characters is cut.
+        Cut to ``LONGEST`` characters.
     """
 
     LONGEST = 390
@@ -64,20 +64,20 @@ class ArgumentError(HenonRefError, ValueError):
 
 
 class ModelError(HenonRefError):
-    """A system that is well written but not one this package can simulate."""
+    """Well-formed system that this package cannot simulate."""
 
 
 class UnsupportedError(HenonRefError):
-    """A solver cannot do what the problem asks; the message says why (status ``unsupported``)."""
+    """The problem requires a feature that a solver lacks; the message names the reason (status ``unsupported``)."""
 
 
 class UnavailableError(HenonRefError):
-    """A solver's library is not installed (status ``unavailable``)."""
+    """The library of a solver is not installed (status ``unavailable``)."""
 
 
 class ContractError(HenonRefError):
-    """A solver does not keep the contract; the message says where (status ``failed``)."""
+    """A solver violates the contract; the message names the place (status ``failed``)."""
 
 
 class KernelError(HenonRefError):
-    """A compiled library is missing, or not one of these sources; the message names the line that builds it anew."""
+    """A compiled library is missing or of other sources; the message names the command that builds it."""

@@ -1,4 +1,4 @@
-"""The precision of python-flint, which belongs to the process: one lock for all that set it, and for SymPy."""
+"""Precision of python-flint, which is global to the process: one lock for all changes of it, and for SymPy."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ _LOCK = threading.RLock()
 
 @contextmanager
 def working_precision(bits: int) -> Iterator[None]:
-    """Numbers of python-flint have so many bits; other threads that want theirs wait.
+    """Set the bits of python-flint's numbers; other threads that set a precision wait.
 
-    A precision set in one thread is seen in all of them (python-flint 0.9), and so is the length of series.
+    A precision set in one thread applies to all threads (python-flint 0.9), and so does the length of series.
     """
     with _LOCK, ctx.workprec(bits):
         yield
@@ -23,9 +23,9 @@ def working_precision(bits: int) -> Iterator[None]:
 
 @contextmanager
 def one_at_a_time() -> Iterator[None]:
-    """Derive equations, or compile what follows from them, while no other thread does, nor sets a precision.
+    """Exclude other threads from SymPy, from compilation and from changes of the precision.
 
-    SymPy makes no promise to threads. The lock is the same: who has one of two might wait for the other.
+    SymPy is not documented as thread-safe. One lock serves both purposes, since two locks could deadlock.
     """
     with _LOCK:
         yield

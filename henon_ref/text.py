@@ -1,8 +1,7 @@
 """Escapes for text from outside (case files, solvers, file names), one function for each kind of output.
 
-Whatever writes such text calls one of these: :func:`message` for a terminal, :func:`markdown` and :func:`code`
-for a page (what they return is safe in HTML, too), :func:`html` for what a notebook shows, :func:`cell` for a
-spreadsheet.
+:func:`message` is for a terminal, :func:`markdown` and :func:`code` for a page (their results are safe in HTML, too),
+:func:`html` for a notebook, :func:`cell` for a spreadsheet.
 """
 
 from __future__ import annotations
@@ -14,15 +13,15 @@ from difflib import get_close_matches
 from html import escape
 
 LONGEST_LINE = 2000
-"""Characters of a line on a terminal."""
+"""Largest number of characters of a line on a terminal."""
 ELLIPSIS = " ... "
 LONGEST_REASON = 500
-"""Characters of a solver's or library's words in a file of results."""
+"""Largest number of characters of a message of a solver or library in a file of results."""
 _FORMULA = tuple("=+-@\t\r\n＝＋－＠")
-"""Characters with which a spreadsheet's formula begins."""
+"""First characters of a spreadsheet formula."""
 _LITERAL = "'"
-"""What tells a spreadsheet that the rest of a cell is text."""
-# What a reader of markdown would make a link of, and code; neither holds what could end it or begin a tag.
+"""Prefix by which a spreadsheet takes a cell as text."""
+# Text that markdown turns into links, and code; neither may contain characters that end it or begin a tag.
 _ADDRESS = (
     r"(?:[A-Za-z][A-Za-z0-9+.-]{0,20}://|(?i:www\.|mailto:|xmpp:))[^\s`<>&|]*|[^\s`<>&|@]{1,64}@[^\s`<>&|@]{1,255}"
 )
@@ -32,9 +31,9 @@ _LINK = re.compile(r"https?://[A-Za-z0-9.-]+(?:[:/?#][A-Za-z0-9._~:/?#@!&'()+,;=
 
 
 def printable(text: str) -> str:
-    """Text without what does not print: control characters, escapes, marks that turn the direction of writing.
+    """Replace characters that do not print: control characters, escapes, marks that change the direction of writing.
 
-    Lone surrogates, which no file can be written with, become replacement characters, all others a space each.
+    Lone surrogates, which cannot be written to a file, become replacement characters; each other character a space.
 
     Examples
     --------
@@ -48,12 +47,12 @@ def printable(text: str) -> str:
 
 
 def one_line(text: str) -> str:
-    """Printable text in one line, blanks in a row as one."""
+    """Return printable text in one line, with runs of blanks as one blank."""
     return " ".join(printable(text).split())
 
 
 def short_line(text: str) -> str:
-    """One line for a file of results, as an exact ``str``; what is longer than ``LONGEST_REASON`` is cut.
+    """One line for a file of results, as an exact ``str`` of at most ``LONGEST_REASON`` characters.
 
     Examples
     --------
@@ -65,7 +64,7 @@ def short_line(text: str) -> str:
 
 
 def message(text: str) -> str:
-    """One line for a terminal; of one that is too long the middle is left out.
+    """One line for a terminal; the middle of a long line is left out.
 
     Examples
     --------
@@ -80,9 +79,9 @@ def message(text: str) -> str:
 
 
 def markdown(text: str) -> str:
-    """One line of text that a page shows as it is: no tag, link, image, formula or list is made of it.
+    """One line of text that a page shows literally: no part becomes a tag, link, image, formula or list.
 
-    Short pieces of code between backticks stay; addresses are set as code, so that they are no links.
+    Short code between backticks stays code; addresses become code, so that they are not links.
 
     Examples
     --------
@@ -101,7 +100,7 @@ def markdown(text: str) -> str:
 
 
 def _escaped(text: str) -> str:
-    """Marks of markdown behind a backslash (an underscore within a word is none), and those of HTML as entities."""
+    """Escape marks of markdown (an underscore within a word is no mark) by a backslash, those of HTML as entities."""
     marked = re.sub(r"[\\`*\[\]~$]|(?<=\])\(|(?<![A-Za-z0-9])_|_(?![A-Za-z0-9])", r"\\\g<0>", text)
     return marked.translate(_ENTITIES)
 
@@ -111,12 +110,12 @@ def _first_escaped(found: re.Match[str]) -> str:
 
 
 def paragraphs(text: str) -> str:
-    """Several lines of text as a page shows them, each by :func:`markdown`; empty lines part paragraphs."""
+    """Several lines of text for a page, each by :func:`markdown`; empty lines separate paragraphs."""
     return "\n".join(markdown(line) for line in text.strip().split("\n"))
 
 
 def code(text: str) -> str:
-    """A name as code; one that cannot stand between backticks as text.
+    """A name as code, or as text if it contains characters that backticks cannot hold.
 
     Examples
     --------
@@ -128,9 +127,9 @@ def code(text: str) -> str:
 
 
 def html(text: str) -> str:
-    """One line of text that a notebook shows as it is: no tag and no formula is made of it.
+    """One line of text that a notebook shows literally: no part becomes a tag or a formula.
 
-    Where formulas are typeset, no delimiter of one is looked for across the ends of an element.
+    Formula delimiters are in elements of their own, since formulas are not searched across elements.
 
     Examples
     --------
@@ -141,7 +140,7 @@ def html(text: str) -> str:
 
 
 def link(address: str) -> str:
-    """An address that a case gives as one, as it is; what is no plain web address as text.
+    """Return a plain web address unchanged, and other text by :func:`markdown`.
 
     Examples
     --------
@@ -152,9 +151,7 @@ def link(address: str) -> str:
 
 
 def cell(text: str) -> str:
-    """Text of a cell of a table that spreadsheets open: nothing in it is taken for a formula.
-
-    Numbers stay, whatever their sign.
+    """Text of a table cell that no spreadsheet takes as a formula; numbers stay unchanged, whatever their sign.
 
     Examples
     --------
@@ -166,7 +163,7 @@ def cell(text: str) -> str:
 
 
 def from_cell(text: str) -> str:
-    """The text that :func:`cell` has made a cell of."""
+    """Return the text from which :func:`cell` made a cell."""
     return text[1:] if text.startswith(_LITERAL) and cell(text[1:]) == text else text
 
 
@@ -179,7 +176,7 @@ def _is_number(text: str) -> bool:
 
 
 def spelled(name: str) -> str:
-    """A name with its Greek letters spelled out.
+    """Return a name with its Greek letters spelled out.
 
     Examples
     --------
@@ -196,7 +193,7 @@ def _letter(character: str) -> str:
 
 
 def did_you_mean(word: str, known: Collection[str]) -> str:
-    """``"; did you mean 'x'?"`` for the most similar known word, or nothing."""
+    """``"; did you mean 'x'?"`` with the most similar known word, or an empty string."""
     matches = [k for k in known if k.lower() == word.lower()]
     if not matches and len(word) > 2:
         matches = get_close_matches(word, list(known), n=1, cutoff=0.6)
@@ -204,12 +201,12 @@ def did_you_mean(word: str, known: Collection[str]) -> str:
 
 
 def listed(words: Collection[str], limit: int = 24) -> str:
-    """Words with commas, a long list cut short."""
+    """Words separated by commas; a long list is cut."""
     shown = list(words)[:limit]
     more = len(words) - len(shown)
     return ", ".join(shown) + (f" and {more} more" if more > 0 else "")
 
 
 def shortened(text: str, limit: int = 60) -> str:
-    """A piece of somebody's text, quoted, fit for one line of a message."""
+    """User text, quoted and cut to fit one line of a message."""
     return repr(text if len(text) <= limit else text[: limit - 3] + "...")

@@ -1,10 +1,9 @@
 """Lyapunov exponents and Floquet multipliers from the variational equations.
 
-Benettin's method: tangent vectors are carried along a trajectory (:mod:`henon_ref.analysis.tangent_frame`)
-and made orthonormal again and again by QR; the exponents are the mean logarithmic rates of the diagonal of
-R (Benettin et al., *Meccanica* 15, 1980; Geist, Parlitz and Lauterborn, *Prog. Theor. Phys.* 83, 1990). A
-stick that is entered takes a direction away for good. That is known from the transition, not read off an
-underflow: the vector is dropped and its exponent is -infinity.
+Benettin's method: tangent vectors are integrated along a trajectory (:mod:`henon_ref.analysis.tangent_frame`) and
+repeatedly orthonormalized by QR; the exponents are the mean logarithmic growth rates on the diagonal of R (Benettin et
+al., *Meccanica* 15, 1980; Geist, Parlitz and Lauterborn, *Prog. Theor. Phys.* 83, 1990). A transition into a stick
+removes a direction: the vector is dropped at the transition, not by an underflow, and its exponent is -infinity.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ from henon_ref.simulation.written import written
 from henon_ref.trajectory import Status
 
 BATCHES = 10
-"""Parts of the span whose means tell how far an exponent is off."""
+"""Number of equal parts of the span whose means give the standard errors."""
 
 
 @dataclass(frozen=True)
@@ -38,31 +37,31 @@ class Spectrum:
     """Lyapunov exponents of one trajectory over a span of time."""
 
     exponents: tuple[float, ...]
-    """n of them [1/s], the largest first; ``-inf`` for directions that a stick or a rest has taken away."""
+    """n exponents [1/s], largest first; ``-inf`` for directions that a stick or a rest has removed."""
     times: NDArray[np.float64]
-    """(k,) times since the averages began [s]."""
+    """(k,) times since the averaging began [s]."""
     history: NDArray[np.float64]
     """(k, n) averages up to those times, in the order of the tangent vectors."""
     span: float
-    """Time averaged over [s]."""
+    """Averaging time [s]."""
     transitions: int
-    """Transitions in that time."""
+    """Number of transitions in that time."""
     stick_fraction: float
-    """Share of that time in which any surface slides."""
+    """Part of that time in which at least one surface slides."""
     status: Status
-    """``ok``, or how the trajectory ended before the span was over."""
+    """``ok``, or the status with which the trajectory ended early."""
     reason: str = ""
 
     @property
     def lost(self) -> int:
-        """Directions that sticks have taken away: exponents that are -infinity."""
+        """Number of directions that sticks have removed (exponents of -infinity)."""
         return sum(e == -math.inf for e in self.exponents)
 
     @property
     def standard_errors(self) -> tuple[float, ...]:
-        """Of each exponent [1/s], in their order: by the means of :data:`BATCHES` equal parts of the span.
+        """Standard error of each exponent [1/s], from the means over :data:`BATCHES` equal parts of the span.
 
-        NaN for directions that are lost, and where the run ended before there was a part.
+        NaN for removed directions, and if the run ended without an average.
         """
         n = len(self.exponents)
         if not len(self.times):
@@ -76,9 +75,9 @@ class Spectrum:
         return tuple(errors.tolist())
 
     def kaplan_yorke(self, *, zero: float = 0.0) -> float:
-        """Kaplan and Yorke's dimension of the attractor; exponents within ``zero`` of 0 count as 0.
+        """Kaplan-Yorke dimension of the attractor; exponents within ``zero`` of 0 count as 0.
 
-        NaN where there are no exponents.
+        NaN if there are no exponents.
         """
         if any(map(math.isnan, self.exponents)):
             return math.nan
@@ -92,10 +91,10 @@ class Spectrum:
 
 
 def lyapunov_spectrum(problem: Problem, *, discard: float, span: float, tolerance: float = 1e-12) -> Spectrum:
-    """All Lyapunov exponents of a problem's trajectory: see :func:`lyapunov_exponents`.
+    """Return all Lyapunov exponents of a problem's trajectory; see :func:`lyapunov_exponents`.
 
-    The problem's own ``until`` is not used; ``tolerance`` is the local error of a step, of which a larger one than the
-    logarithms' sum is checked to is not taken.
+    The problem's own ``until`` is not used. ``tolerance`` is the local error of a step, at most :data:`LOCAL_ERROR`, so
+    that the check of the logarithms' sum can pass.
     """
     tolerance = min(tolerance, LOCAL_ERROR)
     flow = TangentFlow(problem, tolerance=tolerance)
@@ -135,12 +134,12 @@ def lyapunov_exponents(
     parameters: Mapping[Any, Any] | None = None,
     mode: Mapping[Any, int] | None = None,
 ) -> Spectrum:
-    """All Lyapunov exponents of a system's motion, its transitions included.
+    """Return all Lyapunov exponents of a system's motion, including its transitions.
 
-    Tangent vectors are carried along by the variational equations, across transitions by saltation matrices, and made
-    orthonormal again by QR (Benettin et al., *Meccanica* 15, 1980; Mueller, *Chaos, Solitons & Fractals* 5, 1995). A
-    stick takes directions away: their exponents are -infinity. The sum of all logarithms is held against the integrated
-    divergence and the volumes' factors of the saltation matrices, to 1e-8 of the sum of all terms' sizes.
+    Tangent vectors follow the variational equations, are multiplied by the saltation matrix at each transition, and are
+    orthonormalized by QR (Benettin et al., *Meccanica* 15, 1980; Mueller, *Chaos, Solitons & Fractals* 5, 1995). A
+    stick removes directions: their exponents are -infinity. The sum of all logarithms is checked against the integrated
+    divergence and the volume factors of the saltation matrices, to 1e-8 of the sum of the absolute values of all terms.
 
     Parameters
     ----------
@@ -148,28 +147,28 @@ def lyapunov_exponents(
     initial : mapping
         State -> number.
     span : float
-        Time to average over [s].
+        Averaging time [s].
     discard : float
-        Time before that, for the motion to reach its attractor [s]. What sticks take away until then does not count.
+        Time before the averaging, in which the motion reaches its attractor [s]. Directions that sticks remove in this
+        time do not count.
     start, parameters, mode
         As in :func:`henon_ref.simulate`.
     rtol : float
-        Likewise; above 1e-12 it is taken for that, for the sake of the sum.
+        As in :func:`henon_ref.simulate`; values above 1e-12 act as 1e-12, as the check of the sum requires.
 
     Returns
     -------
     Spectrum
-        ``.exponents`` [1/s], the largest first; ``.history`` shows how far they have converged.
+        ``.exponents`` [1/s], largest first; ``.history`` shows their convergence.
 
     Raises
     ------
     HenonRefError
-        For invalid arguments, where several surfaces change at one instant, and where the sum of the
-        logarithms is off.
+        For invalid arguments, if several surfaces change at one instant, and if the check of the sum fails.
 
     Examples
     --------
-    A damped linear oscillator: both exponents are minus half the damping, whatever it crosses.
+    A damped linear oscillator: both exponents are minus half the damping, also with crossings.
 
     >>> import henon_ref as hr
     >>> oscillator = hr.System(["x", "v"], {"c": 0.2}, {"s": "x"}, ["v", "-x - c*v"])
@@ -180,7 +179,7 @@ def lyapunov_exponents(
         raise ArgumentError(f"span is {str(span)[:60]}; wanted a time in s, larger than 0")
     if not (isinstance(discard, Real) and 0 <= float(discard) < math.inf):
         raise ArgumentError(f"discard is {str(discard)[:60]}; wanted a time in s, 0 or larger")
-    until = f"({written(start, 'start')}) + 1"  # whose run it is decides span
+    until = f"({written(start, 'start')}) + 1"  # any later time: ``span`` sets the end
     _, problem = problem_of(system, initial, until=until, start=start, parameters=parameters, mode=mode)
     return lyapunov_spectrum(
         problem, discard=float(discard), span=float(span), tolerance=local_error(tolerance_of(rtol))
@@ -190,7 +189,7 @@ def lyapunov_exponents(
 def floquet_multipliers(
     problem: Problem, *, since: sp.Expr | float, period: sp.Expr | float, tolerance: float = 2e-16
 ) -> NDArray[np.complex128]:
-    """Floquet multipliers of the periodic orbit that a problem's trajectory is on.
+    """Return the Floquet multipliers of the periodic orbit on which a problem's trajectory is.
 
     Parameters
     ----------
@@ -199,19 +198,19 @@ def floquet_multipliers(
     since : Expr or float
         A time at which the trajectory is on the orbit [s].
     period : Expr or float
-        Period, or a whole multiple of it [s]; exact numbers where they are known.
+        Period, or an integer multiple of it [s]; as an exact number if known.
     tolerance : float
         Local error of a step.
 
     Returns
     -------
     ndarray of complex, shape (n,)
-        The largest first; exactly 0 for directions that a stick has taken away.
+        Largest first; exactly 0 for directions that a stick has removed.
 
     Raises
     ------
     UnsupportedError
-        Where the solution ends early, or several surfaces change at one instant.
+        If the solution ends early, or if several surfaces change at one instant.
     """
     matrix, rank = fundamental_matrix(problem, since, since + period, tolerance=tolerance)
     multipliers = np.linalg.eigvals(matrix).astype(complex)
@@ -221,7 +220,7 @@ def floquet_multipliers(
 
 
 def floquet_exponents(multipliers: NDArray[np.complex128], period: float) -> NDArray[np.float64]:
-    """Lyapunov exponents of a periodic orbit [1/s]: ln abs(multiplier) / period, ``-inf`` for a multiplier of 0."""
+    """Return the Lyapunov exponents of a periodic orbit, ln abs(multiplier) / period [1/s]; ``-inf`` for 0."""
     size = np.abs(multipliers)
     with np.errstate(divide="ignore"):
         return np.log(size) / period

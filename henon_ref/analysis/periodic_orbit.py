@@ -1,4 +1,4 @@
-"""The periodic orbit that a motion tends to, with a proof; the period of a run that has settled, measured."""
+"""Periodic orbit to which a motion converges, with a proof; measured period of a settled run."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Trajectory, Transition
 
 LATE = 0.5
-"""Part of the run after which it is taken to be on its orbit."""
+"""Part of the run after which it is assumed to be on its orbit."""
 REPETITIONS, LONGEST = 3, 64
-"""Of a pattern, to be seen at the end of a run; and the transitions that it has at most."""
+"""Repetitions of a pattern required at the end of a run; largest number of transitions of a pattern."""
 SAME = 1e-9
-"""Two states closer than this, relative to the largest state seen, are the same."""
+"""Largest distance of two equal states, relative to the largest state."""
 SETTLING = 1e-2
-"""How far a run may still be from its limit, relative to the largest state seen: near enough for Newton's method."""
+"""Largest distance of a run from its limit, relative to the largest state, from which Newton's method starts."""
 
 
 def periodic_orbit(
@@ -43,10 +43,10 @@ def periodic_orbit(
     mode: Mapping[Any, int] | None = None,
     radius: float = 1e-40,
 ) -> PeriodicOrbit:
-    """The periodic orbit that a run tends to, found and proven: every number of it is an enclosure.
+    """Find and prove the periodic orbit to which a run converges: all its numbers are enclosures.
 
-    Newton's method on the return map starts from the end of the run; Krawczyk's test then proves that a box holds one
-    fixed point and no other (Krawczyk, *Computing* 4 (1969) 187-201). The flow is enclosed by validated integration
+    Newton's method on the return map starts from the end of the run. Krawczyk's test then proves that a box contains
+    exactly one fixed point (Krawczyk, *Computing* 4 (1969) 187-201). The flow is enclosed by validated integration
     (Lohner, 1988), its derivative with saltation matrices.
 
     Parameters
@@ -55,13 +55,13 @@ def periodic_orbit(
     initial : mapping
         State -> number.
     until : number
-        Time by which the run has come close to the orbit [s].
+        Time by which the run is close to the orbit [s].
     start, rtol, parameters, mode
         As in :func:`henon_ref.simulate`.
     period : number or text, optional
-        Exact period of the forcing, or a multiple of it, where time is in the equations: ``"2*pi/w"`` [s].
+        Exact period of the forcing or a multiple of it, required if the equations contain time: ``"2*pi/w"`` [s].
     radius : float
-        Radius that state, period and derivative are wanted to.
+        Requested radius of state, period and derivative.
 
     Returns
     -------
@@ -71,8 +71,8 @@ def periodic_orbit(
     Raises
     ------
     HenonRefError
-        For invalid arguments, the run does not repeat itself by ``until``, or nothing can be proven: the
-        message says which.
+        For invalid arguments, if the run does not repeat itself by ``until``, or if the proof fails; the message names
+        the cause.
 
     Examples
     --------
@@ -100,7 +100,7 @@ def periodic_orbit(
 
 
 def _autonomous(problem: Problem, run: Trajectory, late: float, radius: float) -> PeriodicOrbit:
-    """The orbit that a run comes to, its period being what it is measured to repeat itself by from ``late`` on."""
+    """Return the orbit of an autonomous system, with the period measured from ``late`` on."""
     if _depends_on_time(problem.system):
         raise ArgumentError("time is in the equations: give the period of the forcing, as in period='2*pi/w'")
     repeated = measured_period(run.transitions, after=late)
@@ -117,17 +117,17 @@ def _autonomous(problem: Problem, run: Trajectory, late: float, radius: float) -
 
 
 def _refuse_limits(problem: Problem, late: Sequence[Transition]) -> None:
-    """Raise where impacts accumulate on the orbit: no return map is enclosed over their limit."""
+    """Raise OrbitError if impacts accumulate on the orbit: no return map is enclosed across their limit."""
     impacts = {(t.time, t.time_low, t.surface) for t in late if t.kind == "reset"}
     for t in late:
         rests = t.kind == "stick" and problem.system.rests(t.surface)
         if rests and (t.time, t.time_low, t.surface) not in impacts:
             name = problem.system.sign_names[t.surface]
-            raise OrbitError(f"impacts on {name} come to a limit at t = {t.time:.17g}: no orbit is proven over one")
+            raise OrbitError(f"impacts on {name} accumulate at t = {t.time:.17g}: no orbit is proven across it")
 
 
 def _between_events(problem: Problem, run: Trajectory, period: sp.Expr, tolerance: float) -> Guess:
-    """A start in the last period of a run, as far from its events as can be; the horizon where there are none."""
+    """Return a start in the last period of a run, as far from its events as possible; without events, the horizon."""
     since = run.end_time - float(period)
     times = sorted({t.time for t in run.transitions if t.time > since})
     if not times or since < float(problem.start):
@@ -137,15 +137,15 @@ def _between_events(problem: Problem, run: Trajectory, period: sp.Expr, toleranc
     time = times[k] + float(gaps[k]) / 2
     time -= float(period) if time > run.end_time else 0.0
     there = prepared_run(problem, rtol=tolerance, sample_times=np.array([time]))()
-    assert there.samples is not None  # asked for
+    assert there.samples is not None  # sample_times is given
     assert there.sample_modes is not None
     return Guess(sp.Rational(time), tuple(there.samples[0].tolist()), there.sample_modes[0], period=period)
 
 
 def _after_an_event(problem: Problem, pattern: Sequence[Transition]) -> Guess:
-    """A start just after a change of mode, or a jump, to which the orbit returns after one period's changes.
+    """Return a start just after a change of mode or a jump, to which the orbit returns after one period.
 
-    The last one of which it is known what fell to zero: where several surfaces change at once, only a reset tells.
+    It is the last event whose guard is known: if several surfaces change at one instant, only a reset identifies it.
     """
     changes = [t for t in pattern if t.kind != "graze"]
     instants = [list(together) for _, together in groupby(changes, key=lambda t: (t.time, t.time_low))]
@@ -170,20 +170,20 @@ def _depends_on_time(model: FilippovSystem) -> bool:
 
 
 class Period(NamedTuple):
-    """What a settled run repeats."""
+    """Repeating part of a settled run."""
 
     value: float
-    """Period [s]: the mean over all repetitions seen."""
+    """Period [s]: mean over all repetitions."""
     pattern: tuple[Transition, ...]
-    """The transitions of one period, the last that were seen."""
+    """Transitions of the last period."""
     settled: bool
-    """Whether they repeat to the tolerance; else they come closer at each return, and their limit is near."""
+    """Whether the transitions repeat to the tolerance; if not, they converge and are near their limit."""
 
 
 def measured_period(transitions: Iterable[Transition], *, after: float) -> Period | None:
-    """The period of the end of a run of an autonomous system, from its transitions later than a time [s].
+    """Return the period at the end of a run of an autonomous system, from its transitions after a time [s].
 
-    None where no pattern of up to :data:`LONGEST` transitions is seen at least three times over at the end.
+    None if no pattern of up to :data:`LONGEST` transitions is repeated at least three times at the end.
     """
     late = [t for t in transitions if t.time > after]
     if len(late) < REPETITIONS:
@@ -207,7 +207,7 @@ def measured_period(transitions: Iterable[Transition], *, after: float) -> Perio
             return _period(late[first:], times[first:], length, settled=True)
     for length, apart, size in zip(lengths, returns, sizes, strict=True):
         before, now = apart[-2 * length : -length].max(), apart[-length:].max()
-        # As a geometric series: how far it is still to the limit.
+        # Distance to the limit of a geometric series.
         if now < before < np.inf and now * now / (before - now) <= SETTLING * size:
             return _period(late[-REPETITIONS * length :], times[-REPETITIONS * length :], length, settled=False)
     return None

@@ -1,6 +1,6 @@
-"""Perturbations of a system: the directions that they have in a mode, and what they become at a transition.
+"""Tangent spaces of a system's modes, and saltation matrices of its transitions.
 
-See :mod:`henon_ref.analysis.variational` for the formulas and where they are from.
+See :mod:`henon_ref.analysis.variational` for the formulas and their sources.
 """
 
 from __future__ import annotations
@@ -25,43 +25,43 @@ from henon_ref.trajectory import Transition
 Vector = Sequence[float] | NDArray[np.float64]
 Matrix = NDArray[np.float64]
 SINGULAR = 1e-13
-"""A jump whose derivative has a singular value this small, relative to the largest, takes a direction away."""
+"""Singular value, relative to the largest, up to which the derivative of a jump removes a direction."""
 AT_ZERO = 1e-12
-"""Part of the sizes of its terms below which a surface's function counts as zero."""
+"""Part of the size of its terms below which a surface's function counts as zero."""
 _Function = Callable[..., list[float]]
 
 
 class TangentSpace:
-    """The tangent spaces of a system's modes: all directions in slip, those along the surfaces in sliding."""
+    """Tangent spaces of a system's modes: all directions in slip, directions along the surfaces in sliding."""
 
     def __init__(self, system: FilippovSystem) -> None:
         self.system = system
 
     def dimension(self, mode: Mode) -> int:
-        """How many directions perturbations have in a mode."""
+        """Dimension of a mode's tangent space."""
         return len(self.system.states) - len(self._gradients_in(_slid_on(mode)))
 
     def completed(self, vectors: Matrix, mode: Mode, t: float, x: Vector) -> Matrix:
-        """Orthonormal vectors of a mode's tangent space, shape (n, k), and what makes them a basis, (n, dimension)."""
+        """Complete orthonormal vectors, shape (n, k), to a basis of a mode's tangent space, shape (n, dimension)."""
         beside = np.column_stack([vectors, np.reshape(self._normals_in(_slid_on(mode))(t, *x), (-1, len(x))).T])
         more = np.linalg.qr(beside, mode="complete")[0][:, beside.shape[1] :]
         return np.column_stack([vectors, more])
 
     def basis(self, mode: Mode, t: float, x: Vector) -> Matrix:
-        """An orthonormal basis of a mode's tangent space, shape (n, dimension)."""
+        """Orthonormal basis of a mode's tangent space, shape (n, dimension)."""
         return self.completed(np.zeros((len(x), 0)), mode, t, x)
 
     def meet_at_once(self, before: Mode, after: Mode) -> bool:
-        """Whether the surfaces that change from one mode to the next are one, beside those that are slid on in both.
+        """Check whether the surfaces that change are one independent condition beside those that slide in both modes.
 
-        One may be a multiple of another, and in a loop of contacts the last ones come to rest together.
+        One surface may be a multiple of another, and in a loop of contacts the last contacts come to rest together.
         """
         both = _slid_on(before) & _slid_on(after)
         changed = {i for i, (old, new) in enumerate(zip(before, after, strict=True)) if old != new}
         return len(self._gradients_in(both | changed)) <= len(self._gradients_in(both)) + 1
 
     def jacobian(self, mode: Mode, t: float, x: Vector) -> Matrix:
-        """Derivative of a mode's field by the state, shape (n, n); zero where it has no finite value."""
+        """Derivative of a mode's field by the state, shape (n, n); zero if it is not finite."""
         states = self.system.states
         slopes = [self.system.numeric(sp.diff(f, x)) for f in self.system.equations(mode).field for x in states]
         values = sp.lambdify([TIME, *states], slopes, "numpy", cse=True)
@@ -70,10 +70,10 @@ class TangentSpace:
         return found if np.isfinite(found).all() else np.zeros_like(found)
 
     def divergence(self, field: Sequence[sp.Expr], sliding: frozenset[int]) -> sp.Expr:
-        """The rate at which a field, shape (n,), spreads volumes of the tangent space of sliding on some surfaces.
+        """Rate at which a field, shape (n,), expands volumes of the tangent space of sliding on some surfaces.
 
-        The trace of its Jacobian J restricted to the directions that are orthogonal to the gradients N of what is kept
-        at zero: ``tr J - tr((N N^T)^-1 N J N^T)``.
+        This is the trace of its Jacobian J restricted to the directions orthogonal to the gradients N of the functions
+        that sliding keeps at zero: ``tr J - tr((N N^T)^-1 N J N^T)``.
         """
         states = self.system.states
         trace = sp.Add(*(sp.diff(f, x) for f, x in zip(field, states, strict=True)))
@@ -90,7 +90,7 @@ class TangentSpace:
 
     @kept
     def _gradients_in(self, sliding: frozenset[int]) -> list[list[sp.Expr]]:
-        """Gradients of surfaces slid on, and of the speeds of bodies at rest; none that follows from the others."""
+        """Linearly independent gradients of sliding surfaces and of the speeds of bodies at rest."""
         system = self.system
         found: list[list[sp.Expr]] = []
         for i in sorted(sliding):
@@ -112,27 +112,26 @@ def _slid_on(mode: Mode) -> frozenset[int]:
 
 
 def rank_lost(matrix: Matrix) -> int:
-    """Directions, of as many as a matrix has columns, that it takes away."""
+    """Number of directions, out of the columns of a matrix, that the matrix removes."""
     return matrix.shape[1] - int(np.linalg.matrix_rank(matrix, rtol=SINGULAR))
 
 
 class Saltation:
-    """Saltation matrices of one system (itself, without tangent vectors) in double precision."""
+    """Saltation matrices of one system (without tangent vectors) in double precision."""
 
     def __init__(self, system: FilippovSystem) -> None:
         self.system, self.spaces = system, TangentSpace(system)
 
     def matrix(self, transition: Transition) -> Matrix:
-        """The saltation matrix of a transition, shape (n, n).
+        """Saltation matrix of a transition, shape (n, n).
 
-        A touch (``graze``) is given the identity: the limit from the side that misses the surface. From the
-        other side the flow is not differentiable there.
+        A touch (``graze``) has the identity: the limit from the side that misses the surface. From the other side the
+        flow is not differentiable there.
 
         Raises
         ------
         UnsupportedError
-            Where several surfaces change at one instant, and not by one condition: the flow has no derivative there,
-            only one a direction.
+            If several surfaces change at one instant by independent conditions: only directional derivatives exist.
         """
         before, after = transition.from_mode, transition.to_mode
         changed = [i for i, (a, b) in enumerate(zip(before, after, strict=True)) if a != b]
@@ -150,12 +149,12 @@ class Saltation:
         return identity + np.outer(f_after - f_before, normal) / (normal @ f_before + rate)
 
     def of_jump(self, jumped: Jumped, after: Mode) -> Matrix:
-        """The saltation matrix of a jump of the state to the mode ``after``, shape (n, n).
+        """Saltation matrix of a jump of the state into the mode ``after``, shape (n, n).
 
         Raises
         ------
         UnsupportedError
-            Where several surfaces that reset the state are reached at one instant.
+            If several surfaces that reset the state are reached at one instant.
         """
         t, (first, *others) = jumped.time, jumped.surfaces
         reached = [i for i in {*others} - {first} if self._is_on(i, jumped)]
@@ -171,12 +170,12 @@ class Saltation:
         return matrix + np.outer(f_after - matrix @ f_before - drift, normal) / (normal @ f_before + rate)
 
     def of_limit(self, transition: Transition) -> Matrix:
-        """What a perturbation after the last impact becomes where a body comes to rest on a surface h, shape (n, n).
+        """Saltation matrix from just after the last recorded impact to rest on a surface h, shape (n, n).
 
-        ``I - A (C A)^-1 C``, with the gradients of h and h' in the rows of C, and in the columns of A the change p of
-        the state by an impulse that changes h' by 1, and ``(df/dx) p - dp/dt``, by which the state moves on after one.
-        When the body comes to rest is of no account: from the impact on the force is the same in the mean. It is the
-        limit for a rest that follows at once.
+        It is ``I - A (C A)^-1 C``. The rows of C are the gradients of h and h'. The columns of A are the change p of
+        the state by an impulse that changes h' by 1, and ``(df/dx) p - dp/dt``, the rate of the state after this
+        impulse. The time of coming to rest has no effect, since the mean force is the same from the impact on. The
+        matrix is the limit for a rest that follows at once.
         """
         mode = transition.from_mode
         index = next(i for i, entry in enumerate(transition.to_mode) if entry == 0 != mode[i])
@@ -185,12 +184,11 @@ class Saltation:
         return np.eye(len(self.system.states)) - pushes.T @ np.linalg.solve(rows @ pushes.T, rows)
 
     def _is_on(self, index: int, jumped: Jumped) -> bool:
-        """Whether the state was on a surface before a jump, so far as rounding tells."""
         value, _, *gradient = self._guard(self.system.surfaces[index])(jumped.time, *jumped.before)
         return abs(value) <= AT_ZERO * sum(abs(g * x) for g, x in zip(gradient, jumped.before, strict=True))
 
     def _map(self, jumped: Jumped) -> tuple[Matrix, Matrix]:
-        """Derivatives of the maps applied, one after the other, in time, shape (n,), and in the state, shape (n, n)."""
+        """Derivatives of the composed maps of a jump by time, shape (n,), and by the state, shape (n, n)."""
         n, state = len(jumped.before), jumped.before
         drift, matrix = np.zeros(n), np.eye(n)
         for index in jumped.surfaces:
@@ -201,11 +199,10 @@ class Saltation:
         return drift, matrix
 
     def _continuous(self, transition: Transition) -> bool:
-        """A Filippov release: the equivalent sign reaches +-1, where the sliding field is the field beyond."""
+        """Check for a Filippov release: at an equivalent sign of +-1 the sliding field equals the slip field."""
         return transition.kind == "release" and transition.surface not in self.system.overrides
 
     def _reached(self, transition: Transition) -> sp.Expr:
-        """The function that fell to zero."""
         index, to_sign = transition.surface, transition.to_mode[transition.surface]
         if transition.kind != "release":
             return self.system.surfaces[index]
@@ -223,18 +220,18 @@ class Saltation:
 
     @kept
     def _guard(self, g: sp.Expr) -> _Function:
-        """Value, rate of change in time, gradient."""
+        """Value, rate of change in time, and gradient."""
         return self._lambdified([g, *(sp.diff(g, x) for x in (TIME, *self.system.states))])
 
     @kept
     def _values_and_slopes(self, index: int) -> _Function:
-        """The map of a surface, then its derivatives by time and states, row by row."""
+        """Map of a surface, then its derivatives by time and states, row by row."""
         values = jump_of(self.system, index).states
         return self._lambdified([*values, *(sp.diff(v, x) for v in values for x in (TIME, *self.system.states))])
 
     @kept
     def _pushes_and_gradients(self, mode: Mode, index: int) -> _Function:
-        """The columns of A, then the rows of C (:meth:`of_limit`)."""
+        """Columns of A, then rows of C (:meth:`of_limit`)."""
         system, impact = self.system, impact_of(self.system, index)
         assert impact is not None  # a body rests
         states, field, push = system.states, system.equations(mode).field, impact.push

@@ -1,10 +1,10 @@
-"""Tangent points: where a field of a Filippov system touches a surface, and how they are born and die.
+"""Tangent points of a Filippov system's fields on a surface, their birth and their disappearance.
 
-Section 2 and Sec. 4.1 of Olejnik and Awrejcewicz (2013), for any system: the transition function on the
-surface (Eqs. 8, 9, 19), its critical points (Eqs. 10-12, 20-22), the boundary values of a friction
-parameter (Eqs. 13, 23), the tangent points (Eqs. 16, 24), and whether each is visible. A point is visible
-where the orbit of the field that touches stays on that field's own side (Kuznetsov, Rinaldi and Gragnani,
-*Int. J. Bifurcation Chaos* 13 (2003) 2157-2188): the second derivative of h along it has the side's sign.
+Section 2 and Sec. 4.1 of Olejnik and Awrejcewicz (2013), for any system: the transition function on the surface (Eqs.
+8, 9, 19), its critical points (Eqs. 10-12, 20-22), the boundary values of a friction parameter (Eqs. 13, 23), the
+tangent points (Eqs. 16, 24), and their visibility. A tangent point is visible if the tangent orbit stays on the side of
+its own field (Kuznetsov, Rinaldi and Gragnani, *Int. J. Bifurcation Chaos* 13 (2003) 2157-2188): the second derivative
+of h along this field has the sign of the side.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ from henon_ref.taylor.tape import TIME
 from henon_ref.text import listed, shortened
 
 LONGEST, MOST_FUNCTIONS = 100, 4
-"""Operations, and functions among them, of an expression that is simplified and solved by SymPy's heuristics."""
+"""Largest number of operations, and of functions, of an expression that SymPy simplifies and solves by heuristics."""
 QUARTIC = 4
-"""Degree up to which roots are radicals."""
+"""Largest degree of a polynomial whose roots are returned as radicals."""
 MOST_DEGREES = 400
-"""Degrees, all together, of a rational function that is put over a common denominator."""
+"""Largest sum of degrees of a rational function that is put over a common denominator."""
 Visibility = Literal["visible", "invisible", "degenerate", "depends on time"]
 
 
 @dataclass(frozen=True)
 class SurfaceCoordinate:
-    """One coordinate z along a surface: the state on the surface is a function of z (and of time)."""
+    """Coordinate z along a surface: the state on the surface is a function of z (and of time)."""
 
     symbol: sp.Symbol
     """z."""
@@ -45,25 +45,25 @@ class SurfaceCoordinate:
 
 @dataclass(frozen=True)
 class TangentPoint:
-    """A point of the surface at which one of the two fields is tangent to it."""
+    """Point of the surface at which one of the two fields is tangent to it."""
 
     position: sp.Expr
     """Value of the surface coordinate."""
     side: int
-    """Sign -1 or +1 of the field that is tangent."""
+    """Sign -1 or +1 of the tangent field."""
     curvature: sp.Expr
-    """Second derivative of h along that field; it may hold time."""
+    """Second derivative of h along that field; it may depend on time."""
     visibility: Visibility
 
 
 @dataclass(frozen=True)
 class StickZone:
-    """An interval of the surface on which the transition function is negative."""
+    """Interval of the surface on which the transition function is negative."""
 
     low: sp.Expr
     high: sp.Expr
     attracting: bool
-    """Both fields point at the surface (False: both point away, and the future is not unique)."""
+    """Whether both fields point at the surface; if not, both point away, and the future is not unique."""
 
 
 class TangentAnalysis:
@@ -72,7 +72,7 @@ class TangentAnalysis:
     Parameters
     ----------
     system : FilippovSystem
-        Parameters may be free symbols, and the field may hold undefined functions of one variable.
+        Parameters may be free symbols, and the field may contain undefined functions of one variable.
     coordinate : SurfaceCoordinate
     surface : int
         Index of the surface.
@@ -80,7 +80,7 @@ class TangentAnalysis:
     Raises
     ------
     ModelError
-        If the surface and the coordinate do not fix the states that the transition function depends on.
+        If the surface and the coordinate do not determine the states on which the transition function depends.
     """
 
     def __init__(self, system: FilippovSystem, coordinate: SurfaceCoordinate, surface: int = 0) -> None:
@@ -90,7 +90,9 @@ class TangentAnalysis:
         z = coordinate.symbol
         found = sp.solve([system.surfaces[surface], coordinate.expression - z], system.states, dict=True)
         if len(found) != 1:
-            raise ModelError(f"{system.surfaces[surface]} = 0 and {z} = {coordinate.expression} fix no one state")
+            raise ModelError(
+                f"{system.surfaces[surface]} = 0 and {z} = {coordinate.expression} do not determine one state"
+            )
         self._place = found[0]
         below, above = (self._normal(s) for s in (-1, 1))
         self.normals: dict[int, sp.Expr] = {-1: below, 1: above}
@@ -100,7 +102,7 @@ class TangentAnalysis:
             raise ModelError(f"dh/dt on the surface depends on {sorted(map(str, left))} besides {z}")
 
     def on_surface(self, expression: sp.Expr) -> sp.Expr:
-        """An expression with the states put in terms of z and time."""
+        """Return an expression in terms of z and time."""
         return expression.subs(self._place, simultaneous=True)
 
     def _normal(self, side: int) -> sp.Expr:
@@ -110,7 +112,7 @@ class TangentAnalysis:
 
     @property
     def transition_function(self) -> sp.Expr:
-        """sigma(z), the product of dh/dt on both sides, Eqs. (8), (9), (19)."""
+        """sigma(z): product of dh/dt on both sides, Eqs. (8), (9), (19)."""
         return sp.factor(self.normals[-1] * self.normals[1])
 
     @property
@@ -123,9 +125,9 @@ class TangentAnalysis:
         return _real_roots(self.derivative, self.coordinate.symbol)
 
     def boundary_values(self, parameter: sp.Symbol) -> list[sp.Expr]:
-        """Values of a parameter at which a critical point is also a zero of sigma, Eqs. (13) and (23).
+        """Return the values of a parameter at which a critical point is also a zero of sigma, Eqs. (13) and (23).
 
-        There tangent points meet: the stick zones merge, part, are born or vanish.
+        Tangent points meet there: stick zones merge, split, appear or disappear.
         """
         z, sigma = self.coordinate.symbol, self.transition_function
         values = {
@@ -136,13 +138,13 @@ class TangentAnalysis:
         return sorted(values, key=sp.default_sort_key)
 
     def tangent_points(self) -> list[TangentPoint]:
-        """All tangent points, Eqs. (16) and (24), highest first; the parameters must be numbers."""
+        """Return all tangent points, Eqs. (16) and (24), highest first; the parameters must be numbers."""
         z = self.coordinate.symbol
         points = []
         for side, normal in self.normals.items():
             touching, rate = self.system.numeric(normal), self.system.numeric(self._curvature(side))
             if touching.is_polynomial(z) and rate.is_polynomial(z):
-                # What the tangency makes 0 (friction's slope times dh/dt) goes out exactly.
+                # The remainder drops terms that are zero at the tangent point (friction's slope times dh/dt), exactly.
                 rate = sp.rem(rate, touching, z)
             for root in _real_roots(touching, z):
                 curvature = sp.factor_terms(rate.subs(z, root))
@@ -161,7 +163,7 @@ class TangentAnalysis:
         return self.on_surface(rate)
 
     def stick_zones(self) -> list[StickZone]:
-        """Intervals between tangent points on which sigma < 0, highest first; numbers as parameters."""
+        """Return the intervals between tangent points with sigma < 0, highest first; the parameters must be numbers."""
         z, system = self.coordinate.symbol, self.system
         edges = [p.position for p in reversed(self.tangent_points())]
         zones = []
@@ -180,20 +182,20 @@ def tangent_points(
     along: str | sp.Expr | None = None,
     parameters: Mapping[Any, Any] | None = None,
 ) -> list[TangentPoint]:
-    """Where one of the two fields beside a surface is tangent to it: ends of sliding, in closed form.
+    """Return the points at which one of the two fields at a surface is tangent to it (ends of sliding), in closed form.
 
-    A point is visible where the orbit that touches stays on its own side (Kuznetsov, Rinaldi and Gragnani, *Int. J.
-    Bifurcation Chaos* 13 (2003) 2157-2188). Closed forms as in Eqs. (16) and (24) of Olejnik and Awrejcewicz (2013).
+    A point is visible if the tangent orbit stays on the side of its own field (Kuznetsov, Rinaldi and Gragnani, *Int.
+    J. Bifurcation Chaos* 13 (2003) 2157-2188). Closed forms as in Eqs. (16) and (24) of Olejnik and Awrejcewicz (2013).
 
     Parameters
     ----------
     system : System
     surface : str, optional
-        Name of its sign; may be left out where there is one surface.
+        Name of its sign; optional if there is only one surface.
     along : str or Expr, optional
-        Coordinate along the surface, in states and time; the one state that the surface leaves free if left out.
+        Coordinate along the surface, in states and time; by default the one state that the surface leaves free.
     parameters : mapping, optional
-        Values in place of the system's.
+        Values that replace the system's.
 
     Returns
     -------
@@ -203,11 +205,11 @@ def tangent_points(
     Raises
     ------
     HenonRefError
-        For an unknown name, and where the surface and the coordinate do not fix the states, or no closed form is found.
+        For an unknown name, if surface and coordinate do not determine the states, or if no closed form is found.
 
     Examples
     --------
-    On a belt the block sticks between the two places at which the spring's force is the friction:
+    On a belt the block sticks between the two points at which the spring force equals the friction:
 
     >>> import henon_ref as hr
     >>> belt = hr.System(["x", "v"], {"F": 1, "d": 3, "vb": 0.5}, {"s": "v - vb"}, ["v", "-x - F*s/(1 + d*s*(v - vb))"])
@@ -225,7 +227,7 @@ def tangent_points(
     free = [x for x in model.states if not model.surfaces[index].has(x)]
     if along is None and len(free) != 1:
         left = f"leaves {len(free)} states free" if free else "leaves no state free"
-        raise ArgumentError(f"the surface '{surface}' {left}: say along which coordinate, as in along='x'")
+        raise ArgumentError(f"the surface '{surface}' {left}: give the coordinate along it, as in along='x'")
     coordinate = SurfaceCoordinate(
         sp.Dummy("z", real=True), free[0] if along is None else system.expression(along, "along")
     )
@@ -245,12 +247,12 @@ def _visibility(curvature: sp.Expr, side: int) -> Visibility:
 
 
 def _real_roots(expression: sp.Expr, z: sp.Symbol) -> list[sp.Expr]:
-    """Real roots, without multiplicity; cubics in trigonometric form, which holds no complex numbers.
+    """Return the real roots, without multiplicity; cubics in trigonometric form, without complex numbers.
 
     Raises
     ------
     ModelError
-        For what is too long to look for a closed form.
+        If the expression is too long for a closed form.
     """
     roots: list[sp.Expr] = []
     for factor, _ in sp.factor_list(_numerator(expression, z))[1]:
@@ -270,7 +272,6 @@ def _real_roots(expression: sp.Expr, z: sp.Symbol) -> list[sp.Expr]:
 
 
 def _numerator(expression: sp.Expr, z: sp.Symbol) -> sp.Expr:
-    """Numerator of an expression over a common denominator."""
     if _is_short(expression) or expression.is_polynomial(z):
         return sp.numer(sp.together(expression))
     if (
@@ -278,13 +279,13 @@ def _numerator(expression: sp.Expr, z: sp.Symbol) -> sp.Expr:
         and expression.is_rational_function(z)
         and _degrees(expression, z) <= MOST_DEGREES
     ):
-        with suppress(sp.CoercionFailed, ValueError):  # where its numbers are not rational
+        with suppress(sp.CoercionFailed, ValueError):  # raised if its numbers are not rational
             return sp.QQ.frac_field(z).from_sympy(expression).numer.as_expr()
     raise _too_long(expression)
 
 
 def _degrees(expression: sp.Expr, z: sp.Symbol) -> int:
-    """Degrees of all that is added and multiplied in a rational function: more than its numerator's."""
+    """Return an upper bound of the numerator's degree: the sum of the degrees of all terms and factors."""
     if not expression.has(z):
         return 0
     if expression.is_Pow:
@@ -293,7 +294,7 @@ def _degrees(expression: sp.Expr, z: sp.Symbol) -> int:
 
 
 def _is_short(expression: sp.Expr) -> bool:
-    """Whether SymPy's heuristics end soon: few operations, and functions that do not stand in each other."""
+    """Check whether SymPy's heuristics end soon: few operations, and no nested functions."""
     functions = expression.atoms(sp.Function)
     return (
         size(expression, LONGEST) <= LONGEST
@@ -303,11 +304,11 @@ def _is_short(expression: sp.Expr) -> bool:
 
 
 def _too_long(expression: sp.Expr) -> ModelError:
-    return ModelError(f"no closed form of the tangent points is looked for in {shortened(str(expression))}: too long")
+    return ModelError(f"no closed form of the tangent points of {shortened(str(expression))}: it is too long")
 
 
 def _cubic_roots(poly: sp.Poly) -> list[sp.Expr]:
-    """Real roots of a cubic: Viète's cosines where there are three, Cardano's real radicals where there is one."""
+    """Return the real roots of a cubic: Viète's cosines if there are three, Cardano's real radicals if there is one."""
     a, b, c, d = poly.all_coeffs()
     p = sp.simplify((3 * a * c - b**2) / (3 * a**2))
     q = sp.simplify((2 * b**3 - 9 * a * b * c + 27 * a**2 * d) / (27 * a**3))

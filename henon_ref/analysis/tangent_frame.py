@@ -1,8 +1,8 @@
-"""An orthonormal frame of tangent vectors carried along a trajectory, and how fast its vectors grow.
+"""Orthonormal frame of tangent vectors along a trajectory, and the growth of its vectors.
 
-Vectors are made orthonormal again (QR) before they are too nearly parallel for double precision, which their condition
-number tells. Between two losses of rank the sum of all logarithms is that of a volume, which is known otherwise: the
-integrated divergence along the tangent spaces of the modes, and the volumes' factors of the saltation matrices.
+The vectors are orthonormalized (QR) before they become too nearly parallel for double precision, as measured by their
+condition number. Between two losses of rank, the sum of all logarithms of growth is that of a volume. It is checked
+against the integrated divergence in the modes' tangent spaces plus the volume factors of the saltation matrices.
 """
 
 from __future__ import annotations
@@ -19,36 +19,36 @@ from henon_ref.errors import UnsupportedError
 from henon_ref.trajectory import Status, Trajectory
 
 CONDITION = 1e5
-"""Condition number of the frame at which it is made orthonormal again."""
+"""Condition number of the frame at which it is orthonormalized."""
 TAKEN_BACK = 1e8
-"""Condition number at which a stretch is done again, in shorter parts: the last growth has lost half its digits."""
+"""Condition number at which a stretch is repeated in shorter parts: the last growth has lost half its digits."""
 FIRST = 2.0**-20
-"""Part of the time ahead that is gone to begin with, before anything of the growth is seen."""
+"""First stretch as a part of the total time, before any growth is measured."""
 IDENTITY = 1e-8
-"""How far the logarithms' sum may be off, relative to the sum of the absolute values of all terms."""
+"""Tolerance of the sum of logarithms, relative to the sum of the absolute values of all terms."""
 LOCAL_ERROR = IDENTITY / CONDITION
-"""Largest local error of a step for that: the frame's condition number multiplies it."""
+"""Largest local error of a step for this tolerance: the frame's condition number multiplies it."""
 PARALLEL = 1e-8
-"""A vector that a transition leaves with less than this part beside those before it is the one that it takes away."""
+"""Part of a vector orthogonal to those before it, up to which the vector counts as removed by a transition."""
 
 TURNED = 1e-3
-"""How much the first frame is turned, so that no direction is left out that grows later on."""
+"""Size of a random perturbation of the first frame, so that it excludes no direction that grows later."""
 
 
 class TangentFrame:
-    """An orthonormal frame of tangent vectors along a flow, and the logarithms of how they grew.
+    """Orthonormal frame of tangent vectors along a flow, and the logarithms of their growth.
 
     Attributes
     ----------
     logs : ndarray, shape (n,)
-        Logarithms since the averages began; ``-inf`` for directions that are lost.
+        Logarithms since the averaging began; ``-inf`` for removed directions.
     times : list of float
-        Times since then [s].
+        Times since the averaging began [s].
     history : list of ndarray
-        ``logs`` over those times [1/s].
+        ``logs`` divided by those times [1/s].
     transitions : int
     stuck : float
-        Time in which any surface slid [s].
+        Time in which at least one surface slid [s].
     """
 
     def __init__(self, flow: TangentFlow, tolerance: float) -> None:
@@ -59,7 +59,7 @@ class TangentFrame:
         self.reset()
 
     def reset(self) -> None:
-        """Begin the averages here, with all directions that the present mode has."""
+        """Begin the averaging now, with all directions of the present mode."""
         self.counted = list(range(self.dimension))
         self.logs = np.where(np.arange(self.n) < self.dimension, 0.0, -np.inf)
         self.volume = _Volume(self.n * self.tolerance)
@@ -70,7 +70,7 @@ class TangentFrame:
         self.history: list[Matrix] = []
 
     def run(self, until: float) -> tuple[Status, str]:
-        """Go to a time."""
+        """Advance to a time."""
         flow = self.flow
         self.ahead = self.ahead or FIRST * (until - flow.time)
         while flow.time < until:
@@ -81,7 +81,7 @@ class TangentFrame:
                 flow.go_back(saved)
                 self.ahead = passed / 2
                 continue
-            # As far as the condition number gets at the rate that is seen, and at most twice as far as now.
+            # Next stretch: until CONDITION at the measured rate, but at most twice the present stretch.
             growth = math.log(condition) / math.log(CONDITION)
             if growth > 1:
                 self.ahead = passed / growth
@@ -110,7 +110,7 @@ class TangentFrame:
         self.flow.vectors = basis
 
     def _cross(self, event: TangentTransition) -> None:
-        """Take the orthonormal frame through a transition; directions that the mode after has besides are added."""
+        """Multiply the frame by the saltation matrix of a transition; add directions that only the next mode has."""
         flow, spaces = self.flow, self.flow.spaces
         self.transitions += 1
         through = event.saltation @ spaces.basis(*event.begin)
@@ -130,7 +130,7 @@ class TangentFrame:
         self.dimension = frame.shape[1]
 
     def _without_lost(self, vectors: Matrix, lost: int) -> Matrix:
-        """The vectors less those that a transition has taken away: each is in the span of those before it."""
+        """Return the vectors without those that a transition removed: each is in the span of those before it."""
         for _ in range(lost):
             sizes = np.abs(np.diag(np.linalg.qr(vectors)[1]))
             small = np.flatnonzero(sizes <= PARALLEL * np.abs(vectors).max())
@@ -153,9 +153,9 @@ class TangentFrame:
 
 
 def _first_frame(flow: TangentFlow) -> Matrix:
-    """The frame that vectors would have come to, but for :data:`TURNED`, with the start's Jacobian all the time before.
+    """Return the frame to which vectors converge under the Jacobian of the start, perturbed by :data:`TURNED`.
 
-    It begins with the directions that grow fastest; of a linear system the averages are then exact from the start on.
+    The directions of largest growth are first; the averages of a linear system are then exact from the start.
     """
     basis = flow.spaces.basis(flow.mode, flow.time, flow.state)
     rates, vectors = np.linalg.eig(basis.T @ flow.spaces.jacobian(flow.mode, flow.time, flow.state) @ basis)
@@ -166,21 +166,21 @@ def _first_frame(flow: TangentFlow) -> Matrix:
 
 @dataclass
 class _Volume:
-    """How far the logarithms of a frame's growth are from those of its volume, since rank was last lost."""
+    """Difference between the logarithms of a frame's growth and of its volume's, since the last loss of rank."""
 
     rounding: float
-    """What a stretch may be off anyhow."""
+    """Rounding error of a stretch."""
     off: float = field(default=0.0, init=False)
     terms: float = field(default=0.0, init=False)
     allowed: float = field(default=0.0, init=False)
 
     def add(self, grown: NDArray[np.float64], volume: float) -> None:
-        """Add a stretch; an UnsupportedError where they do not agree."""
+        """Add a stretch; UnsupportedError if growth and volume disagree."""
         self.off += float(grown.sum()) - volume
         self.terms += float(np.abs(grown).sum()) + abs(volume)
         self.allowed += self.rounding
         if not abs(self.off) <= IDENTITY * self.terms + self.allowed:
             raise UnsupportedError(
-                "the tangent vectors' growth is lost in rounding: the sum of its logarithms is off by "
-                f"{self.off:.3g} from the integrated divergence, of terms of {self.terms:.3g} altogether"
+                "the growth of the tangent vectors is lost in rounding: the sum of its logarithms differs by "
+                f"{self.off:.3g} from the integrated divergence, and all absolute terms sum to {self.terms:.3g}"
             )

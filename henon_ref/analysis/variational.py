@@ -1,22 +1,21 @@
-"""Variational equations of a Filippov system: tangent vectors carried through slip, stick and every transition.
+"""Variational equations of a Filippov system: tangent vectors through slip, stick and every transition.
 
-Inside a mode a tangent vector v obeys ``v' = (df/dx) v`` with the field of that mode; in sliding that is the
-sliding field, so v stays tangent to the surface. At a transition the state is continuous but f jumps, and v
-is multiplied by the saltation matrix
+Inside a mode a tangent vector v satisfies ``v' = (df/dx) v`` with the field of that mode; in sliding this is the
+sliding field, so v stays tangent to the surface. At a transition the state is continuous but f jumps, and v is
+multiplied by the saltation matrix
 
     S = I + (f_after - f_before) (grad g)^T / (grad g . f_before + dg/dt),
 
-g being the function whose zero ends the mode: the surface h for a crossing or a stick, and for an overridden
-sliding the function that releases it. Where the state jumps, x -> R(t, x), it is
+where g is the function whose zero ends the mode: the surface h for a crossing or a stick, and the release guard for an
+overridden sliding. If the state jumps, x -> R(t, x), it is
 
     S = dR/dx + (f_after - (dR/dx) f_before - dR/dt) (grad g)^T / (grad g . f_before + dg/dt),
 
-f_after being at the state after, in the mode that follows (at rest, where the impact takes all speed), all else before.
-Where impacts on h accumulate, their limit takes both h and its speed h' away (:meth:`Saltation.of_limit`).
-A Filippov release is continuous in f, so S = I. Where the mode after
-slides, ``(grad h)^T S = 0``: one direction of perturbations is lost for good, and one Lyapunov exponent is
--infinity. See Leine and Nijmeijer, *Dynamics and Bifurcations of Non-Smooth Mechanical Systems* (2004),
-Ch. 7, and di Bernardo et al., *Piecewise-smooth Dynamical Systems* (2008), Sec. 2.5.
+where f_after is taken at the state after the jump, in the next mode (at rest, if the impact takes all speed), and all
+other terms before it. If impacts on h accumulate, their limit removes both h and h' (:meth:`Saltation.of_limit`). At a
+Filippov release f is continuous, so S = I. If the next mode slides, (grad h)^T S is zero: one direction is lost for
+good, and one Lyapunov exponent is -infinity. See Leine and Nijmeijer, *Dynamics and Bifurcations of Non-Smooth
+Mechanical Systems* (2004), Ch. 7, and di Bernardo et al., *Piecewise-smooth Dynamical Systems* (2008), Sec. 2.5.
 """
 
 from __future__ import annotations
@@ -46,19 +45,18 @@ from henon_ref.trajectory import Trajectory, Transition
 
 @dataclass(frozen=True, eq=False)
 class AugmentedSystem(FilippovSystem):
-    """A system with n tangent vectors and their volume: ``(x, V, w)' = (f, (df/dx) V, tr df/dx)``, mode by mode.
+    """System with n tangent vectors and their volume: ``(x, V, w)' = (f, (df/dx) V, tr df/dx)``, mode by mode.
 
-    Surfaces, guards and equivalent signs are those of the base: perturbations do not move transitions. The
-    sliding part is the derivative of the base's own sliding field, not a sliding field of all three; w is then the
-    logarithm of volumes along the surface.
+    Surfaces, guards and equivalent signs are those of the base: perturbations do not move transitions. The sliding
+    field of V is the derivative of the base's sliding field, not a Filippov combination of the augmented fields; w is
+    then the logarithm of volumes along the surface.
     """
 
     base: FilippovSystem | None = None
-    """The system itself; its states come first, then V (n, n), row-major, then w."""
+    """The system without tangent vectors; its states come first, then V (n, n), row-major, then w."""
 
     @classmethod
     def of(cls, base: FilippovSystem) -> AugmentedSystem:
-        """A system with tangent vectors beside it."""
         taken = {symbol.name for symbol in (*base.states, *base.signs, *base.parameters)}
         prefix = "v"
         while any(name.startswith(prefix + "_") for name in taken):
@@ -81,7 +79,7 @@ class AugmentedSystem(FilippovSystem):
 
     @cached_property
     def switched(self) -> None:
-        """None: a contact of the base that slides changes the rates of tangent vectors, too."""
+        """None: a sliding contact of the base also changes the rates of the tangent vectors."""
         return None
 
     @kept
@@ -93,14 +91,14 @@ class AugmentedSystem(FilippovSystem):
         return replace(equations, field=field)
 
     def with_reactions(self, resting: frozenset[int]) -> SwitchedField:
-        """See :meth:`FilippovSystem.with_reactions`: of the base, whose contacts these are."""
+        """See :meth:`FilippovSystem.with_reactions`; the contacts are those of the base."""
         return cast(FilippovSystem, self.base).with_reactions(resting)
 
 
 def _with_tangents(
     base: FilippovSystem, field: tuple[sp.Expr, ...], vectors: tuple[sp.Symbol, ...], sliding: frozenset[int]
 ) -> tuple[sp.Expr, ...]:
-    """A field, then (df/dx) V row by row, then the rate of the volume's logarithm."""
+    """Return a field, then (df/dx) V row by row, then the rate of the volume's logarithm."""
     n = len(base.states)
     rows: list[sp.Expr] = list(field)
     for f in field:
@@ -111,21 +109,21 @@ def _with_tangents(
 
 @dataclass(frozen=True)
 class TangentTransition:
-    """A transition that tangent vectors come to."""
+    """Transition reached by the tangent vectors."""
 
     transition: Transition
     saltation: Matrix
-    """S, shape (n, n): what tangent vectors are multiplied by."""
+    """S, shape (n, n): factor of the tangent vectors."""
     begin: tuple[Mode, float, tuple[float, ...]]
     """Mode, time [s] and state just before it."""
     jumps: bool
-    """Whether the state jumps, so that S itself may take directions away."""
+    """Whether the state jumps, so that S may remove directions."""
 
 
 class TangentFlow:
-    """A trajectory and n tangent vectors along it, which start as the identity.
+    """Trajectory with n tangent vectors, which start as the identity.
 
-    ``tolerance`` is the local error of a step, of states and tangent vectors alike, each relative to its own size.
+    ``tolerance``: local error of a step, of states and tangent vectors, each relative to its own size.
     """
 
     def __init__(self, problem: Problem, *, tolerance: float) -> None:
@@ -156,10 +154,7 @@ class TangentFlow:
 
     @property
     def vectors(self) -> Matrix:
-        """Present tangent vectors, shape (n, n): a copy. To assign to it, a column a vector, starts their volume anew.
-
-        Columns that are left out are zero from then on.
-        """
+        """Present tangent vectors, shape (n, n): a copy. Assigned columns restart the volume; missing ones are zero."""
         return self._run.x[self._n : -1].reshape(self._n, self._n).copy()
 
     @vectors.setter
@@ -171,27 +166,25 @@ class TangentFlow:
 
     @property
     def log_volume(self) -> float:
-        """The divergence in the mode's tangent space, integrated since vectors were assigned."""
+        """Divergence in the mode's tangent space, integrated since vectors were assigned."""
         return float(self._run.x[-1])
 
     def saved(self) -> NDArray[np.float64]:
-        """Where it stands, for :meth:`go_back`."""
+        """Return the state of the run for :meth:`go_back`."""
         return self._run.state.copy()
 
     def go_back(self, saved: NDArray[np.float64]) -> None:
-        """Go back to where it stood."""
         self._run.go_back(saved)
 
     def advance(self, until: sp.Expr | float) -> TangentTransition | Trajectory:
-        """Go to the next transition, or to ``until`` [s] if that comes first: exact numbers, kept to double-double.
+        """Advance to the next transition, or to ``until`` [s] if that is earlier (exact numbers: to double-double).
 
         Returns
         -------
         TangentTransition
-            Of the transition; state and mode are those just after it, the vectors those just before it.
+            The transition; state and mode are then those just after it, the vectors those just before it.
         Trajectory
-            Where there was none before ``until`` (status ``ok``; go on with a later ``until``), or the run
-            ended there.
+            If no transition was before ``until`` (status ``ok``; a later ``until`` continues), or if the run ended.
         """
         self._run.until = (until, 0.0) if isinstance(until, float) else double_double(sp.sympify(until))
         event = self._run.next_event()
@@ -210,18 +203,18 @@ class TangentFlow:
 
 
 def fundamental_matrix(problem: Problem, since: sp.Expr, until: sp.Expr, *, tolerance: float) -> tuple[Matrix, int]:
-    """Derivative of the state at ``until`` [s] by the state at ``since`` [s], along a problem's solution.
+    """Return the derivative of the state at ``until`` [s] by the state at ``since`` [s], along a problem's solution.
 
     Returns
     -------
     matrix : ndarray, shape (n, n)
     rank : int
-        No more than this many directions are left; known from the sticks entered, not from digits.
+        Upper bound of the number of remaining directions, from the sticks entered, not from digits.
 
     Raises
     ------
     UnsupportedError
-        Where the solution ends before ``until``, or several surfaces change at one instant.
+        If the solution ends before ``until``, or if several surfaces change at one instant.
     """
     flow = TangentFlow(problem, tolerance=tolerance)
     rank = n = len(problem.system.states)

@@ -1,6 +1,6 @@
-"""Files of the cache: with a checksum in front, written whole or not at all, and read only where nothing is wrong.
+"""Files of the cache: with a leading checksum, written atomically, and read only if intact.
 
-A link is neither followed nor written through, and what another user could have written is not read.
+Symbolic links are neither followed nor overwritten. A file that another user could have written is not read.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from pathlib import Path
 from henon_ref.jit import cache_folder
 
 _CHECK = 32
-"""Bytes of the checksum: SHA-256 of the file's name and of what follows."""
+"""Bytes of the checksum: SHA-256 of the file's name and content."""
 _LOG = logging.getLogger(__name__)
 
 
 def read(file: Path) -> bytes | None:
-    """What was written into a file; None where there is none that can be trusted, which is logged."""
+    """Return the content of a file; None, with a log entry, if the file cannot be trusted; None if there is none."""
     try:
         with open(file, "rb", opener=_own_file) as stream:
             status = os.fstat(stream.fileno())
@@ -39,12 +39,12 @@ def read(file: Path) -> bytes | None:
 
 
 def write(file: Path, content: bytes) -> None:
-    """Keep something in a file of the cache, whose folder is made where it is missing.
+    """Write a file of the cache; a missing folder is made.
 
     Raises
     ------
     OSError
-        Where it cannot be written; what was there before stays.
+        If it cannot be written; an earlier version then remains.
     """
     file.parent.mkdir(mode=cache_folder.PRIVATE, exist_ok=True)
     handle, name = tempfile.mkstemp(dir=file.parent)
@@ -60,7 +60,7 @@ def write(file: Path, content: bytes) -> None:
 
 
 def _own_file(name: str, flags: int) -> int:
-    """Open what is no link, without waiting for what is no file."""
+    """Open without following a link, and without blocking on a pipe."""
     return os.open(name, flags | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0), 0o600)
 
 

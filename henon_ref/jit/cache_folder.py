@@ -1,13 +1,13 @@
-"""The folder that compiled code is kept in, and what is done where it cannot be used.
+"""Folder of compiled code, and its replacement if it cannot be used.
 
-The machine code in it is run. The folder is therefore refused unless it belongs to the user, and neither group nor
-others can write to it; so is the folder in it that is used. No folder above it may be open to everybody (one with
-the sticky bit, such as ``/tmp``, may). A symbolic link in its place must be the user's or root's; what it leads to is
-used, under the same rules. Each file is looked at again when it is read (:mod:`henon_ref.jit.cache_files`).
+The machine code in the folder is executed. Therefore the folder, and the subfolder in use, must belong to the user and
+must not be writable by group or others. No folder above may be writable by everybody, except with the sticky bit
+(``/tmp``). A symbolic link in place of the folder must belong to the user or root; its target is used under the same
+rules. Each file is checked again when it is read (:mod:`henon_ref.jit.cache_files`).
 
-A folder that is refused, or cannot be written, is replaced by a private temporary one: for this process and those that
-it begins, until it ends. A cache never decides whether a run succeeds. What was refused is logged as a warning, which
-a command shows on standard error.
+If the folder is refused or cannot be written, a private temporary folder replaces it, for this process and the
+processes that it starts, until it ends. A cache never decides whether a run succeeds. The refusal is logged as a
+warning, which commands print on standard error.
 """
 
 from __future__ import annotations
@@ -26,24 +26,24 @@ from pathlib import Path
 from platformdirs import user_cache_path
 
 VARIABLE = "HENON_REF_CACHE_DIR"
-"""Environment variable of the folder; without it, it is ``henon_ref`` in the user's cache (``XDG_CACHE_HOME``)."""
+"""Environment variable with the folder; by default ``henon_ref`` in the user's cache (``XDG_CACHE_HOME``)."""
 OBJECTS = "objects"
-"""Folder in it of modules' machine code."""
+"""Subfolder of the modules' machine code."""
 PRIVATE = 0o700
-"""Mode of folders that are made here."""
+"""Mode of new folders."""
 LONGEST_NAME = 500
-"""Characters of a path in a message."""
+"""Largest number of characters of a path in a message."""
 _PROBE = 4096
-"""Bytes that must find room in the folder."""
+"""Bytes that a test file in the folder must be able to hold."""
 _NOWHERE = Path(os.devnull, "henon_ref")
-"""A folder that cannot be: nothing is found in it, nothing is kept."""
+"""Path that cannot exist: no file is found or kept in it."""
 _LOG = logging.getLogger(__name__)
 
 
 def cache_root() -> Path:
-    """Folder of what is compiled: ``HENON_REF_CACHE_DIR``, or the user's cache; where refused, a temporary one.
+    """Folder of compiled code: ``HENON_REF_CACHE_DIR``, or the user's cache; if refused, a temporary folder.
 
-    The variable then leads to that one, so that processes begun from here on use it, too.
+    The environment variable then names the temporary folder, so that processes started later use it as well.
     """
     return _usable(Path(os.environ.get(VARIABLE) or user_cache_path("henon_ref")))
 
@@ -58,16 +58,16 @@ def _usable(wanted: Path) -> Path:
     os.environ[VARIABLE] = str(instead)
     where = "is not kept" if instead == _NOWHERE else "is in a temporary folder until the end"
     _LOG.warning(
-        "cache folder %s is not used: %s; compiled code %s (mend that, or name another by %s or XDG_CACHE_HOME)",
+        "cache folder %s is not used: %s; compiled code %s (correct this, or name another by %s or XDG_CACHE_HOME)",
         *(_named(wanted), reason, where, VARIABLE),
     )
     return instead
 
 
 def _refused(wanted: Path, folder: Path) -> str | None:
-    """Why a folder is not used, in words; it is made where it is missing.
+    """Make a folder if it is missing; return the reason if it cannot be used, else None.
 
-    ``folder`` is where the ``wanted`` one is, links followed.
+    ``folder``: ``wanted`` with links resolved.
     """
     try:
         reason = _link_of_another(wanted)
@@ -91,7 +91,7 @@ def _link_of_another(wanted: Path) -> str | None:
 
 
 def _open_to_others(wanted: Path, folder: Path) -> str | None:
-    """How another user could put files into a folder, in words; None where nobody can."""
+    """Return how another user could put files into a folder; None if impossible."""
     if sys.platform == "win32":
         return None
     for above in (*wanted.absolute().parents, *folder.parents):
@@ -100,7 +100,7 @@ def _open_to_others(wanted: Path, folder: Path) -> str | None:
             return f"others can write to {_named(above)}"
     if found := foreign(folder.lstat()):
         return found
-    with suppress(FileNotFoundError):  # it is not there yet
+    with suppress(FileNotFoundError):  # not yet made
         status = (folder / OBJECTS).lstat()
         found = foreign(status) if stat.S_ISDIR(status.st_mode) else "it is not a folder"
         if found:
@@ -109,7 +109,7 @@ def _open_to_others(wanted: Path, folder: Path) -> str | None:
 
 
 def foreign(status: os.stat_result) -> str | None:
-    """Why what has this status may hold what another user has written, in words; None where it cannot."""
+    """Return why a file or folder with this status may hold data of another user; None if it cannot."""
     if sys.platform == "win32":
         return None
     if status.st_uid != os.geteuid():
@@ -120,7 +120,7 @@ def foreign(status: os.stat_result) -> str | None:
 
 
 def _temporary_folder() -> Path:
-    """A private folder that is removed when this process ends."""
+    """Make a private folder that is removed when this process ends."""
     try:
         made = Path(tempfile.mkdtemp(prefix="henon_ref-"))
     except OSError:
@@ -128,12 +128,12 @@ def _temporary_folder() -> Path:
     if _refused(made, made) is not None:
         shutil.rmtree(made, ignore_errors=True)
         return _NOWHERE
-    # Unlike atexit's, these calls are made at the end of multiprocessing's processes, too, and not by a fork's.
+    # Unlike atexit, Finalize also runs at the end of multiprocessing's processes, and not in a fork.
     Finalize(None, shutil.rmtree, (made,), {"ignore_errors": True}, exitpriority=0)
     return made
 
 
 def _named(path: Path) -> str:
-    """A path as printable text, its middle left out where it is long."""
+    """Return a path as printable text; the middle of a long path is left out."""
     text = repr(str(path))
     return text if len(text) <= LONGEST_NAME else f"{text[: LONGEST_NAME // 2]}...{text[-LONGEST_NAME // 2 :]}"

@@ -1,7 +1,7 @@
-"""Writing LLVM IR: instructions that know structural zeros, and nothing of what they are for.
+"""Writer of LLVM IR: instructions that skip structural zeros, independent of their application.
 
-The optimiser has no licence to fuse, reorder or approximate: what is fused is said (``llvm.fma``), a sum has the order
-in which it is written, and so the digits are the same whatever the processor.
+The optimiser may not fuse, reorder or approximate. Fused operations are explicit (``llvm.fma``) and sums keep their
+written order, so the digits do not depend on the processor.
 """
 
 from __future__ import annotations
@@ -12,14 +12,14 @@ from collections.abc import Callable, Sequence
 from henon_ref.kernel.shared import kernel
 
 LANES: int = kernel.LANES
-"""Doubles in a vector."""
+"""Number of doubles in a vector."""
 LIBM = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "asin", "acos", "atan", "exp", "log")
 _OF_LIBM = "nobuiltin readnone nounwind"
-"""Called as they are named: not replaced by a vector library's (SVML), say, which has other last digits."""
+"""Attributes of calls to the C library: no vector library (SVML, say), whose last digits differ, may replace them."""
 _INTRINSICS = ("sqrt", "fabs", "fma", "rint")
 
 Value = str | None
-"""An LLVM value, or None for a structural zero."""
+"""LLVM value, or None for a structural zero."""
 ZERO = "0x0000000000000000"
 ONE = "0x3FF0000000000000"
 MINUS = "0xBFF0000000000000"
@@ -32,7 +32,7 @@ def row_length(order: int) -> int:
 
 
 def literal(value: float) -> str:
-    """A double as LLVM writes it, exactly."""
+    """Exact double in LLVM's notation."""
     return f"0x{struct.unpack('<Q', struct.pack('<d', value))[0]:016X}"
 
 
@@ -50,7 +50,7 @@ def declarations() -> str:
 
 
 def loop_function(name: str, arguments: str, body: Sequence[str]) -> str:
-    """LLVM IR of a function of the module's own that does something for ``%at`` from 0 to below its ``i64 %count``."""
+    """LLVM IR of an internal function that executes ``body`` for ``%at`` from 0 to its ``i64 %count`` - 1."""
     return "\n".join(
         [
             f"define internal void @{name}({arguments}) noinline {{",
@@ -74,14 +74,13 @@ def loop_function(name: str, arguments: str, body: Sequence[str]) -> str:
 
 
 class IRWriter:
-    """Emits instructions into one function."""
+    """Writer of the instructions of one function."""
 
     def __init__(self) -> None:
         self.lines: list[str] = []
         self._next = 0
 
     def name(self) -> str:
-        """A new name."""
         self._next += 1
         return f"v{self._next}"
 
@@ -106,7 +105,7 @@ class IRWriter:
         return self.binary("fadd", a, b)
 
     def fused(self, a: Value, b: Value, c: Value) -> Value:
-        """a b + c, rounded once."""
+        """a b + c, with one rounding."""
         if c is None or a is None or b is None:
             return c if a is None or b is None else self.mul(a, b)
         if ONE in (a, b):
@@ -130,15 +129,14 @@ class IRWriter:
         return self.binary("fadd", a, b)
 
     def larger(self, a: str, b: str) -> str:
-        """The larger of two numbers that are not negative."""
+        """The larger of two non-negative numbers."""
         return self.emit(f"select i1 {self.emit(f'fcmp ogt double {a}, {b}')}, double {a}, double {b}")
 
     def smaller(self, a: str, b: str) -> str:
-        """The smaller of two numbers."""
         return self.emit(f"select i1 {self.emit(f'fcmp olt double {a}, {b}')}, double {a}, double {b}")
 
     def paired(self, operation: Callable[[str, str], str], values: Sequence[str]) -> str:
-        """All values taken together in pairs of pairs; zero where there is none."""
+        """Combine all values pairwise, as a binary tree; zero if there are none."""
         values = list(values)
         while len(values) > 1:
             pairs = [operation(values[i], values[i + 1]) for i in range(0, len(values) - 1, 2)]
@@ -160,7 +158,6 @@ class IRWriter:
     # -- vectors ----------------------------------------------------------------------------------------
 
     def vector(self, values: Sequence[str]) -> str:
-        """A vector of scalar values."""
         kind = f"<{len(values)} x double>"
         if all(v.startswith("0x") for v in values):
             return f"<{', '.join(f'double {v}' for v in values)}>"
@@ -185,7 +182,7 @@ class IRWriter:
         return self.emit(f"extractelement <{lanes} x double> {a}, i64 {at}")
 
     def across(self, lanes: int, a: str) -> str:
-        """Sum of a vector's lanes: its upper half on its lower one, until one is left."""
+        """Sum of a vector's lanes: the upper half is added to the lower half until one lane is left."""
         while lanes > 1:
             half = lanes // 2
             low, high = (self.shuffled(lanes, a, range(first, first + half)) for first in (0, half))
@@ -195,7 +192,7 @@ class IRWriter:
     # -- sums -------------------------------------------------------------------------------------------
 
     def total_lanewise(self, lanes: int, pairs: Sequence[tuple[str, str]]) -> str:
-        """Sum of products of vectors, in chains."""
+        """Sum of products of vectors, in two chains."""
 
         def fused(a: str, b: str, c: Value) -> str:
             return self.lanewise("fmul", lanes, a, b) if c is None else self.lanewise_fused(lanes, a, b, c)
@@ -204,10 +201,10 @@ class IRWriter:
         return self.lanewise("fadd", lanes, first or "", second) if second else first or ""
 
     def total(self, old: Sequence[tuple[Value, Value]], new: Sequence[tuple[Value, Value]] = ()) -> Value:
-        """Sum of products: the ``old`` ones in two chains, then the ``new`` ones, one fused operation each.
+        """Sum of products: the ``old`` products in two chains, then each ``new`` product by one fused operation.
 
-        A coefficient waits for the newest coefficients of its arguments; with their products added last,
-        to a sum made before, each operation adds one instruction to the chain from order to order.
+        A coefficient depends on the newest coefficients of its arguments. Their products are added last, to a sum
+        computed before, so each operation adds only one instruction to the critical path from order to order.
         """
         chains = _chained([(a, b) for a, b in old if a is not None and b is not None], self.fused)
         total = self.add(chains[1], chains[0])
@@ -217,7 +214,7 @@ class IRWriter:
 
 
 def _chained(pairs: Sequence[tuple[str, str]], fused: Callable[[str, str, Value], Value]) -> tuple[Value, Value]:
-    """Sums of products in two chains, which are not in each other's way; all in the first where they are few."""
+    """Sums of products in two independent chains; a single chain if there are few."""
     chains: list[Value] = [None, None]
     for at, (a, b) in enumerate(pairs):
         which = at % 2 if len(pairs) > 3 else 0

@@ -1,4 +1,4 @@
-"""LLVM IR to callable machine code by llvmlite, kept on disk by a hash of the IR, or of what that is made from."""
+"""Compilation of LLVM IR to callable machine code by llvmlite, cached on disk by a hash of the IR or of its source."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from henon_ref.jit.cache_folder import OBJECTS, cache_root
 from henon_ref.jit.target import target
 
 KEPT = 2048
-"""Objects kept on disk; when there are more, the half that was not used for longest goes."""
+"""Largest number of objects on disk; beyond it, the half that was unused for longest is removed."""
 _FORM = 2
-"""Number of the form that objects have on disk."""
+"""Version of the format of objects on disk."""
 
 
 def _target(*, optimised: bool) -> llvm.TargetMachine:
@@ -31,21 +31,19 @@ def _target(*, optimised: bool) -> llvm.TargetMachine:
 
 
 class NativeModule:
-    """A compiled module; its functions live as long as this object does.
+    """Compiled module; its functions exist as long as this object.
 
     Parameters
     ----------
     ir : str or callable
-        LLVM IR with opaque pointers; or, with a ``key``, what writes it where the disk does not have the code.
+        LLVM IR with opaque pointers; or, with a ``key``, a function that writes it if the disk does not have the code.
     optimised : bool
-        Without it a module of 40,000 lines, as one long block, is compiled in 1.3 s in place of 12 s; it computes the
-        same bits.
+        Without it, a module of 40,000 lines in one block compiles in 1.3 s instead of 12 s and computes the same bits.
     simplified : bool, optional
-        Whether the IR is simplified first; as ``optimised`` if left out. Loops over short pieces of code that has
-        nothing to simplify are as fast without, and compiled in 0.7 in place of 1.8 s.
+        Whether the IR is simplified first; by default as ``optimised``. Loops over short code without redundancy are as
+        fast without it, and compile in 0.7 instead of 1.8 s.
     key : str, optional
-        Everything that the IR depends on, the program that writes it included (:func:`source_hash`); the IR itself if
-        left out.
+        All on which the IR depends, including the program that writes it (:func:`source_hash`); by default the IR.
     """
 
     def __init__(
@@ -75,19 +73,18 @@ class NativeModule:
             options = llvm.create_pipeline_tuning_options(speed_level=2)
             builder = llvm.create_pass_builder(machine, options)
             builder.getModulePassManager().run(module, builder)
-        # The execution engine takes over the module and the target machine: each has its own.
+        # The execution engine takes ownership of the module and the target machine, so none is shared.
         self._engine = llvm.create_mcjit_compiler(module, machine)
         self._engine.set_object_cache(lambda _, made: _write(file, made), lambda _: None)
         self._engine.finalize_object()
 
     def address(self, name: str) -> int:
-        """Address of one of its functions."""
         return int(self._engine.get_function_address(name))
 
 
 @cache
 def source_hash(*patterns: str) -> str:
-    """Hash of the package's files that match some patterns, such as ``taylor/llvm/*.py``."""
+    """Hash of the package's files that match the patterns, such as ``taylor/llvm/*.py``."""
     package, made = Path(__file__).parents[1], hashlib.sha256()
     for file in sorted(file for pattern in patterns for file in package.glob(pattern)):
         made.update(f"{file.relative_to(package)}\n".encode() + file.read_bytes())
@@ -96,7 +93,7 @@ def source_hash(*patterns: str) -> str:
 
 @cache
 def _maker() -> str:
-    """What machine code depends on apart from the IR."""
+    """Text of everything besides the IR on which machine code depends."""
     version = ".".join(map(str, llvm.llvm_version_info))
     return f"{_FORM} {llvmlite.__version__} {version} {' '.join(target())}\n"
 
@@ -106,16 +103,16 @@ def _objects() -> Path:
 
 
 def _read(file: Path) -> bytes | None:
-    """An object from the disk; None where there is none, or not the one that was written."""
+    """Return an object from the disk; None if it is missing or damaged."""
     known = read(file)
     if known is not None:
-        with suppress(OSError):  # its time cannot be set: it may be removed before its turn
+        with suppress(OSError):  # without a new time the object may be removed earlier
             os.utime(file)
     return known
 
 
 def _write(file: Path, made: bytes) -> None:
-    """Keep an object; a disk that takes nothing costs the next compilation, no more."""
+    """Write an object; if the disk refuses it, only the next compilation costs time."""
     with suppress(OSError):
         write(file, made)
         _prune(file.parent)

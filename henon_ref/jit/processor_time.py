@@ -1,7 +1,7 @@
-"""Processor time: what the deadlines of runs are in, and what of it goes into compiling, which counts for no run.
+"""Processor time: the unit of deadlines of runs, without the time of compilation, which counts for no run.
 
-What else a machine does takes wall time from a run, not processor time: where a deadline is in processor time, whether
-a run keeps it does not depend on that. Times are those of the calling thread.
+Other work on the machine takes wall time from a run, but not processor time. A deadline in processor time therefore
+does not depend on the machine's load. Times are those of the calling thread.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from time import perf_counter, thread_time
 
 
 class _Compiled(threading.local):
-    """What a thread has spent in :func:`compiling`."""
+    """Time that a thread has spent in :func:`compiling`."""
 
     processor_s = 0.0
     wall_s = 0.0
@@ -27,7 +27,7 @@ _listeners: list[Callable[[float | None], None]] = []
 
 @contextmanager
 def compiling() -> Iterator[None]:
-    """Take what is done inside off the clock of the run, if there is one: a mode met first in a run, say."""
+    """Exclude the time of a block from the run's deadline, for example for a mode first reached in a run."""
     if _compiled.nested:
         yield
         return
@@ -48,7 +48,7 @@ def compiling() -> Iterator[None]:
 
 @contextmanager
 def compile_listener(listener: Callable[[float | None], None]) -> Iterator[None]:
-    """Call a function with None whenever compiling begins, and with its processor time [s] when it ends."""
+    """Call a function with None when a compilation begins, and with its processor time [s] when it ends."""
     _listeners.append(listener)
     try:
         yield
@@ -57,36 +57,36 @@ def compile_listener(listener: Callable[[float | None], None]) -> Iterator[None]
 
 
 def run_time() -> float:
-    """Wall time without what went into compiling [s]; differences of it are times of runs."""
+    """Wall time without compilation [s]; differences are times of runs."""
     return perf_counter() - _compiled.wall_s
 
 
 def waited_seconds(pid: int) -> float:
-    """Time for which a process was ready to run while no processor was free for it [s]; 0 where nothing tells it.
+    """Time in which a process was ready to run while no processor was free [s]; 0 if unknown.
 
-    By Linux's ``/proc/PID/schedstat``, of the main thread. Wall time without it does not depend on what else a machine
-    does: what is left is the process's own work and waiting.
+    From Linux's ``/proc/PID/schedstat``, for the main thread. Wall time minus this time does not depend on the
+    machine's load: it is the process's own work and waiting.
     """
     try:
         with open(f"/proc/{pid}/schedstat", encoding="ascii") as file:
             return int(file.read().split()[1]) * 1e-9
-    except (OSError, IndexError, ValueError):  # there is no such process, or no such file
+    except (OSError, IndexError, ValueError):  # no such process, or not Linux
         return 0.0
 
 
 class Deadline:
-    """Processor time that a run may take from now on, compiling apart.
+    """Limit of the processor time of a run from now on, without compilation.
 
     Parameters
     ----------
     seconds : float, optional
-        None: it never passes.
+        None: no limit.
 
     Attributes
     ----------
     look_at : float
-        By :func:`time.perf_counter`: it cannot have passed before, for no thread has more processor time than wall
-        time. Whoever looks often compares with this first, which is a tenth of the cost.
+        Earliest possible time of passing, by :func:`time.perf_counter`, since a thread has no more processor time than
+        wall time. A frequent caller compares with it before it calls :meth:`passed`: a tenth of the cost.
     """
 
     __slots__ = ("_ends", "look_at")
@@ -98,7 +98,6 @@ class Deadline:
             self._ends = thread_time() - _compiled.processor_s + seconds
 
     def passed(self) -> bool:
-        """Whether so much processor time has been spent."""
         if perf_counter() <= self.look_at:
             return False
         left = self._ends - (thread_time() - _compiled.processor_s)

@@ -1,16 +1,15 @@
-"""The processor that machine code of modes is compiled for.
+"""Processor for which machine code of modes is compiled.
 
-It is this machine's processor with its features, unless the variable ``HENON_REF_CPU`` names another: that processor's
-own features then, as in LLVM. (``x86-64`` takes the kernel's library for processors without fused operations, too.)
+It is this machine's processor with its features, unless the variable ``HENON_REF_CPU`` names a processor: then LLVM's
+features of that processor. (``x86-64`` also selects the kernel's library for processors without fused operations.)
 
-Whatever the target, the reference's digits are the same. The optimiser has no licence to fuse, reorder or approximate
-(no ``fastmath``, no flags in our own LLVM IR): fused operations are said (``fma``, which a processor without them
-leaves to the C library), sums are written in the order, or the independent parts, in which they are added, and what is
-vectorised is so lane by lane. What cannot be had is another C library: of the functions that it computes (exponential,
-logarithm, power, tangent, the inverse and hyperbolic functions, and the sines of states beyond 1e15) glibc has one
-version for processors with FMA and AVX2 and one for those without, others again from release to release, and other
-systems have their own. They, and Python's ``math``, call that one library; NumPy's own, which depend on the processor,
-decide nothing.
+The digits of the reference do not depend on the target. The optimiser may not fuse, reorder or approximate (no
+``fastmath``, no flags in our LLVM IR). Fused operations are explicit (``fma``, done by the C library on processors
+without it), sums keep their written order or independent parts, and vector code works lane by lane. The digits do
+depend on the C library, for the functions that it computes (exponential, logarithm, power, tangent, the inverse and
+hyperbolic functions, and the sines of states beyond 1e15). glibc has different versions for processors with and without
+FMA and AVX2, versions change between releases, and other systems have their own library. Modes and Python's ``math``
+call this one library; NumPy's functions, which depend on the processor, decide nothing.
 """
 
 from __future__ import annotations
@@ -24,16 +23,16 @@ from henon_ref.kernel.library import CPU_VARIABLE
 
 
 class Target(NamedTuple):
-    """What LLVM's code generator is told."""
+    """Arguments of LLVM's code generator."""
 
     processor: str
-    """LLVM's name of it, such as ``haswell``."""
+    """LLVM's name of the processor, such as ``haswell``."""
     features: str
-    """Features beyond or below those of the processor, such as ``+avx2,-avx512f``; empty: the processor's own."""
+    """Features added to or removed from the processor's, such as ``+avx2,-avx512f``; empty: the processor's own."""
 
 
 def target() -> Target:
-    """Processor and features that code is compiled for in this process."""
+    """Processor and features for which this process compiles."""
     named = os.environ.get(CPU_VARIABLE)
     if named:
         return Target(named, "")

@@ -1,6 +1,6 @@
-"""What follows a jump of the state: the mode, the limit of impacts that accumulate, and the rest they lead to.
+"""Continuation after a jump of the state: the mode, the limit of accumulating impacts, and the rest that follows it.
 
-The rule is one; the numbers are whose it uses: doubles, or balls of some precision.
+The rules are written once for all arithmetics: doubles, or balls of some precision.
 """
 
 from __future__ import annotations
@@ -26,29 +26,25 @@ SEVERAL = "several surfaces reset the state at once"
 
 @dataclass(frozen=True)
 class Rest:
-    """Where a body comes to rest."""
-
     remaining: Any
-    """Time from the impact until then [s]; 0 where the impact takes all its speed."""
+    """Time from the impact until rest [s]; 0 if the impact takes all speed."""
     state: Sequence[Any]
     mode: Mode
 
 
 @dataclass(frozen=True)
 class AfterJump:
-    """What follows a jump."""
-
     decision: Decision
-    """The mode just after it."""
+    """Decision about the mode just after the jump."""
     state: Sequence[Any]
     applied: tuple[tuple[int, Sequence[Any]], ...] = ()
-    """Surfaces that reset the state, in order, each with the state that its map has left."""
+    """Surfaces that reset the state, in order, each with the state after its map."""
     on: tuple[int, ...] = ()
-    """Surfaces that the state is on."""
+    """Surfaces on which the state is."""
     rest: Rest | None = None
-    """What follows where impacts have come to their limit."""
+    """Rest after accumulating impacts."""
     still: tuple[int, ...] = ()
-    """Surfaces that the impact has left no speed and that are left by the acceleration alone."""
+    """Surfaces at which the impact has left zero speed and that only the acceleration makes the state leave."""
 
 
 def after_jump(
@@ -61,10 +57,10 @@ def after_jump(
     x: Sequence[Any],
     most: Any,
 ) -> AfterJump:
-    """What follows where ``surfaces`` reset the state.
+    """Return the continuation after ``surfaces`` reset the state.
 
-    ``mode``, ``t``, ``x``: mode, time [s] and state before it; ``hits``: all guards of the mode that are at zero;
-    ``most``: how long all later impacts may last together where they have come to their limit [s].
+    ``mode``, ``t``, ``x``: mode, time [s] and state before the jump; ``hits``: all guards of the mode that are at zero;
+    ``most``: largest duration of all later impacts together that is replaced by rest [s].
     """
     hit = {g.index for g in hits if g.kind == "surface"}
     try:
@@ -85,19 +81,19 @@ def _not_finite(numbers: Numbers, t: Any) -> Decision:
 
 
 def without_speed(impact: Impact, numbers: Numbers, t: Any, x: Sequence[Any]) -> list[Any]:
-    """A state whose h' a force of the surface has taken, on which a body can rest."""
+    """Return the state after a force of the surface has made h' zero, at which a body can rest."""
     speed, *push = numbers.values((impact.speed, *impact.push), t, x)
     return [value - speed * p for value, p in zip(x, push, strict=True)]
 
 
 class _Rule:
-    """What follows the last map of an instant."""
+    """Continuation after the last map of an instant."""
 
     def __init__(self, system: FilippovSystem, numbers: Numbers, mode: Mode, end: Instant, t: Any) -> None:
         self.system, self.numbers, self.mode, self.t = system, numbers, mode, t
         self.state, self.sides = end.state, list(end.sides)
         self.several = len(end.fired) > 1
-        # A body at rest to which nothing has given a speed is still at rest.
+        # A body at rest whose speed no map has changed stays at rest.
         self.rates = {i: rate for i, rate in end.rates.items() if rate.sign or i in end.fired or mode[i] != 0}
         self.impacts = {i: impact for i in self.rates if (impact := impact_of(system, i)) is not None}
 
@@ -115,13 +111,12 @@ class _Rule:
             return AfterJump(decision, after, on=on)
         try:
             found = self._followed(decision, on, most, valid)
-            beside = self._come_to_a_limit(found.rest.mode, most) if self.several and found.rest else []
+            beside = self._accumulating(found.rest.mode, most) if self.several and found.rest else []
             return self._no_rest(beside[:1], SEVERAL) if beside else found
         except NO_VALUE:
             return AfterJump(_refused(f"a derivative after t = {numbers.text(t)} is not finite"), after)
 
     def _followed(self, decision: Decision, on: tuple[int, ...], most: Any, valid: Sequence[int]) -> AfterJump:
-        """The rest, where impacts have come to their limit."""
         assert decision.mode is not None
         numbers, system, mode, after, sides = self.numbers, self.system, decision.mode, self.state, self.sides
         series = numbers.guard_series(mode, self.t, after)
@@ -136,7 +131,7 @@ class _Rule:
             time = time_to_rest(rate.before, rate.now, 2 * own[2], most, falling)
             if time is not None:
                 times[i] = time
-            elif rate.sign == 0:  # no speed, and nothing presses: what follows is told by h'' and on
+            elif rate.sign == 0:  # zero speed and no acceleration towards the surface: h'' and higher decide
                 sides[i] = 0
         for i, rate in self.rates.items():
             if rate.sign == 0 and len(system.together(i, on)) > 1:  # contacts may come to rest with the body
@@ -157,12 +152,12 @@ class _Rule:
         why = self._refusal(times, mode, at_rest, guards, series)
         if why:
             return self._no_rest(times, why)
-        time = next(iter(times.values()))  # of several all are 0
+        time = next(iter(times.values()))  # several times are all 0
         rest = Rest(time, self._at_rest(tuple(times), after, stuck, time), stuck)
         return AfterJump(decision, after, on=on, rest=rest)
 
-    def _come_to_a_limit(self, mode: Mode, most: Any) -> list[int]:
-        """Surfaces, beside those that bodies rest on at once, whose impacts come to a limit."""
+    def _accumulating(self, mode: Mode, most: Any) -> list[int]:
+        """Return the surfaces whose impacts accumulate, in addition to those on which bodies rest at once."""
         series, found = self.numbers.guard_series(mode, self.t, self.state), []
         for guard, own in zip(self.system.equations(mode).guards, series, strict=True):
             rate = self.rates.get(guard.index) if guard.kind == "surface" else None
@@ -171,18 +166,17 @@ class _Rule:
         return found
 
     def _no_rest(self, surfaces: Iterable[int], why: str) -> AfterJump:
-        """The end of a run where impacts come to their limit."""
         names, at = listed([self.system.sign_names[i] for i in surfaces]), self.numbers.text(self.t)
-        reason = f"impacts on {names} come to their limit after t = {at}, and no rest is derived: {why}"
+        reason = f"impacts on {names} accumulate after t = {at}, and no rest is derived: {why}"
         return AfterJump(_refused(reason), self.state)
 
     def _turned(self, index: int, mode: Mode) -> list[int]:
-        """Surfaces on whose sign it depends how a body is pressed on, and that the impact has changed the side of."""
+        """Return the surfaces whose side the impact changed and whose signs are in the acceleration."""
         acceleration, signs = self.impacts[index].acceleration, self.system.signs
         return [j for j, s in enumerate(signs) if mode[j] != self.mode[j] and j != index and acceleration.has(s)]
 
     def _falling(self, index: int, mode: Mode, after: Sequence[Any]) -> Any:
-        """h'' on the way back to a surface, where what presses the body on turns round at the height of a flight."""
+        """Return h'' on the way back to a surface, if a sign in it changes at the apex of the flight; else None."""
         turned = self._turned(index, mode)
         if not turned or not turning_in_flight(self.system, index).issuperset(turned):
             return None
@@ -192,17 +186,17 @@ class _Rule:
     def _mode_at_rest(
         self, times: Mapping[int, Any], mode: Mode, after: Sequence[Any], sides: Sequence[int], valid: Sequence[int]
     ) -> Decision:
-        """The mode in which bodies rest: where friction has turned round in flight it is decided with no speed."""
+        """Decide the mode at rest; surfaces whose sign changed in flight are decided with zero speed."""
         stuck, x = mode, after
-        open_ones: set[int] = set()
+        undecided: set[int] = set()
         for i in times:
             stuck, impact = replaced(stuck, i, 0), self.impacts[i]
             if not impact.refusal:
                 x = without_speed(impact, self.numbers, self.t, x)
-                open_ones |= turning_in_flight(self.system, i).intersection(self._turned(i, mode))
-        if not open_ones:
+                undecided |= turning_in_flight(self.system, i).intersection(self._turned(i, mode))
+        if not undecided:
             return Decision("unique", stuck)
-        still = [0 if i in times or i in open_ones else side for i, side in enumerate(sides)]
+        still = [0 if i in times or i in undecided else side for i, side in enumerate(sides)]
         return self.numbers.decide(self.t, x, still, valid)
 
     def _refusal(
@@ -213,7 +207,7 @@ class _Rule:
         guards: Sequence[Guard],
         series: Sequence[Sequence[Any]],
     ) -> str:
-        """Why a rest is not told, where impacts have come to their limit; empty where it is."""
+        """Return why rest after accumulating impacts cannot be derived; empty if it can."""
         system, numbers = self.system, self.numbers
         for i in times:
             impact = self.impacts[i]
@@ -222,7 +216,7 @@ class _Rule:
             turned = set(self._turned(i, mode)) - set(times) - turning_in_flight(system, i)
             if turned and numbers.sign(times[i]):
                 signs = listed([system.sign_names[j] for j in sorted(turned)])
-                return f"the force that presses the body on changes with the sign of {signs} in flight"
+                return f"the force towards the surface changes with the sign of {signs} in flight"
         lasting = [time for time in times.values() if numbers.sign(time)]
         if lasting and self.several:
             return SEVERAL
@@ -243,7 +237,7 @@ class _Rule:
         return ""
 
     def _at_rest(self, surfaces: tuple[int, ...], after: Sequence[Any], stuck: Mode, time: Any) -> list[Any]:
-        """The state where bodies come to rest, put on the surfaces; wrong by about the square of ``time``."""
+        """Return the state at rest, projected onto the surfaces; its error is about the square of ``time``."""
         system, numbers = self.system, self.numbers
         x = list(after)
         for i in surfaces:

@@ -1,10 +1,9 @@
-"""Algebra whose work is known before it is begun.
+"""SymPy operations with work bounded in advance.
 
-A call of SymPy cannot be ended safely once it runs, and one on a short text may never end: ``simplify`` of a sum of
-quotients of functions tries every identity that it knows. So an expression is measured first, and where it is large
-it stays as it is written. What is measured are the polynomials that numerator and denominator would become, in
-symbols and in what is no rational function of symbols (``sin(x)``, ``sqrt(x)``, a giant number), which counts as a
-symbol and is not looked into.
+A SymPy call cannot be stopped safely, and a call on a short text may never return: ``simplify`` of a sum of quotients
+of functions tries every identity it has. So an expression is measured first and left as written if it is large. The
+measure is the size of the polynomials that numerator and denominator would become. A subexpression that is not a
+rational function of symbols (``sin(x)``, ``sqrt(x)``, a giant number) counts as one symbol.
 """
 
 from __future__ import annotations
@@ -21,36 +20,36 @@ from henon_ref.taylor.size import size
 from henon_ref.taylor.tape import TIME
 
 MAX_TERMS, MAX_MONOMIALS = 50, 2_000
-"""Terms that numerator and denominator may have, multiplied out, and products of powers that there are below the
-degrees of either, where their greatest common divisor is looked for."""
+"""Largest number of expanded terms of numerator and denominator, and largest number of monomials up to their degrees,
+for which their greatest common divisor is computed."""
 MAX_FACTORED_TERMS, MAX_FACTORED_MONOMIALS = 8, 128
-"""The same where an expression is asked whether it is positive, which is much more work."""
+"""The same limits for the test whether an expression is positive, which is much more work."""
 MAX_COEFFICIENT = 64
-"""Bits of a number that counts as one: a larger one, whose factors would be looked for, counts as a symbol."""
+"""Bits of the largest number that counts as a number; larger ones, which SymPy might factor, count as symbols."""
 MAX_EXPANDED = 1_000
-"""Terms up to which products of sums are multiplied out."""
+"""Largest number of terms up to which products of sums are expanded."""
 MAX_SIZE = 100_000
-"""Size that the equations of a mode may have, all together."""
+"""Largest total size of the equations of a mode."""
 MAX_DERIVED = 400
-"""Size up to which a nonlinear expression is differentiated to see whether its derivative is a constant."""
+"""Largest size of a nonlinear expression that is differentiated to test whether its derivative is constant."""
 DIGITS, AGREE = 40, sp.Float("1e-25")
-"""Digits of the values, and how far apart two of the same may be, of their size."""
+"""Digits of sampled values, and relative difference up to which two sampled values agree."""
 
 
 def simplified(expression: sp.Expr) -> sp.Expr:
-    """The expression in few terms, or as it is written where that is too much work."""
-    if not expression.has(sp.Add, sp.Function):  # a product is so already (SymPy loads all its units, 0.2 s, before)
+    """Return the simplified expression, or the expression as written if that is too much work."""
+    if not expression.has(sp.Add, sp.Function):  # a product is simple; SymPy would first load its units, 0.2 s
         return expression
     return _rational(expression, sp.simplify, MAX_TERMS, MAX_MONOMIALS)
 
 
 def cancelled(expression: sp.Expr) -> sp.Expr:
-    """The expression as one quotient in lowest terms, or as it is written where that is too much work."""
+    """Return the expression as one quotient in lowest terms, or as written if that is too much work."""
     return _rational(expression, sp.cancel, MAX_TERMS, MAX_MONOMIALS) if expression.has(sp.Add) else expression
 
 
 def known_positive(expression: sp.Expr) -> bool:
-    """Whether an expression is seen with little work to be positive for all values of its symbols."""
+    """Check with little work whether an expression is positive for all values of its symbols."""
     if expression.is_number:
         return exact_sign(expression) > 0
     extents = measured(expression)
@@ -62,10 +61,10 @@ def known_positive(expression: sp.Expr) -> bool:
 
 
 def signed_form(expression: sp.Expr, still: Collection[sp.Symbol] = ()) -> tuple[object, int]:
-    """A form that expressions share which are one another times a factor that always has one sign, and this one's sign.
+    """Return a form shared by expressions that differ by a factor of constant sign, and the sign of this factor.
 
-    ``still``: parameters; what holds no other symbol is a coefficient. Factors that hold others count where they are
-    seen to be positive (``exp(x)``).
+    ``still``: parameters; a term's factors in these symbols alone are its coefficient. Factors in other symbols count
+    if they are seen to be positive (``exp(x)``).
 
     Examples
     --------
@@ -93,7 +92,6 @@ def signed_form(expression: sp.Expr, still: Collection[sp.Symbol] = ()) -> tuple
 
 
 def _without_positive_factors(expression: sp.Expr) -> tuple[sp.Expr, int]:
-    """An expression without the factors that are seen to be positive or negative, and the sign of these."""
     kept, way = [], 1
     for factor in sp.Mul.make_args(expression):
         if known_positive(-factor):
@@ -104,12 +102,12 @@ def _without_positive_factors(expression: sp.Expr) -> tuple[sp.Expr, int]:
 
 
 def expanded(expression: sp.Expr) -> sp.Expr:
-    """The expression multiplied out at its top, or as it is written where that has too many terms."""
+    """Return the expression expanded at its top level, or as written if it would have too many terms."""
     return sp.expand(expression, deep=False) if _terms(expression) <= MAX_EXPANDED else expression
 
 
 def coefficients(expression: sp.Expr, symbols: Collection[sp.Symbol]) -> dict[sp.Symbol, sp.Expr] | None:
-    """Coefficients of the symbols that stand in an expression; None where it is not linear in all at once by its form.
+    """Return the coefficients of the symbols in an expression; None if it is not written as linear in all of them.
 
     Examples
     --------
@@ -125,7 +123,6 @@ def coefficients(expression: sp.Expr, symbols: Collection[sp.Symbol]) -> dict[sp
 
 
 def _coefficients(expression: sp.Expr, wanted: set[sp.Symbol]) -> dict[sp.Symbol, list[sp.Expr]] | None:
-    """Terms of the coefficients, of an expression that holds some of the symbols."""
     if expression in wanted:
         return {expression: [sp.S.One]}
     if not (expression.is_Add or expression.is_Mul):
@@ -147,7 +144,7 @@ def _coefficients(expression: sp.Expr, wanted: set[sp.Symbol]) -> dict[sp.Symbol
 
 
 def constant_slope(surface: sp.Expr, state: sp.Symbol, states: Collection[sp.Symbol]) -> sp.Expr | None:
-    """Factor of a state in which a surface is linear with a constant (neither t nor a state) factor; None elsewhere."""
+    """Return the factor of a state in a surface if it is constant (free of time and states) and not zero; else None."""
     found = coefficients(surface, [state])
     if found is not None:
         slope = found.get(state)
@@ -157,7 +154,7 @@ def constant_slope(surface: sp.Expr, state: sp.Symbol, states: Collection[sp.Sym
 
 
 def _rational(expression: sp.Expr, rule: Callable[[sp.Expr], sp.Expr], terms: int, monomials: int) -> sp.Expr:
-    """What a rule makes of an expression as a rational function; what else there is in it is a symbol to the rule."""
+    """Apply a rule to an expression as a rational function; other subexpressions are symbols to the rule."""
     extents = measured(expression)
     if extents is None or any(part.terms > terms or part.monomials > monomials for part in extents):
         return expression
@@ -168,7 +165,7 @@ def _rational(expression: sp.Expr, rule: Callable[[sp.Expr], sp.Expr], terms: in
 
 
 class Extent:
-    """How large a polynomial may become: its terms, and its degree in each symbol."""
+    """Upper bound of the size of a polynomial: its terms, and its degree in each symbol."""
 
     def __init__(self, terms: int = 1, degrees: Counter[sp.Expr] | None = None) -> None:
         self.terms = min(terms, MAX_TERMS + 1)
@@ -193,7 +190,7 @@ class Extent:
 
 
 def measured(expression: sp.Expr) -> tuple[Extent, Extent] | None:
-    """Extent of numerator and denominator over a common denominator; None where either is large."""
+    """Return the extents of numerator and denominator over a common denominator; None if either is large."""
     above, below = Extent(), Extent()
     if expression.is_Rational and max(abs(expression.p), expression.q).bit_length() <= MAX_COEFFICIENT:
         return above, below
@@ -223,7 +220,7 @@ def measured(expression: sp.Expr) -> tuple[Extent, Extent] | None:
 
 
 def _terms(expression: sp.Expr) -> int:
-    """Terms of an expression whose products at the top are multiplied out; counting stops past the limit."""
+    """Count the terms of an expression expanded at its top level; counting stops past the limit."""
     if not (expression.is_Mul or expression.is_Pow):
         return 1
     count = 1
@@ -236,7 +233,7 @@ def _terms(expression: sp.Expr) -> int:
 
 
 def sample(system: SwitchedField, expressions: Sequence[sp.Expr]) -> list[sp.Expr]:
-    """Values of expressions at a point whose coordinates are quotients of primes, the system's parameters put in."""
+    """Return values of expressions at a point with quotients of primes as coordinates, and the system's parameters."""
     symbols = sorted(set().union(*(e.free_symbols for e in expressions)), key=str)
     numbers = {s: sp.Rational(sp.prime(k + 7), sp.prime(k + 17)) for k, s in enumerate(symbols)}
     numbers |= {TIME: sp.Rational(3, 7), **system.parameters}
@@ -246,11 +243,10 @@ def sample(system: SwitchedField, expressions: Sequence[sp.Expr]) -> list[sp.Exp
 def leaves_out(
     shared: sp.Expr, own: sp.Expr, signs: Mapping[sp.Symbol, sp.Expr], moving: Collection[sp.Symbol]
 ) -> bool:
-    """Whether a mode's own expression lacks an operation of the shared one that is not linear.
+    """Check whether a mode's own expression lacks a nonlinear operation of the shared expression.
 
-    A branch that a mode does not use is multiplied by zero in what modes share, and zero times the root of a negative
-    number, or times what has overflowed, is no number. ``signs``: what ``own`` has for symbols of ``shared``;
-    ``moving``: time and states.
+    Shared expressions multiply an unused branch by zero, but zero times the root of a negative number, or times an
+    overflow, is NaN. ``signs``: value in ``own`` of each symbol of ``shared``; ``moving``: time and states.
     """
     if shared.free_symbols.isdisjoint(signs):
         return False
@@ -260,7 +256,7 @@ def leaves_out(
 
 
 def _operations(expression: sp.Expr, moving: Collection[sp.Symbol]) -> set[sp.Basic]:
-    """Its powers and functions of what moves, and products of several things that do, without constant factors."""
+    """Return the powers and functions of moving symbols, and products of several of these, without constant factors."""
     found: set[sp.Basic] = set()
     known: dict[sp.Basic, bool] = dict.fromkeys(moving, True)
 
@@ -279,17 +275,16 @@ def _operations(expression: sp.Expr, moving: Collection[sp.Symbol]) -> set[sp.Ba
 
 
 def _core(expression: sp.Expr, moving: Collection[sp.Symbol]) -> sp.Expr:
-    """An expression without the factors that are constant."""
     if not expression.is_Mul:
         return expression
     return sp.Mul(*(f for f in expression.args if not f.free_symbols.isdisjoint(moving)))
 
 
 def has_no_value(expression: sp.Expr, positive: Iterable[sp.Expr]) -> bool:
-    """Whether an expression has no real value wherever some others are positive.
+    """Check whether an expression has no real value if all expressions in ``positive`` are positive.
 
-    So it is where the argument of a logarithm, or of a power that is not whole, is at most a negative multiple of one
-    of them: ``sqrt(-2*x - 1)`` where x is positive.
+    This is the case if the argument of a logarithm or non-integer power is at most a negative multiple of a positive
+    expression: ``sqrt(-2*x - 1)`` for positive x.
     """
     arguments = [p.base for p in expression.atoms(sp.Pow) if p.exp.is_integer is not True and p.base.free_symbols]
     arguments += [logarithm.args[0] for logarithm in expression.atoms(sp.log)]
@@ -298,7 +293,7 @@ def has_no_value(expression: sp.Expr, positive: Iterable[sp.Expr]) -> bool:
 
 
 def _below_multiple(argument: sp.Expr, positive: sp.Expr) -> bool:
-    """Whether an expression is a negative multiple of another one, or is below one by a number."""
+    """Check whether an expression is a negative multiple of a positive one, minus a non-negative number."""
     if max(terms(argument, MAX_EXPANDED), terms(positive, MAX_EXPANDED)) > MAX_EXPANDED:
         return False
     known, own = (sp.expand(e).as_coefficients_dict() for e in (positive, argument))

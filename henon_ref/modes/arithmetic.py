@@ -1,8 +1,8 @@
-"""What the selection of modes asks of numbers: which are negative, and which term of a series is the first that counts.
+"""Arithmetics of mode selection: sign decisions, and the first significant coefficient of a series.
 
-The rule (:mod:`henon_ref.modes.selection`) is written once, over points whose numbers are of some arithmetic: doubles,
-in which what rounding may have made of zero counts as zero, or balls of python-flint, in which what cannot be told from
-zero at a point known to a radius is zero. A :class:`Point` has the numbers of a system's modes at a time and state.
+The selection (:mod:`henon_ref.modes.selection`) is written once, over points with numbers of some arithmetic. In
+doubles, a number counts as zero if rounding may have produced it from zero. In balls of python-flint, a number counts
+as zero if its ball contains zero. A :class:`Point` has the values of a system's modes at one time and state.
 """
 
 from __future__ import annotations
@@ -20,43 +20,42 @@ from henon_ref.taylor.rules import FUNCTIONS
 from henon_ref.taylor.series import FLOAT, Ring
 
 NO_VALUE = (ZeroDivisionError, ValueError, OverflowError)
-"""What ``math`` and python-flint raise where an expression has no finite value."""
+"""Exceptions of ``math`` and python-flint for an expression without a finite value."""
 ZERO = 1e-13
-"""Relative size below which a derivative counts as zero (a tangency within it cannot be told in double)."""
+"""Relative size below which a derivative counts as zero (doubles cannot resolve a tangency below it)."""
 NOISE = 1e-13
-"""Part of the coefficients after it below which one is what rounding has left of zero."""
+"""Part of the following coefficients below which a coefficient is rounding noise of a zero."""
 CLEAR = 1e-9
-"""Part of its terms from which on a value is clearly no zero."""
+"""Part of the size of its terms above which a value is clearly not zero."""
 ORDER = 8
-"""Derivatives looked at before a contact counts as one that never separates."""
+"""Number of derivatives that are computed before a contact counts as one that never separates."""
 DIGITS = 75
-"""Of the constants in balls: more than the precision holds."""
+"""Decimal digits of constants in balls: more than the working precision has."""
 RING = Ring({name: getattr(arb, name) for name in (*FUNCTIONS, "sqrt")}, arb.__pow__)
 
 Leading = tuple[int, int]
-"""(index, sign) of the first coefficient of a Taylor series that counts as not zero."""
+"""(index, sign) of the first non-zero coefficient of a Taylor series."""
 
 
 class Doubles:
-    """The arithmetic of doubles, which say nothing of their errors."""
+    """Arithmetic of doubles, without error bounds."""
 
     ring = FLOAT
     levels: tuple[float, ...] = (ZERO, 1e-11, 1e-15, 0.0)
-    """Relative sizes below which a derivative counts as zero: each is tried where no mode fits with the last, since
-    rounding may be larger, or the derivative as small."""
+    """Relative sizes below which a derivative counts as zero. The next level is tried if no mode is consistent at the
+    last, since rounding may be larger, or the derivative smaller."""
     carries_errors = False
-    """Whether a number says how far it may be off, so that it is small or large against nothing else."""
+    """Whether a number has its own error bound, so that no size is needed to decide whether it is zero."""
 
     def number(self, exact: sp.Expr) -> float:
-        """An exact number."""
         return float(exact)
 
     def rate(self, states: Sequence[Sequence[float]], outputs: Sequence[Sequence[float]]) -> float:
-        """An inverse time that makes coefficients of two orders comparable; ValueError where some are not finite."""
+        """Inverse time that makes coefficients of two orders comparable."""
         return rate_of(states, outputs)
 
     def leading(self, series: Sequence[float], first: int, rate: float, size: float, zero: float) -> int | None:
-        """Index of the first coefficient from ``first`` on that is not zero beside ``size`` and the others, or None."""
+        """Index of the first coefficient from ``first`` on that is not zero relative to ``size`` and the rest."""
         terms = scaled(series, rate)
         unit = max(size / rate if first else size, *map(abs, terms[first:]))
         return next((k for k in range(first, len(terms)) if abs(terms[k]) > zero * unit), None)
@@ -64,16 +63,16 @@ class Doubles:
     def end_of_hold(
         self, series: Sequence[float], ends: Sequence[Sequence[float]], rate: float, zero: float
     ) -> int | None:
-        """The same of one end of a hold zone, whose load may be small against its distance to the other ``ends``."""
+        """Like :meth:`leading`, for an end of a hold zone; a load is compared with the distance to the other ends."""
         width = max(abs(value) for c in ends for value in scaled(c, rate))
         return 0 if abs(series[0]) > zero * width else self.leading(series, 1, rate, 0.0, zero)
 
     def negative(self, value: float, size: float, part: float = CLEAR) -> bool:
-        """Whether a value is below zero by more than a part of the sizes of its terms."""
+        """Check whether a value is below zero by more than a part of the size of its terms."""
         return bool(value < -part * size)
 
     def equal(self, one: Sequence[float], other: Sequence[float]) -> bool:
-        """Whether two series are the same, so far as can be told."""
+        """Check whether two series are equal up to rounding."""
         rate = rate_of([one, other])
         pairs = list(zip(scaled(one, rate), scaled(other, rate), strict=True))
         largest = max(abs(c) for pair in pairs for c in pair)
@@ -81,7 +80,7 @@ class Doubles:
 
 
 class Balls:
-    """The arithmetic of balls of the working precision, whose radii say how far they may be off."""
+    """Arithmetic of balls of the working precision, whose radii are error bounds."""
 
     ring = RING
     levels: tuple[float, ...] = (0.0,)
@@ -91,7 +90,7 @@ class Balls:
         return arb(str(sp.N(exact, DIGITS))).mid()
 
     def rate(self, states: Sequence[Sequence[arb]], outputs: Sequence[Sequence[arb]]) -> float:
-        """1: each coefficient is told from zero by itself."""
+        """1: each coefficient is compared with zero by itself; ValueError if one is not finite."""
         if not all(c.is_finite() for series in outputs for c in series):
             raise ValueError("a derivative is not finite")
         return 1.0
@@ -114,7 +113,7 @@ DOUBLES, BALLS = Doubles(), Balls()
 
 
 class Point(Protocol):
-    """A time and state, with the modes of a system there. What has been worked out is kept as long as the point is."""
+    """Time and state, with the modes of a system there; results are cached with the point."""
 
     @property
     def system(self) -> FilippovSystem: ...
@@ -124,42 +123,42 @@ class Point(Protocol):
 
     @property
     def levels(self) -> tuple[float, ...]:
-        """As :attr:`Doubles.levels`, unless the point was given others."""
+        """See :attr:`Doubles.levels`; a point may have its own."""
 
     @property
     def when(self) -> str:
-        """Its time, as messages have it."""
+        """Time as messages name it."""
 
     def guards(self, mode: Mode) -> tuple[Guard, ...] | None:
-        """Guards of a mode; None where it has no equations, :data:`NO_VALUE` where their derivatives are not finite."""
+        """Guards of a mode, None without equations; :data:`NO_VALUE` if their derivatives are not finite."""
 
     def leading(self, mode: Mode, place: int, first: int, zero: float, beside: int | None = None) -> Leading | None:
-        """What a guard does first just after the point, from its derivative ``first`` on; None: it stays at zero.
+        """First non-zero coefficient of a guard, from derivative ``first`` on; None if the guard stays zero.
 
-        ``beside``: the surface against whose normal velocities it is small or large.
+        ``beside``: the surface whose normal velocities are the scale of comparison.
         """
 
     def end_of_hold(self, mode: Mode, place: int, zero: float) -> Leading | None:
-        """The same of an end of a hold zone, from its value on."""
+        """Like :meth:`leading`, for an end of a hold zone, from its value on."""
 
     def first_order(self, mode: Mode) -> Sequence[Sequence[Any]]:
         """Values and first derivatives of a mode's guards."""
 
     def sides(self, mode: Mode, index: int) -> tuple[Any, Any]:
-        """dh/dt of a surface below and above it, the signs of the others being those of a mode."""
+        """dh/dt of a surface below and above it, with the other signs from ``mode``."""
 
     def values(self, expressions: tuple[sp.Expr, ...], signs: Mode) -> Sequence[Any] | None:
-        """Expressions in time, states and signs; None where they are not finite."""
+        """Values of expressions in time, states and signs; None if one is not finite."""
 
     def same_motion(self, first: Mode, second: Mode) -> bool:
-        """Whether two modes that have equations have the same motion, so far as its derivatives tell."""
+        """Whether two modes with equations have the same motion, in all derivatives that are computed."""
 
 
 def rate_of(states: Sequence[Sequence[float]], guards: Sequence[Sequence[float]] = ()) -> float:
-    """An inverse time in which the solution changes: makes coefficients of different order comparable.
+    """Return an inverse time scale of the solution, which makes coefficients of different orders comparable.
 
-    From how the coefficients of the states grow on their slopes, and from the high orders of the guards (whose low
-    orders may be zeros that rounding has touched). What is noise beside the coefficients after it is no scale.
+    It is the largest growth rate of the states' coefficients relative to their slopes, and of the guards' high orders
+    (whose low orders may be zeros changed by rounding). Coefficients that are noise are not used as a scale.
     """
     rate = 0.0
     for series in states:
@@ -175,7 +174,7 @@ def rate_of(states: Sequence[Sequence[float]], guards: Sequence[Sequence[float]]
 
 
 def _growth(series: Sequence[float], first: int) -> float:
-    """Rate at which coefficients grow on the larger one of the two from ``first`` on; 0 where these are zero."""
+    """Return the growth rate of coefficients from the larger of the two at ``first``; 0 if both are zero."""
     slope, rate = max((abs(c) for c in series[first : first + 2]), default=0.0), 0.0
     for k in range(first + 1, len(series)):
         if slope > 0 and series[k] != 0:
@@ -184,13 +183,13 @@ def _growth(series: Sequence[float], first: int) -> float:
 
 
 def _noise(series: Sequence[float], first: int, after: int) -> bool:
-    """Whether coefficients vanish beside the two that follow them, in units of the rate at which these grow."""
+    """Check whether coefficients are negligible against the following two, in units of the growth rate of these."""
     terms = [abs(c) for c in scaled(series, _growth(series, after) or 1.0)]
     return 0.0 < max(terms[first:after]) <= NOISE * max(terms[after : after + 2], default=0.0)
 
 
 def scaled(series: Sequence[float], rate: float) -> list[float]:
-    """Coefficients in units of a rate's inverse: finite for rates, too, of which no power is."""
+    """Return coefficients in units of 1/rate, finite also if a power of the rate overflows."""
     terms, power = [], 1.0
     for c in series:
         terms.append(c * power)

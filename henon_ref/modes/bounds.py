@@ -1,4 +1,4 @@
-"""Exact numbers, and what is checked before SymPy computes: work stays bounded, a value real, finite and smooth."""
+"""Exact numbers, and checks before SymPy computes: work is bounded, and values are real, finite and smooth."""
 
 from __future__ import annotations
 
@@ -13,31 +13,31 @@ from henon_ref.taylor.rules import FUNCTIONS
 from henon_ref.text import shortened
 
 MAX_BITS = 4_096
-"""Bits that numerator or denominator of an exact number may have."""
+"""Largest number of bits of numerator or denominator of an exact number."""
 MAX_POWER = 64
-"""Largest absolute integer exponent over anything that is not a number."""
+"""Largest absolute integer exponent of a base that is not a number."""
 MAX_ROOT = 1_000_000
 """Largest denominator of a rational exponent."""
 MAX_RATE = 10**8
-"""Largest absolute factor of anything that is not a number in an exponent: SymPy may take it for a degree."""
+"""Largest absolute number that multiplies a symbol in an exponent, since SymPy may use it as a degree."""
 MAX_ANGLE = 10**15
-"""Largest absolute number that sin, cos and tan are taken of."""
+"""Largest absolute number of which sin, cos and tan are taken."""
 MAX_TERMS = 20_000
-"""Terms an expression may have once its powers and products are multiplied out."""
+"""Largest number of terms of an expression with powers and products expanded."""
 MAX_SIZE = 500
-"""Operations and numbers that a number may be made of, parameters written out."""
+"""Largest number of operations and numbers in a number, with parameters substituted."""
 MAX_LEVELS = 16
-"""How deep operations may nest in a number that is not rational: what SymPy asks of it may double with each level."""
+"""Largest nesting of operations in a number that is not rational: SymPy's work may double with each level."""
 LARGEST = sp.Float("1.7976931348623157e308", 20)
-"""Largest absolute value a number may have: a double must be able to hold it."""
+"""Largest absolute value of a number: the largest double."""
 
 _DIGITS = 25
-"""Decimal digits with which a number is held against a bound: beyond a double's 17."""
+"""Decimal digits with which a number is compared with a bound: more than a double's 17."""
 _SMOOTH = tuple(getattr(sp, name) for name in FUNCTIONS)
 
 
 def power(base: sp.Expr, exponent: sp.Expr, offset: int) -> sp.Expr:
-    """base**exponent, once it is known that SymPy will not compute a giant."""
+    """Return base**exponent after checking that SymPy will not compute a giant number."""
     check_power(base, exponent, offset)
     return checked(sp.Pow(base, exponent), offset)
 
@@ -67,7 +67,7 @@ def check_power(base: sp.Expr, exponent: sp.Expr, offset: int) -> None:
     _check_rates(exponent, offset)
     whole = exponent.as_coeff_Add()[0]
     if whole != 0:
-        # In a product SymPy takes b**(x + 10**9) apart.
+        # In a product SymPy splits b**(x + 10**9) into b**x and b**(10**9).
         check_power(base, whole, offset)
 
 
@@ -79,7 +79,7 @@ def _check_rates(exponent: sp.Expr, offset: int) -> None:
 
 
 def check_domain(name: str, argument: sp.Expr, offset: int) -> None:
-    """Refuse numbers that a function is not defined at, or that SymPy cannot reduce."""
+    """Refuse numbers at which a function is not defined, or that SymPy cannot reduce."""
     if name in ("sin", "cos", "tan") and abs(argument.evalf(_DIGITS)) > MAX_ANGLE:
         raise ExpressionError(f"'{name}' of {shown(argument)}: at most {MAX_ANGLE:.0e} is allowed", offset)
     if name in ("asin", "acos"):
@@ -87,11 +87,11 @@ def check_domain(name: str, argument: sp.Expr, offset: int) -> None:
         if beyond > 0:
             raise ExpressionError(f"'{name}' of {shown(argument)} is not a real number", offset)
         if not argument.is_Rational and beyond > -sp.Float("1e-100", 120):
-            raise ExpressionError(f"'{name}' of {shown(argument)}, which cannot be told from 1 or -1", offset)
+            raise ExpressionError(f"'{name}' of {shown(argument)}, which cannot be distinguished from 1 or -1", offset)
 
 
 def check_exponential(argument: sp.Expr, offset: int) -> None:
-    """exp(c*log(b)) is made b**c by SymPy: the check of powers holds for it, too."""
+    """Check the powers that SymPy makes of an exponential: exp(c*log(b)) becomes b**c."""
     _check_rates(argument, offset)
     for term in sp.Add.make_args(argument):
         factors = sp.Mul.make_args(term)
@@ -101,7 +101,7 @@ def check_exponential(argument: sp.Expr, offset: int) -> None:
 
 
 def checked(value: sp.Expr, offset: int) -> sp.Expr:
-    """The value of one operation, if it may go on."""
+    """Return the value of one operation if it is within the bounds."""
     if value.is_number:
         check_constant(value, offset)
         return value
@@ -118,9 +118,9 @@ def checked(value: sp.Expr, offset: int) -> sp.Expr:
 
 
 def check_constant(value: sp.Expr, offset: int) -> None:
-    """Refuse a number that is not real, not finite, or too large, and a sum that cannot be told from zero.
+    """Refuse a number that is not real, not finite, or too large, and a sum that cannot be distinguished from zero.
 
-    Of such a sum 100 digits show nothing: SymPy would look for its minimal polynomial, without end.
+    If 100 digits of such a sum are zero, SymPy would search for its minimal polynomial, possibly without end.
     """
     _check_extent(value, offset)
     if value.has(sp.zoo, sp.nan, sp.oo, -sp.oo):
@@ -134,13 +134,12 @@ def check_constant(value: sp.Expr, offset: int) -> None:
         if not number.is_Float and not number.is_Rational:
             raise ExpressionError(f"the value {shown(value)} is not a real number", offset)
         if value.is_Add and number.is_Float and number._prec == 1:
-            raise ExpressionError(f"{shown(value)} cannot be told from zero; write 0", offset)
+            raise ExpressionError(f"{shown(value)} cannot be distinguished from zero; write 0", offset)
     if abs(number) > LARGEST:
         raise ExpressionError("the value is larger than the largest double, 1.8e308", offset)
 
 
 def _check_extent(value: sp.Expr, offset: int) -> None:
-    """Refuse a number made of too many operations, or of some that nest too deep."""
     waiting, count = [(value, 0)], 0
     while waiting:
         part, level = waiting.pop()
@@ -154,7 +153,7 @@ def _check_extent(value: sp.Expr, offset: int) -> None:
 
 
 def check_smooth(value: sp.Expr) -> None:
-    """Refuse functions with a kink, which SymPy may have made of a root."""
+    """Refuse functions with a kink, which SymPy may have made from a root."""
     for function in value.atoms(sp.Function):
         if isinstance(function, sp.Abs):
             raise ExpressionError(
@@ -165,17 +164,16 @@ def check_smooth(value: sp.Expr) -> None:
 
 
 def with_known_functions(value: sp.Expr) -> sp.Expr:
-    """SymPy turns tan(x + pi/2) into -cot(x), which nothing downstream knows."""
+    """Replace cot, which SymPy makes of tan(x + pi/2) and which no later step supports."""
     return value.replace(sp.cot, lambda a: sp.cos(a) / sp.sin(a)) if value.has(sp.cot) else value
 
 
 def _bits(value: sp.Expr) -> int:
-    """Bits of the largest exact number in an expression."""
     return max((max(abs(n.p).bit_length(), n.q.bit_length()) for n in value.atoms(sp.Rational)), default=1)
 
 
 def terms(value: sp.Expr, limit: int = MAX_TERMS) -> int:
-    """Terms of an expression multiplied out, at most; counting stops past the limit."""
+    """Return an upper bound of the number of terms after expansion; counting stops past the limit."""
     if value.is_Add:
         return min(sum(terms(a, limit) for a in value.args), limit + 1)
     if value.is_Mul:
@@ -190,12 +188,12 @@ def terms(value: sp.Expr, limit: int = MAX_TERMS) -> int:
 
 
 def put(expression: sp.Expr, values: Mapping[sp.Symbol, sp.Expr]) -> sp.Expr:
-    """An expression with values in place of symbols, once it is known that SymPy will not compute a giant.
+    """Substitute values for symbols after checking that SymPy will not compute a giant number.
 
     Raises
     ------
     ModelError
-        Where the values make a power that is not finite, not real, or has too many digits.
+        If the values make a power that is not finite, not real, or has too many digits.
     """
     symbols = set(values)
     if not any(p.exp.free_symbols & symbols for p in expression.atoms(sp.Pow)):
@@ -221,16 +219,16 @@ def put(expression: sp.Expr, values: Mapping[sp.Symbol, sp.Expr]) -> sp.Expr:
 
 
 def shown(value: sp.Expr) -> str:
-    """An expression in a message, cut short."""
+    """Return an expression as text for a message, shortened."""
     if value.is_Rational and _bits(value) > 200:
         return f"a number of {_bits(value)} bits"
     return shortened(str(value)).strip("'")
 
 
 def exact_sign(number: sp.Expr) -> int:
-    """Sign of an exact number: of one that is not rational by its digits, 0 where 60 of them show nothing.
+    """Return the sign of an exact number; of an irrational number by its digits, 0 if 60 digits are zero.
 
-    +1 of what has no real value, as a kink of a branch that is not used has (all else is refused before).
+    +1 for a number without a real value, as at a kink of an unused branch (all other cases are refused before).
     """
     if number.is_Rational:
         return int(sp.sign(number))
@@ -245,7 +243,7 @@ def exact_sign(number: sp.Expr) -> int:
 
 @lru_cache(maxsize=4096)
 def double_double(number: sp.Expr) -> tuple[float, float]:
-    """An exact number as the nearest double and what that leaves, rounded again.
+    """Return an exact number as the nearest double and the remainder, rounded to a double.
 
     Raises
     ------
@@ -260,7 +258,7 @@ def double_double(number: sp.Expr) -> tuple[float, float]:
 
 
 class Rounded:
-    """An exact number that is compared by its first digits, and by all of them only where these are the same."""
+    """Exact number that is compared by its double first, and exactly only if the doubles nearly agree."""
 
     def __init__(self, exact: sp.Expr) -> None:
         self.exact = exact

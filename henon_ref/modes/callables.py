@@ -1,8 +1,7 @@
-"""SymPy expressions as Python callables: what a numerical library calls back.
+"""SymPy expressions as Python callables, for numerical libraries.
 
-Every number in an expression is exact; :func:`rounded` folds each constant once, in one rounding.
-Scalar callables (``math``, one float an argument) are the cheapest plain Python there is for a handful
-of states.
+Every number in an expression is exact; :func:`rounded` folds each constant part once, with one rounding. Scalar
+callables (``math``, one float per argument) are the fastest plain Python for a few states.
 """
 
 from __future__ import annotations
@@ -22,23 +21,23 @@ from henon_ref.errors import ModelError
 from henon_ref.taylor.tape import TIME
 
 Scalar = Callable[..., tuple[float, ...]]
-"""``f(t, *x)`` -> one float an expression."""
+"""``f(t, *x)`` -> one float per expression."""
 
 LONGEST = 2**53
-"""Integers up to this one are doubles, too."""
+"""Largest integer up to which all integers are doubles."""
 ARITHMETIC = (ZeroDivisionError, ValueError, OverflowError)
-"""What ``math`` raises where an expression has no (finite) value."""
+"""Exceptions of ``math`` for an expression without a finite value."""
 
 
 def rounded(expression: sp.Expr) -> sp.Expr:
-    """The expression with every constant part folded to one double.
+    """Return the expression with every constant part folded to one double.
 
-    Integers that a double holds stay as they are (exponents, unit factors); exponents stay exact.
+    Integers that a double represents exactly stay (exponents, unit factors); exponents stay exact.
 
     Raises
     ------
     ModelError
-        For a constant that is no finite number (a mode that does not exist for these parameters).
+        If a constant is not a finite number (a mode that does not exist for these parameters).
 
     Examples
     --------
@@ -60,25 +59,24 @@ def rounded(expression: sp.Expr) -> sp.Expr:
 
 
 def with_rounded_constants(expressions: Iterable[sp.Expr]) -> tuple[sp.Expr, ...]:
-    """Expressions with :func:`rounded` constants; one that is a constant is a double, so that all values are."""
+    """Return expressions with :func:`rounded` constants; constant expressions become doubles."""
     return tuple(_float(e) if e.is_number else rounded(e) for e in expressions)
 
 
 def _constant(number: sp.Expr) -> sp.Expr:
-    """An integer as it is where a double holds it; else the nearest double."""
     return number if number.is_Integer and abs(number) <= LONGEST else _float(number)
 
 
 def _float(number: sp.Expr) -> sp.Float:
     value = number.evalf(40)
     if not value.is_comparable or not math.isfinite(float(value)):
-        raise ModelError(f"the constant {number} is no finite number")
-    # 17 decimal digits name a double; sp.Float(float) keeps its 53 bits.
+        raise ModelError(f"the constant {number} is not a finite number")
+    # 17 decimal digits identify a double; sp.Float(float) keeps its 53 bits.
     return sp.Float(float(value), 17)
 
 
 class ScalarPrinter(PythonCodePrinter):
-    """``math`` names, and a non-integer power that raises on a negative base instead of turning complex."""
+    """Printer with ``math`` names; a non-integer power of a negative base raises an exception."""
 
     def __init__(self) -> None:
         super().__init__({"fully_qualified_modules": False, "inline": True, "allow_unknown_functions": True})
@@ -97,9 +95,9 @@ def scalar(
     expressions: Iterable[sp.Expr],
     functions: Mapping[str, Callable[[float], float]] | None = None,
 ) -> Scalar:
-    """``f(t, *states)`` in ``math`` of expressions in time and states alone, common subexpressions shared.
+    """Return ``f(t, *states)`` of expressions in time and states by ``math``, with common subexpressions shared.
 
-    ``functions``: name -> what is called for a function that ``math`` does not have.
+    ``functions``: name -> callable for a function that ``math`` does not have.
     """
     return _lambdified(tuple(states), with_rounded_constants(expressions), tuple((functions or {}).items()))
 
@@ -110,7 +108,7 @@ def _lambdified(
     exprs: tuple[sp.Expr, ...],
     functions: tuple[tuple[str, Callable[[float], float]], ...],
 ) -> Scalar:
-    """Modes share many of their functions: each is made once."""
+    """Compile expressions; cached, since modes share many of their functions."""
     return sp.lambdify(
         [TIME, *states],
         exprs,
@@ -122,9 +120,9 @@ def _lambdified(
 
 
 def vector(states: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., NDArray[np.float64]]:
-    """``f(t, x)`` of a time and an array of the states -> one value an expression, shape (m,).
+    """Return ``f(t, x)`` of time and the array of states -> one value per expression, shape (m,).
 
-    Every value is NaN where one of them has none (a division by zero, a root of a negative number).
+    All values are NaN if one expression has no value (a division by zero, a root of a negative number).
     """
     function, nowhere = scalar(states, expressions), (math.nan,) * len(expressions)
 
@@ -138,20 +136,20 @@ def vector(states: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Calla
 
 
 def interpreted(symbols: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[[float, Any], Any]:
-    """``f(t, x)`` of a time and an array -> one value an expression; raises where one of them has none."""
+    """Return ``f(t, x)`` of time and an array -> one value per expression; raises an exception if one has no value."""
     function = scalar(symbols, expressions)
     return lambda t, x: function(t, *x.tolist())
 
 
 class Jacobian:
-    """df/dx by SymPy; only the entries that are not identically zero are evaluated.
+    """df/dx by SymPy; only entries that are not identically zero are evaluated.
 
     Parameters
     ----------
     states, field : sequences of Symbol and Expr
         Unknowns, and the functions of them to differentiate.
     switches : sequence of Symbol
-        Further symbols of the field, which :meth:`at` gives values.
+        Further symbols of the field, whose values :meth:`at` sets.
     function : callable
         Makes ``f(t, x)`` of symbols and expressions, as :func:`interpreted` does.
     """
@@ -177,14 +175,14 @@ class Jacobian:
         self._values = function((*states, *switches), slopes) if entries else lambda t, x: ()
 
     def at(self, switches: Sequence[float]) -> Jacobian:
-        """The same with these values of the switches."""
+        """Return a copy with these values of the switches."""
         found = copy(self)
         found._point = self._point.copy()
         found._point[self.shape[1] :] = switches
         return found
 
     def fill(self, t: float, x: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-        """Write df/dx at (t, x), shape (n, n), into ``out`` (NaN where it has no value)."""
+        """Write df/dx at (t, x), shape (n, n), into ``out`` (NaN without a value)."""
         out[:] = 0.0
         point = x
         if len(self._point) > self.shape[1]:

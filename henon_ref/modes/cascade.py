@@ -1,13 +1,13 @@
-"""Resets of one instant: which maps are applied, and in which order.
+"""Resets at one instant: the maps that are applied, and their order.
 
-A surface that has fallen to zero is due. Its map is applied to the state that the last one has left; a map whose value
-carries another surface from above zero to zero or below makes that one due at the same instant. So do impacts: of a
-surface that the state stays on, what counts is its rate, and an impact is due where a map has turned that inward; it is
-no longer, where a map has turned it outward. A surface that has fired is due again only after a map has lifted it, or
-its rate, above zero.
+A surface that has fallen to zero is due: its map is to be applied, to the state after the previous map. If a map moves
+another surface from positive to zero or negative, that surface becomes due at the same instant. For a surface on which
+the state stays, the rate h' decides: an impact becomes due if a map turns the rate inward, and is no longer due if a
+map turns it outward. A surface that has fired becomes due again only after a map has raised it, or its rate, above
+zero.
 
-Of several that are due the lowest priority goes first. Of those that share it, and that act on each other, all orders
-are followed: where they end in different states, the future is not unique.
+Of several surfaces due, the one with the lowest priority is first. If several share this priority and act on each
+other, all orders are followed; if they lead to different states, the future is not unique.
 """
 
 from __future__ import annotations
@@ -27,68 +27,66 @@ from henon_ref.modes.system import FilippovSystem
 from henon_ref.text import listed
 
 MOST = 1000
-"""Maps at one instant after which a run is given up."""
+"""Largest number of maps at one instant."""
 SHRUNK = 2.0**-10
-"""Part of the sizes of its terms: what impacts have shrunk a speed to before it can no longer be told from zero."""
+"""Part of the size of its terms below which a speed that impacts have reduced cannot be distinguished from zero."""
 
 
 class Numbers(Protocol):
-    """How numbers are computed and told from zero; a state is a sequence of them."""
+    """Arithmetic of states: evaluation, and comparison with zero."""
 
     rounding: float
-    """Part of the sizes of a value's terms below which it is what rounding has left of zero."""
+    """Part of the size of its terms below which a value counts as rounding of zero."""
 
     def values(self, expressions: tuple[sp.Expr, ...], t: Any, x: Sequence[Any]) -> list[Any]:
-        """Expressions in time and states at a point; ValueError and the like where one has none."""
+        """Values of expressions in time and states at a point; raises an exception of ``NO_VALUE`` if one has none."""
 
     def sign(self, value: Any) -> int:
-        """0 where it cannot be told from zero."""
+        """Sign of a value; 0 if it cannot be distinguished from zero."""
 
     def text(self, t: Any) -> str:
-        """A time as messages have it."""
+        """Time as messages name it."""
 
     def guard_series(self, mode: Mode, t: Any, x: Sequence[Any]) -> Sequence[Sequence[Any]]:
         """Taylor coefficients in time of a mode's guards."""
 
     def decide(self, t: Any, x: Sequence[Any], surfaces: Sequence[int], valid: Sequence[int]) -> Decision:
-        """The mode at a point where surfaces and ``valid`` expressions have these signs."""
+        """Decide the mode at a point at which surfaces and ``valid`` expressions have these signs."""
 
 
 @dataclass(frozen=True)
 class Rate:
-    """h' of a surface that the state stays on."""
+    """h' of a surface on which the state stays."""
 
     before: Any
-    """Before its last impact; where there was none, before the last map."""
+    """h' before its last impact, or before the last map if there was no impact."""
     now: Any
     sign: int
-    """Of ``now``."""
 
 
 @dataclass(frozen=True)
 class Instant:
-    """What the maps applied so far have made of an instant."""
+    """State of the cascade after the maps applied so far."""
 
     state: Sequence[Any]
     sides: tuple[int, ...]
-    """Signs of the surfaces; 0 for one that the state is on."""
+    """Signs of the surfaces; 0 if the state is on the surface."""
     due: frozenset[int]
-    """Surfaces whose resets have to be applied."""
+    """Surfaces whose maps are still to be applied."""
     sizes: Sequence[Any]
-    """What rounding is a part of in each state: the sizes of what it was made of."""
+    """Scale of rounding errors of each state: the size of the terms from which it was computed."""
     rates: Mapping[int, Rate] = field(default_factory=dict)
-    """Of surfaces that the state is on and whose rate a map has changed."""
+    """Rates that a map has changed, of surfaces on which the state is."""
     applied: tuple[tuple[int, Sequence[Any]], ...] = ()
-    """Surfaces whose maps have been applied, each with the state that its map has left."""
+    """Surfaces whose maps were applied, in order, each with the state after its map."""
 
     @property
     def fired(self) -> set[int]:
-        """These surfaces."""
         return {i for i, _ in self.applied}
 
 
 class Cascade:
-    """The resets of one instant, the time t [s], in the mode before them."""
+    """Resets at one instant, time t [s], from the mode before them."""
 
     def __init__(self, system: FilippovSystem, numbers: Numbers, mode: Mode, t: Any) -> None:
         self._system, self._numbers, self._mode, self._t = system, numbers, mode, t
@@ -97,7 +95,7 @@ class Cascade:
         self._count, self._endless = 0, False
 
     def end(self, x: Sequence[Any], hit: Collection[int], due: Iterable[int]) -> Instant | Decision:
-        """The instant after all resets, or why there is none.
+        """Return the instant after all resets, or the decision that ends the run.
 
         ``hit``: surfaces that have fallen to zero; ``due``: those of them that reset the state ``x``.
         """
@@ -105,19 +103,19 @@ class Cascade:
         first = self._followed(Instant(x, sides, frozenset(due), [abs(v) for v in x]))
         if isinstance(first, Decision):
             return first
-        known, open_ones = list(first), self._alternatives(first)
-        while open_ones:
-            made = self._followed(open_ones.pop(), known)
+        known, alternatives = list(first), self._alternatives(first)
+        while alternatives:
+            made = self._followed(alternatives.pop(), known)
             if isinstance(made, Decision):
                 return made
             if not (made[-1].due or self._alike(made[-1], first[-1])):
                 return self._not_unique(first, made[0])
             known += made
-            open_ones += self._alternatives(made)
+            alternatives += self._alternatives(made)
         return first[-1]
 
     def _followed(self, start: Instant, known: Sequence[Instant] = ()) -> list[Instant] | Decision:
-        """The instants from one on, the first of those that may go first taken; up to one that is known."""
+        """Return the instants from ``start``, with the first possible map each time, until none is due or known."""
         made = [start]
         while self._endless or (made[-1].due and not any(self._alike(made[-1], other) for other in known)):
             if self._endless or self._count >= MOST:
@@ -128,18 +126,16 @@ class Cascade:
         return made
 
     def _next(self, now: Instant) -> list[int]:
-        """Surfaces any of which may go first: of the lowest priority, and acting on each other."""
+        """Return the surfaces that may be next: of the lowest priority, and acting on each other."""
         resets = self._system.resets
         lowest = min(resets[i].priority for i in now.due)
         own = sorted(i for i in now.due if resets[i].priority == lowest)
         return [i for i in own if self._groups[i] == self._groups[own[0]]]
 
     def _alternatives(self, instants: Sequence[Instant]) -> list[Instant]:
-        """What follows where another one goes first."""
         return [self._after(now, i) for now in instants if now.due for i in self._next(now)[1:]]
 
     def _alike(self, one: Instant, other: Instant) -> bool:
-        """Whether two instants cannot be told apart."""
         if (one.due, one.sides) != (other.due, other.sides):
             return False
         numbers, states = self._numbers, zip(one.state, other.state, one.sizes, other.sizes, strict=True)
@@ -149,7 +145,7 @@ class Cascade:
         )
 
     def _not_unique(self, first: Sequence[Instant], other: Instant) -> Decision:
-        """The decision where it matters which one goes first; ``other``: the first instant of another order."""
+        """Return the decision if the order matters; ``other``: the first instant of a different order."""
         count = len(other.applied)
         either = [first[min(count, len(first) - 1)].applied[count - 1][0], other.applied[-1][0]]
         names = listed([self._system.sign_names[i] for i in dict.fromkeys(either)])
@@ -160,7 +156,6 @@ class Cascade:
         return Decision("nonunique", None, reason)
 
     def _after(self, now: Instant, index: int) -> Instant:
-        """The instant after the map of one surface."""
         self._count += 1
         system, numbers, x = self._system, self._numbers, now.state
         jump = jump_of(system, index)
@@ -176,41 +171,40 @@ class Cascade:
         moved = {system.states[k] for k in jump.moved}
         for j in sorted(system.resets):
             impact = impact_of(system, j)
-            slides = self._mode[j] == 0 and not system.rests(j)  # it came from below
+            slides = self._mode[j] == 0 and not system.rests(j)  # the surface was reached from below
             if impact is None or j not in jump.kept or slides:
                 continue
             if not (j == index or self._speed(impact).free_symbols & moved):
                 continue
-            if (
-                sides[j] > 0 and self._clear_sign(*self._with_size(system.surfaces[j], made)) == 0
-            ):  # touched, with no speed until now
+            # The state may be on the surface only up to rounding, if its speed was zero before this map.
+            if sides[j] > 0 and self._clear_sign(*self._with_size(system.surfaces[j], made)) == 0:
                 sides[j] = 0
             if sides[j] == 0:
-                rates[j] = self._thrown_back(impact, now, made) if j == index else self._turned(j, impact, now, made)
+                rates[j] = self._own_map(impact, now, made) if j == index else self._other_map(j, impact, now, made)
                 due = self._due_by_rate(j, impact, now, due, rates[j]) if j != index else due
         return Instant(after, tuple(sides), due, made.sizes, rates, (*now.applied, (index, after)))
 
     @staticmethod
     def _due_by_rate(index: int, impact: Impact, now: Instant, due: frozenset[int], rate: Rate) -> frozenset[int]:
-        """Surfaces that are due where a map has changed the rate of one that the state is on."""
+        """Return the surfaces due after a map has changed the rate of a surface on which the state is."""
         if rate.sign < 0:
             turned = index in now.rates and now.rates[index].sign < 0
             return due if turned and index in now.fired else due | {index}
         return due if impact.refusal else due - {index}
 
-    def _thrown_back(self, impact: Impact, now: Instant, made: Instant) -> Rate:
-        """The rate of a surface after its own map."""
+    def _own_map(self, impact: Impact, now: Instant, made: Instant) -> Rate:
+        """Return the rate of a surface after its own map."""
         numbers, speed = self._numbers, self._speed(impact)
         if impact.refusal:
             before, then = (numbers.values((speed,), self._t, own.state)[0] for own in (now, made))
         else:
             before, ratio = numbers.values((speed, impact.ratio), self._t, now.state)
-            before = 0 * before if numbers.sign(before) > 0 else before  # rounding: the surface was reached
+            before = 0 * before if numbers.sign(before) > 0 else before  # > 0 by rounding only: it was reached
             then = ratio * before
         return Rate(before, then, numbers.sign(then))
 
-    def _turned(self, index: int, impact: Impact, now: Instant, made: Instant) -> Rate:
-        """The rate of a surface after another one's map."""
+    def _other_map(self, index: int, impact: Impact, now: Instant, made: Instant) -> Rate:
+        """Return the rate of a surface after the map of another surface."""
         speed = self._speed(impact)
         if index in now.rates:
             before = now.rates[index].before
@@ -225,18 +219,17 @@ class Cascade:
         return impact.speed.xreplace(self._signs)
 
     def _with_size(self, expression: sp.Expr, now: Instant) -> tuple[Any, Any]:
-        """An expression in time and states, and the size of its terms."""
         slopes = gradient(expression, self._system.states)
         value, *own = self._numbers.values((expression, *slopes), self._t, now.state)
         return value, sum((abs(slope) * part for slope, part in zip(own, now.sizes, strict=True)), 0 * value)
 
     def _clear_sign(self, value: Any, size: Any) -> int:
-        """0 for what rounding may have left of zero."""
+        """Sign of a value; 0 if the value may be rounding of zero."""
         return 0 if abs(value) <= self._numbers.rounding * size else self._numbers.sign(value)
 
     def _grown(self, now: Instant, index: int, after: Sequence[Any]) -> Sequence[Any]:
-        """Sizes of what a map's values are made of."""
-        if self._groups.count(self._groups[index]) == 1:  # nobody asks
+        """Return the scales of rounding errors after a map."""
+        if self._groups.count(self._groups[index]) == 1:  # one reset only: no orders are compared
             return now.sizes
         jump, states, sizes = jump_of(self._system, index), self._system.states, list(now.sizes)
         slopes = tuple(slope for k in jump.moved for slope in gradient(jump.states[k], states))
@@ -249,9 +242,9 @@ class Cascade:
 
 @lru_cache(maxsize=64)
 def acting_groups(system: FilippovSystem) -> tuple[int, ...]:
-    """For each surface the first one of those whose resets act on each other; itself where it has none.
+    """Return, for each surface, the lowest index of a surface in its group: surfaces whose resets act on each other.
 
-    They do where a map moves a state that the other one's surface, its rate or its map depends on.
+    Two resets act on each other if the map of one moves a state on which the surface, rate or map of the other depends.
     """
     groups = list(range(len(system.surfaces)))
     touched = {i: _touched(system, i) for i in sorted(system.resets)}
@@ -265,7 +258,7 @@ def acting_groups(system: FilippovSystem) -> tuple[int, ...]:
 
 
 def _touched(system: FilippovSystem, index: int) -> set[sp.Basic]:
-    """Symbols that a surface, its rate and its map depend on, and states that the map moves."""
+    """Return the symbols on which a surface, its rate and its map depend, and the states that the map moves."""
     jump, impact = jump_of(system, index), impact_of(system, index)
     expressions = [system.surfaces[index], *(jump.states[k] for k in jump.moved)]
     found: set[sp.Basic] = {system.states[k] for k in jump.moved}

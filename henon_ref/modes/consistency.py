@@ -1,9 +1,9 @@
-"""Whether a mode is consistent at a point: whether its own field keeps it just after.
+"""Consistency of a mode at a point: whether the mode's own field keeps the mode just after the point.
 
-A mode is *consistent* when every surface in slip is left on the mode's side (first non-zero derivative of h), and on
-every sliding surface the equivalent sign stays inside [-1, 1] and the two fields point at the surface. A surface whose
-sliding is overridden with ``entry: inside`` is held wherever every release guard is positive just after the point
-(first non-zero derivative; one that stays at zero holds); whether it is, :mod:`henon_ref.modes.held_groups` decides.
+A mode is *consistent* if every surface in slip is left on the mode's side (first non-zero derivative of h) and if on
+every sliding surface the equivalent sign stays inside [-1, 1] and both fields point at the surface. A surface whose
+sliding override has ``entry: inside`` can be held if every release guard is positive just after the point (first
+non-zero derivative; a guard that stays at zero holds); :mod:`henon_ref.modes.held_groups` decides whether it is held.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from henon_ref.modes.mode import Mode, replaced
 
 
 def broken_guards(at: Point, mode: Mode, active: Collection[int], zero: float, *, alone: bool) -> Broken | None:
-    """Guards of a mode that do not hold just after a point, each with the order of the derivative that tells.
+    """Return the guards of a mode that become negative just after a point, each with the deciding order of derivative.
 
-    None where the mode has no equations, or no derivatives. ``active``: surfaces that the point is on; ``zero``: the
-    relative size below which a derivative counts as zero; ``alone``: the mode is tried by itself, and is none either
-    where an override slides that is not to, or the other way round; else by :mod:`henon_ref.modes.held_groups`.
+    None if the mode has no equations or no finite derivatives. ``active``: surfaces on which the point lies; ``zero``:
+    the relative size below which a derivative counts as zero; ``alone``: the mode is tested by itself (not by
+    :mod:`henon_ref.modes.held_groups`), and None is returned also if an override disagrees with the mode about sliding.
     """
     system, broken = at.system, list[tuple[Guard, int]]()
     try:
@@ -42,7 +42,7 @@ def broken_guards(at: Point, mode: Mode, active: Collection[int], zero: float, *
                 continue
             first = 1 if guard.kind == "surface" else 0
             term = at.leading(mode, place, first, zero, None if system.rests(i) else i)
-            # A surface that is never left is no slip; an equivalent sign that stays at its limit still holds.
+            # If h stays at zero there is no slip; an equivalent sign that stays at its limit still holds.
             if term is None:
                 broken += [(guard, IDENTICALLY_ZERO)] if first else []
             elif term[1] < 0:
@@ -53,7 +53,7 @@ def broken_guards(at: Point, mode: Mode, active: Collection[int], zero: float, *
 
 
 def _let_go(at: Point, mode: Mode, place: int, guard: Guard, zero: float) -> int | None:
-    """The order of the derivative by which an override's slide ends at one of its guards; None where it holds."""
+    """Return the order of the derivative by which a guard ends an override's sliding; None if the sliding continues."""
     if at.system.held_inside(guard.index) or at.system.rests(guard.index):
         term = at.end_of_hold(mode, place, zero)
         return term[0] if term is not None and term[1] < 0 else None
@@ -65,13 +65,13 @@ def _let_go(at: Point, mode: Mode, place: int, guard: Guard, zero: float) -> int
 
 
 def stays(at: Point, mode: Mode, index: int) -> bool:
-    """Whether a slip stays on a surface, so far as its derivatives tell, at a point that is on it."""
+    """Check whether a slip stays on a surface on which the point lies, in all derivatives that are computed."""
     own = [k for k, g in enumerate(at.guards(mode) or ()) if g.kind == "surface" and g.index == index]
     return all(at.leading(mode, place, 1, at.levels[0], index) is None for place in own)
 
 
 def indeterminate(at: Point, mode: Mode, index: int, zero: float) -> bool:
-    """Whether no end of a slide on a surface is anything but zero, so far as its derivatives tell."""
+    """Check whether all release guards of a surface stay at zero, in all derivatives that are computed."""
     if index in at.system.overrides:
         return False
     ends = [k for k, g in enumerate(at.guards(mode) or ()) if g.kind == "release" and g.index == index]
@@ -79,7 +79,7 @@ def indeterminate(at: Point, mode: Mode, index: int, zero: float) -> bool:
 
 
 def _rests(at: Point, mode: Mode, index: int, zero: float) -> bool:
-    """Whether a body on a surface stays there: off it, h would neither rise at once nor fall with a speed."""
+    """Check whether a body stays on a stop: without the reaction, h would start with zero speed and not rise."""
     free = replaced(mode, index, 1)
     try:
         guards = at.guards(free)
@@ -93,7 +93,6 @@ def _rests(at: Point, mode: Mode, index: int, zero: float) -> bool:
 
 
 def _attracts(at: Point, mode: Mode, index: int) -> bool:
-    """Whether both fields point at a surface, or along it."""
     below, above = at.sides(mode, index)
     size, negative = abs(below) + abs(above), at.arithmetic.negative
     return not negative(below, size, ZERO) and not negative(-above, size, ZERO)

@@ -1,22 +1,22 @@
-"""Loops of contacts: surfaces that depend on each other, and how much their contacts hold together.
+"""Loops of contacts: surfaces that depend on each other, and the largest loads that their contacts hold together.
 
-Where two blocks touch a wall and each other, ``v_a``, ``v_b`` and ``v_a - v_b`` are zero at once: the surfaces h_i obey
-relations, sum of c_i h_i = 0. The motion of bodies that all these contacts hold is settled, and the loads are not: a
-load that goes round the loop, in proportion to c, moves nothing (statics calls them indeterminate). Held are the
-contacts while *some* distribution of the loads has each within its limit. Loads q that balance the other forces are
-q0 plus any combination of the relations; such a one with abs(q_i) <= limit_i exists if and only if
+If two blocks touch a wall and each other, ``v_a``, ``v_b`` and ``v_a - v_b`` are zero together: the surfaces h_i
+satisfy relations, sum of c_i h_i = 0. If all these contacts hold, the motion of the bodies is unique but the loads are
+not: loads in proportion to c around the loop cause no acceleration (statically indeterminate). The contacts hold while
+*some* distribution of the loads keeps each within its limit. The loads q that balance the other forces are q0 plus any
+combination of the relations; one with abs(q_i) <= limit_i exists if and only if
 
     abs(sum of y_i q0_i) <= sum of abs(y_i) limit_i
 
-for every elementary vector y that is normal to the relations, one of which no other has a part of the non-zero entries
-(Rockafellar, in *Combinatorial Mathematics and its Applications*, 1969, 104-127). Between bodies on a line these are
-the cuts that part the bodies in two, and the theorem is Hoffman's on circulations (*Proc. Symp. Appl. Math.* 10 (1960)
-113-127), the maximum flow being the minimum cut; y is the relative velocity at each contact as one part moves off, so
-in mechanics it is the kinematic theorem of limit analysis (Drucker, Prager and Greenberg, *Q. Appl. Math.* 9 (1952)
-381-389). Each cut has two guards, one a way. A contact in no loop is a cut by itself.
+for every elementary vector y normal to the relations, that is, a normal vector with minimal support (Rockafellar, in
+*Combinatorial Mathematics and its Applications*, 1969, 104-127). For bodies on a line these vectors are the cuts that
+separate the bodies into two sets, and the theorem is Hoffman's on circulations (*Proc. Symp. Appl. Math.* 10 (1960)
+113-127), with maximum flow equal to minimum cut. y is the relative velocity at each contact as one set moves off, so in
+mechanics this is the kinematic theorem of limit analysis (Drucker, Prager and Greenberg, *Q. Appl. Math.* 9 (1952)
+381-389). Each cut has two guards, one per direction. A contact in no loop is a cut by itself.
 
-A stop that a body rests on is a contact whose velocity is h'. Its load, the reaction, has 0 for one limit and none the
-other way, so that a cut which would move the body into the stop has no guard.
+A stop on which a body rests is a contact with velocity h'. Its load, the reaction, is limited by 0 in one direction and
+unlimited in the other, so a cut that would move the body into the stop has no guard.
 """
 
 from __future__ import annotations
@@ -40,18 +40,18 @@ from henon_ref.text import listed
 
 SIDES = (1, -1)
 Relation = Mapping[int, sp.Rational]
-"""Surface -> its factor, not 0, in a sum that is zero at all times."""
+"""Surface -> its non-zero factor in a sum that is zero at all times."""
 
 
 @lru_cache(maxsize=1024)
 def relations(system: SwitchedField, surfaces: tuple[int, ...]) -> tuple[Relation, ...]:
-    """A basis of the relations among surfaces; the last surface of each is in no other, with the factor 1.
+    """Return a basis of the relations among surfaces; the last surface of each is in no other and has factor 1.
 
-    Found are those with rational factors, of surfaces multiplied out; one that is zero at all times counts as none.
+    Only relations with rational factors between expanded surfaces are found; a surface that is always zero is ignored.
     """
     rows = {i: _terms(system, i) for i in surfaces}
     rows, left = {i: row for i, row in rows.items() if row}, -1
-    while left != len(rows):  # a term that no other surface has
+    while left != len(rows):  # a surface with a term of its own is in no relation
         uses, left = Counter(chain.from_iterable(rows.values())), len(rows)
         rows = {i: row for i, row in rows.items() if all(uses[term] > 1 for term in row)}
     if not rows:
@@ -70,21 +70,21 @@ def relations(system: SwitchedField, surfaces: tuple[int, ...]) -> tuple[Relatio
 
 
 def _terms(system: SwitchedField, index: int) -> dict[sp.Expr, sp.Rational]:
-    """The terms of a surface with their factors; its expression itself where a factor is not rational."""
+    """Return the terms of a surface with their factors; the surface as one term if a factor is not rational."""
     surface = expanded(system.numeric(system.surfaces[index]))
     found = {term: factor for term, factor in surface.as_coefficients_dict().items() if factor != 0}
     return found if all(factor.is_Rational for factor in found.values()) else {surface: sp.S.One}
 
 
 def independent(system: SwitchedField, surfaces: Sequence[int]) -> tuple[int, ...]:
-    """Surfaces of which the others are combinations."""
+    """Return surfaces of which all other given surfaces are linear combinations."""
     settled = {max(relation) for relation in relations(system, tuple(surfaces))}
     return tuple(i for i in surfaces if i not in settled)
 
 
 @lru_cache(maxsize=1024)
 def closed(system: SwitchedField, surfaces: frozenset[int], others: tuple[int, ...]) -> frozenset[int]:
-    """Surfaces, with those of ``others`` that are zero wherever these are."""
+    """Return surfaces, together with those of ``others`` that are zero whenever these surfaces are."""
     found = set(surfaces)
     for i in others:
         if i not in found and len(independent(system, sorted({*found, i}))) == len(independent(system, sorted(found))):
@@ -93,13 +93,13 @@ def closed(system: SwitchedField, surfaces: frozenset[int], others: tuple[int, .
 
 
 def loops(found: Sequence[Relation]) -> list[tuple[Relation, ...]]:
-    """Relations, parted into those that have surfaces in common, directly or by way of each other."""
+    """Partition relations into loops: relations connected by common surfaces."""
     edges = [(j, k) for j, k in combinations(range(len(found)), 2) if found[j].keys() & found[k].keys()]
     return [tuple(found[k] for k in sorted(part)) for part in connected_components((range(len(found)), edges))]
 
 
 def cuts(loop: Sequence[Relation]) -> Iterator[dict[int, int]]:
-    """Elementary vectors normal to the relations of a loop, each once, whole numbers without a common divisor."""
+    """Yield the elementary vectors normal to the relations of a loop, as coprime integers, each once."""
     surfaces = sorted(set().union(*loop))
     known = set()
     for support in combinations(surfaces, len(loop) + 1):
@@ -117,7 +117,7 @@ def cuts(loop: Sequence[Relation]) -> Iterator[dict[int, int]]:
 
 
 def circuits(loop: Sequence[Relation]) -> Iterator[dict[int, int]]:
-    """Relations of a loop of which no other has a part of the surfaces, each once, as those of :func:`cuts`."""
+    """Yield the relations of a loop with minimal support, in the form of :func:`cuts`, each once."""
     surfaces = sorted(set().union(*loop))
     matrix = [[relation.get(i, sp.S.Zero) for i in surfaces] for relation in loop]
     normals = DomainMatrix.from_list_sympy(len(loop), len(surfaces), matrix).convert_to(sp.QQ).nullspace().to_Matrix()
@@ -126,7 +126,7 @@ def circuits(loop: Sequence[Relation]) -> Iterator[dict[int, int]]:
 
 
 def guard_count(system: SwitchedField, surfaces: Collection[int]) -> int:
-    """Guards of the cuts of all loops of some surfaces, at most."""
+    """Return an upper bound of the number of guards of the cuts of all loops of some surfaces."""
     found = loops(relations(system, tuple(sorted(surfaces))))
     return sum(2 for loop in found for _ in cuts(loop))
 
@@ -137,21 +137,21 @@ def loop_ends(
     zones: Mapping[int, Sequence[Guard]],
     signs: Mapping[sp.Symbol, sp.Expr],
 ) -> dict[int, tuple[Guard, ...]]:
-    """The ends of what contacts hold that are in loops, by surface: those of each cut beside its first contact.
+    """Return the guards of contacts in loops, by surface: the guards of a cut are listed with its first contact.
 
     Parameters
     ----------
     system : SwitchedField
     found : sequence of Relation
     zones : mapping
-        Surface -> the two ends of its hold zone, in signs of other surfaces; the one end of a rest.
+        Surface -> the two ends of its hold zone, in signs of other surfaces; one end for a rest.
     signs : mapping
-        What stands for signs, in those of the surfaces that relations settle, which are free.
+        Sign -> its expression in the signs of the surfaces that relations determine, which are free.
 
     Raises
     ------
     ModelError
-        Where what goes round a loop is not in proportion to the relation, as forces and counterforces are.
+        If the loads around a loop are not in proportion to the relation, as action and reaction are.
     """
     guards: dict[int, tuple[Guard, ...]] = {}
     for loop in loops(found):
@@ -159,7 +159,7 @@ def loop_ends(
         weights = _weights(system, loop, ends, signs)
         guards |= dict.fromkeys(ends, ())
         for cut in cuts(loop):
-            first = min(cut, key=lambda i: (len(ends[i]) < len(SIDES), i))  # where there is one, not a rest
+            first = min(cut, key=lambda i: (len(ends[i]) < len(SIDES), i))  # a rest only if all are rests
             for way in SIDES:
                 sides = {i: way if y > 0 else -way for i, y in cut.items()}
                 if any(side not in ends[i] for i, side in sides.items()):
@@ -174,11 +174,13 @@ def loop_ends(
 
 
 def _ends(system: SwitchedField, index: int, zones: Mapping[int, Sequence[Guard]]) -> dict[int, Guard]:
-    """The end of a contact's hold zone for each sign that it is released into."""
+    """Return the end of a contact's hold zone for each sign into which it is released."""
     ends = {guard.to_sign: guard for guard in zones.get(index, ())}
     if len(zones.get(index, ())) != len(ends) or set(ends) not in ({-1, 1}, {1}):
         name = system.sign_names[index]
-        raise ModelError(f"{name} is in a loop of contacts that hold together, and has not one end of its hold a way")
+        raise ModelError(
+            f"{name} is in a loop of contacts that hold together: it requires one end of its hold zone per direction"
+        )
     return ends
 
 
@@ -188,7 +190,7 @@ def _weights(
     ends: Mapping[int, Mapping[int, Guard]],
     signs: Mapping[sp.Symbol, sp.Expr],
 ) -> dict[int, sp.Expr]:
-    """Unit in which each contact of a loop has its ends, relative to one of them: 1 where all are forces."""
+    """Return the unit of each contact's ends, relative to one contact of the loop: 1 if all are forces."""
     weights: dict[int, sp.Expr] = {}
     left = list(loop)
     while left:
@@ -204,7 +206,7 @@ def _weights(
             size, old = sample(system, (weight, weights.get(i, weight)))
             if not size > 0 or abs(size - old) > AGREE * size:
                 names = listed([system.sign_names[k] for k in sorted(relation)])
-                raise ModelError(f"what the contacts of the loop {names} carry is no force and counterforce: {weight}")
+                raise ModelError(f"the loads of the contacts of the loop {names} are not action and reaction: {weight}")
             weights[i] = sp.S.One if abs(size - 1) <= AGREE else simplified(weight)
     return weights
 
@@ -216,9 +218,9 @@ def _share(
     free: sp.Symbol,
     others: Mapping[sp.Symbol, sp.Expr],
 ) -> sp.Expr:
-    """How much a contact's load grows with a free sign."""
+    """Return the slope of a contact's load in a free sign."""
     slopes = [-way * sp.diff(put(put(ends[way].expression, signs), dict(others)), free) for way in sorted(ends)]
     share, last = sample(system, (slopes[0], slopes[-1]))
     if abs(last - share) > AGREE * (1 + abs(share)) or share == 0:
-        raise ModelError(f"{system.sign_names[ends[1].index]} does not carry what goes round the loop that it is in")
+        raise ModelError(f"{system.sign_names[ends[1].index]} does not carry the load around its loop of contacts")
     return slopes[0]

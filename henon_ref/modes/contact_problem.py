@@ -1,16 +1,15 @@
-"""The accelerations of bodies that touch with Coulomb's friction, by Gauss's principle, found by pivoting.
+"""Accelerations of bodies in contact with Coulomb friction, by Gauss's principle, computed by pivoting.
 
-The principle and its literature stand at the head of :mod:`henon_ref.modes.held_groups`. In the forces s_i of the
-contacts, the dual problem, it says: the relative accelerations are N = a - W s, each s_i in an interval [lower_i,
-upper_i], at the upper end where N_i > 0, at the lower one where N_i < 0.
+The principle and its literature are explained in :mod:`henon_ref.modes.held_groups`. Its dual problem has the contact
+forces s_i as unknowns: the relative accelerations are N = a - W s, and each s_i is in an interval [lower_i, upper_i],
+at the upper bound if N_i > 0, at the lower bound if N_i < 0. N and W are computed from values of the accelerations at a
+point with and without each force, in any arithmetic (floats, balls). A friction force is in units of kinetic friction,
+unless the contact's override has a ``push``.
 
-N and W are read from the values of the accelerations at a point with and without each force, in any arithmetic:
-numbers, balls. A friction's force is in units of what it slides with, where its override does not say what a load does.
-
-A mode is which contacts hold (N_i = 0) and which way the others slip. It is found by block principal pivoting (Júdice
-and Pires, *Comput. Oper. Res.* 21 (1994) 587-596), which ends with Murty's rule of the last index where blocks do not
-lead on, in double precision; who needs a proof holds the solution against the conditions of the minimum in balls
-(:mod:`henon_ref.enclosure.contact_proof`).
+A mode states which contacts hold (N_i = 0) and in which direction the others slip. It is found in double precision by
+block principal pivoting (Júdice and Pires, *Comput. Oper. Res.* 21 (1994) 587-596) and, if blocks make no progress, by
+Murty's rule of the last index, which terminates. A proof checks the conditions of the minimum for this solution in ball
+arithmetic (:mod:`henon_ref.enclosure.contact_proof`).
 """
 
 from __future__ import annotations
@@ -30,34 +29,34 @@ from henon_ref.modes.mode import Mode
 from henon_ref.modes.system import FilippovSystem
 
 COMPLIANCE = 1e-9
-"""Of each contact, relative to the inverse inertia that it sees: settles how contacts in a loop share their loads."""
+"""Compliance of a contact, relative to its inverse inertia; it determines how contacts in a loop share loads."""
 TIE = 1e-6
-"""Part of its terms below which a relative acceleration may be zero."""
+"""Relative acceleration, as a part of its terms, below which it may be zero."""
 ROUNDING = 1e-12
-"""Part of its terms by which a number may be beyond a bound."""
+"""Part of its terms by which a number may exceed a bound through rounding."""
 PATIENCE, MOST_PIVOTS = 10, 100
-"""Blocks of pivots in a row that bring no fewer contacts out of bounds; pivots a contact."""
+"""Largest number of successive block pivots without progress; largest number of pivots per contact."""
 RANK = 1e-8
-"""Part of a contact's own inverse inertia below which what the others leave of it is none."""
+"""Part of a contact's inverse inertia below which the remainder, with the other contacts held, counts as zero."""
 
 Row = list[Any]
 Settled = Callable[[list[int], int], bool]
-"""(places of contacts, place) -> whether a contact is at rest wherever those are."""
+"""(places of contacts that hold, place) -> whether these contacts keep the contact at that place at rest."""
 Negative = Callable[[Any, Any], bool]
-"""(value, size of its terms) -> whether it is clearly below zero."""
+"""(value, size of its terms) -> whether the value is clearly negative."""
 Values = Callable[[tuple[sp.Expr, ...], Mode], Sequence[Any] | None]
-"""(expressions, signs of all surfaces) -> their values at the point; None if not finite."""
+"""(expressions, signs of all surfaces) -> values at the point; None if one is not finite."""
 
 
 class ContactProblem(NamedTuple):
-    """Relative accelerations ``N = free - matrix s`` of m contacts, and the bounds of their forces; any numbers."""
+    """Relative accelerations ``N = free - matrix s`` of m contacts and bounds of their forces s, in any arithmetic."""
 
     free: Row
-    """N without forces of the contacts, shape (m,)."""
+    """N without contact forces, shape (m,)."""
     matrix: list[Row]
-    """Shape (m, m); its diagonal is positive."""
+    """Inverse inertia W, shape (m, m), with positive diagonal."""
     lower: Row
-    """Least force of each; None where there is none."""
+    """Least force of each contact, None if unbounded."""
     upper: Row
 
 
@@ -67,11 +66,11 @@ class Accelerations(NamedTuple):
     forces: NDArray[np.float64]
     """s, shape (m,)."""
     entries: tuple[int, ...]
-    """0: the force is between its bounds; -1, +1: at the lower bound, the upper one."""
+    """0 if the force is between its bounds, -1 at the lower bound, +1 at the upper bound."""
     slips: tuple[bool, ...]
-    """Whether a contact's relative acceleration is plainly not zero."""
+    """Whether each contact's relative acceleration is clearly not zero."""
     clear: bool
-    """Whether all others hold by forces that are plainly between their bounds, and that are the only ones."""
+    """Whether the forces of all contacts that hold are clearly between their bounds and are unique."""
 
 
 def solved(problem: ContactProblem) -> Accelerations:
@@ -80,13 +79,13 @@ def solved(problem: ContactProblem) -> Accelerations:
     Raises
     ------
     ModelError
-        Where the pivots do not come to an end: the forces are not those of friction.
+        If pivoting does not terminate: the forces are not those of friction.
     """
     count = len(problem.free)
     free = np.array([float(v) for v in problem.free])
     given = np.array([[float(v) for v in row] for row in problem.matrix]).reshape(count, count)
     scale = np.diag(given)
-    matrix = given / scale + COMPLIANCE * np.eye(count)  # of forces in units of the acceleration that they give
+    matrix = given / scale + COMPLIANCE * np.eye(count)  # forces in units of the acceleration that they cause
     lower, upper = (
         scale * np.array([way * np.inf if v is None else float(v) for v in bounds])
         for way, bounds in ((-1, problem.lower), (1, problem.upper))
@@ -115,11 +114,11 @@ def solved(problem: ContactProblem) -> Accelerations:
         fewest = min(fewest, wrong.size)
         turned = wrong if patience > 0 else wrong[-1:]
         entries[turned] = above[turned].astype(int) - below[turned].astype(int)
-    raise ModelError("the forces of contacts that act on each other have no solution that pivoting finds")
+    raise ModelError("pivoting finds no forces for contacts that act on each other")
 
 
 def independent_of(problem: ContactProblem, order: Sequence[int]) -> list[int]:
-    """Contacts whose accelerations can be chosen freely by their forces, taken in this order while they can."""
+    """Select, in this order, the contacts whose accelerations their own forces can set independently of each other."""
     matrix = np.array([[float(v) for v in row] for row in problem.matrix])
     own, chosen = np.diag(matrix).copy(), list[int]()
     for k in order:
@@ -130,20 +129,20 @@ def independent_of(problem: ContactProblem, order: Sequence[int]) -> list[int]:
 
 
 class Balance(NamedTuple):
-    """A group's relative accelerations, and the limits of its static friction."""
+    """Relative accelerations of a group and limits of its static friction."""
 
     problem: ContactProblem
-    """With the limits of contacts that have slipped."""
+    """Contact problem with the limits that hold after a contact has slipped (kinetic friction)."""
     static: Mapping[int, tuple[Any, Any]]
-    """Place of a contact -> its least and largest force before that; None: no limit."""
+    """Place of a contact -> least and largest force before it slips (static friction); None if unbounded."""
 
 
 def balance_of(
     system: FilippovSystem, mode: Mode, contacts: tuple[int, ...], values: Values, negative: Negative
 ) -> Balance | None:
-    """The balance of a group, the other surfaces' entries being those of a mode.
+    """Return the balance of a group; the entries of all other surfaces are those of ``mode``.
 
-    None where the accelerations are not affine in the forces, or not finite, or a force does not act at all.
+    None if the accelerations are not affine in the forces or not finite, or if a force does not act on its own contact.
     """
     rows = _rows(system, mode, contacts, values, negative)
     if rows is None:
@@ -151,7 +150,7 @@ def balance_of(
     fixed = frozenset(i for i in contacts if system.held_inside(i))
     free, matrix, lower, upper = [], [], list[Any](), list[Any]()
     static: dict[int, tuple[Any, Any]] = {}
-    ways = [1 if system.rests(i) else -1 for i in contacts]  # a reaction pushes off, friction holds back
+    ways = [1 if system.rests(i) else -1 for i in contacts]  # a reaction acts along +h', friction against h
     for k, i in enumerate(contacts):
         own = next(rows)
         free.append(own[0])
@@ -177,9 +176,10 @@ def balance_of(
 def _rows(
     system: FilippovSystem, mode: Mode, group: tuple[int, ...], values: Values, negative: Negative
 ) -> Iterator[Row] | None:
-    """Numbers by which functions are affine in the signs of the contacts: values at no sign, and slopes in each.
+    """Return, for each expression of the group, its value without contact signs and its slope in each sign.
 
-    Contacts that are in no function together have their signs put in at once.
+    Slopes are differences of values with the signs 0 and 1; contacts that no expression has in common get their signs
+    in one evaluation. A last evaluation with all signs 1 checks that the expressions are affine; None if one is not.
     """
     count = len(group)
     written, (together, places) = _written(system, group), _together(system, group)
@@ -200,21 +200,21 @@ def _rows(
 
 
 def _inertia(system: FilippovSystem, index: int, place: int, own: Row, ends: Iterable[tuple[int, Row]]) -> Any:
-    """How a load that is written by hand grows with the acceleration, from how both do with another force."""
+    """Return the slope of a user-written load in the acceleration, by the slopes of both in another force."""
     for side, end in ends:
         slope, j = max(((abs(float(v)), j) for j, v in enumerate(own[1:]) if j != place), default=(0.0, 0))
         if slope:
             inertia = -side * end[1 + j] / own[1 + j]
             if not inertia > 0:
                 name = system.sign_names[index]
-                raise ModelError(f"the load of {name} is no force that keeps its surface: its 'sliding' is by hand")
+                raise ModelError(f"the load of {name} in its 'sliding' override is not a force that keeps its surface")
             return inertia
     return 0 * own[0] + 1
 
 
 @lru_cache(maxsize=256)
 def _written(system: FilippovSystem, group: tuple[int, ...]) -> tuple[sp.Expr, ...]:
-    """What is read of each contact of a group: its acceleration, the ends of its hold zone, inertia, friction."""
+    """Return the expressions of each contact: acceleration, ends of its hold zone, inertia, kinetic friction."""
     off = {system.signs[i]: sp.S.One for i in system.resting}
     acting = system.with_reactions(frozenset(i for i in group if i in system.overrides and system.overrides[i].push))
     found = []
@@ -230,7 +230,7 @@ def _written(system: FilippovSystem, group: tuple[int, ...]) -> tuple[sp.Expr, .
 
 @lru_cache(maxsize=256)
 def _together(system: FilippovSystem, group: tuple[int, ...]) -> tuple[list[frozenset[int]], list[int]]:
-    """Contacts, by places, that each of these functions may depend on; the place of each among those it is with."""
+    """Return the contacts, by place, in each expression; and an evaluation number of each contact."""
     contacts = {system.signs[i]: k for k, i in enumerate(group)}
     own = [frozenset(contacts[s] for s in e.free_symbols if s in contacts) for e in _written(system, group)]
     parts: list[frozenset[int]] = []

@@ -1,20 +1,19 @@
-"""Contacts that act on each other, and the equations of all their modes at once.
+"""Equations of all modes of contacts that act on each other, in one set.
 
-Contacts of bodies in a row, with dry friction: each surface h_i is a relative velocity, and the contact acts on the
-states by one force q_i, so that ``x' = f(t, x) + C q`` and ``h' = a(t, x) + W q`` with constant matrices C and W. A
-contact that slips has the force T_i(t, x, s_i) of its friction; one that holds has the force that keeps its surface.
-With numbers ``slip_i`` and ``slide_i``, one of which is 1 and the other 0, both are row i of one linear system,
+For contacts of bodies in a row, with dry friction, each surface h_i is a relative velocity, and each contact acts on
+the states by one force q_i, so ``x' = f(t, x) + C q`` and ``h' = a(t, x) + W q`` with constant matrices C and W. A
+contact that slips has its friction force T_i(t, x, s_i); a contact that holds has the force that keeps its surface.
+With the switches ``slip_i`` and ``slide_i``, one equal to 1 and the other to 0, both are row i of one linear system,
 
     slip_i q_i + slide_i (W q)_i = slip_i T_i - slide_i a_i.
 
-It is solved by elimination within the recurrences of the Taylor series, whose matrix is constant: once a step, in a few
-operations a contact where the bodies are in a row. No pivot vanishes, whichever contacts hold: with W symmetric and
-definite, up to factors of its columns (the units of the forces), every Schur complement is the inverse inertia of some
-bodies that are held together. So there is nothing to be derived or compiled where a mode is new; a chain of n contacts
-has 3^n.
+The system is solved by elimination within the Taylor recurrences: its matrix is constant, so once per step, with a few
+operations per contact if the bodies are in a row. No pivot vanishes, whichever contacts hold: W is symmetric and
+definite up to factors of its columns (the units of the forces), so every Schur complement is the inverse inertia of
+some bodies held together. A new mode therefore needs no derivation or compilation; a chain of n contacts has 3^n modes.
 
-Each contact's surface settles a state of its own (the bodies and contacts are a forest: no loops), whose rate in a hold
-is that of the bodies it is held to, so that the surface is kept to the last bit.
+Each contact's surface determines a state of its own (bodies and contacts form a forest, without loops). While the
+contact holds, the rate of this state is that of the bodies to which it is held, so the surface is kept exactly.
 """
 
 from __future__ import annotations
@@ -41,30 +40,30 @@ from henon_ref.modes.switched_field import SwitchedField
 from henon_ref.taylor.tape import TIME
 
 MOST = 64
-"""Contacts of which this is tried."""
+"""Largest number of contacts for which these equations are tried."""
 DEFINITE = 1e-9
-"""Part of the largest eigenvalue from which on a matrix counts as definite."""
+"""Smallest eigenvalue of a definite matrix, as a part of the largest."""
 
 Row = dict[int, sp.Expr]
-"""Contact -> what stands in its column; zeros are left out."""
+"""Contact -> entry in its column; zeros are left out."""
 
 
 @dataclass(frozen=True)
 class Forces:
-    """How the forces of contacts act, each in the unit of the first rate that it is in."""
+    """Action of the contact forces, each in the unit of its term in the first rate that contains it."""
 
     free: tuple[sp.Expr, ...]
-    """x' without them."""
+    """x' without contact forces."""
     friction: tuple[sp.Expr, ...]
-    """T_i: of each contact that force in slip, with its sign."""
+    """T_i: force of each contact in slip, with its sign."""
     shares: tuple[Row, ...]
-    """C, of each state."""
+    """C: one row per state."""
     slopes: tuple[Row, ...]
-    """W, of each contact."""
+    """W: one row per contact."""
 
 
 def coupled_equations(system: SwitchedField) -> SwitchedEquations | None:
-    """One set of equations for all modes of contacts that act on each other; None where they are not of this kind."""
+    """Return one set of equations for all modes of contacts that act on each other; None for other systems."""
     acting = acting_rows(system)
     slid = [i for i, sign in enumerate(system.signs) if not is_crossed(system, i, acting[sign])]
     if not slid or len(system.surfaces) > MOST or not all(_ends_known(system, i) for i in slid):
@@ -75,17 +74,16 @@ def coupled_equations(system: SwitchedField) -> SwitchedEquations | None:
         own, forces = _own_states(own_field), _forces(own_field)
         beside = {*system.signs} - {*signs}
         if any(not f.free_symbols.isdisjoint(beside) for f in forces.friction):
-            return None  # on one of the sides it may be none, and no sign holds
+            return None  # on one side the friction may be zero, so that no sign keeps the surface
         if not (_common(own_field, own) and _definite(own_field, own, forces)):
             return None
         made = _equations(own_field, system, slid, own, forces)
-    except ModelError:  # said by what follows, of any part that is of another kind
+    except ModelError:  # raised below if the system is not of this kind
         return None
     return None if any(e.has(sp.zoo, sp.nan) for e in made.outputs) else made
 
 
 def _common(system: SwitchedField, own: Mapping[int, int]) -> bool:
-    """Whether all rates have values in every mode."""
     moving = {TIME, *system.states}
     return all(
         common_to_all(rate, system.states[k], system.signs[i], moving)
@@ -96,13 +94,13 @@ def _common(system: SwitchedField, own: Mapping[int, int]) -> bool:
 
 
 def _ends_known(system: SwitchedField, index: int) -> bool:
-    """Whether a contact has no static friction, or such that holds up to two limits."""
+    """Check whether a contact has no static friction, or static friction with two limits."""
     own = system.overrides.get(index)
     return own is None or (own.entry == "inside" and sorted(g.to_sign for g in system.hold_guards(index)) == [-1, 1])
 
 
 def _own_states(system: SwitchedField) -> dict[int, int]:
-    """Of each surface a state that it settles by those which later surfaces settle, and others."""
+    """Return, for each surface, a state that it determines from states that no earlier surface determines."""
     states, left = system.states, dict.fromkeys(range(len(system.surfaces)))
     found: dict[int, int] = {}
     while left:
@@ -118,7 +116,7 @@ def _own_states(system: SwitchedField) -> dict[int, int]:
 
 
 def _terms(expression: sp.Expr, signs: Collection[sp.Symbol]) -> Iterator[sp.Expr]:
-    """Terms of a sum, and of sums within products where these hold signs."""
+    """Yield the terms of a sum, also of sums within products that contain signs."""
     if expression.is_Add:
         for term in expression.args:
             yield from _terms(term, signs)
@@ -133,7 +131,7 @@ def _terms(expression: sp.Expr, signs: Collection[sp.Symbol]) -> Iterator[sp.Exp
 
 
 def _parts(system: SwitchedField, expression: sp.Expr) -> tuple[sp.Expr, dict[int, sp.Expr]]:
-    """What of a sum holds no sign, and by contact what holds its sign."""
+    """Return the part of a sum without signs and, by contact, the part with the contact's sign."""
     places = {sign: i for i, sign in enumerate(system.signs)}
     free, terms = list[sp.Expr](), dict[int, list[sp.Expr]]()
     for term in _terms(expression, set(places)):
@@ -145,7 +143,6 @@ def _parts(system: SwitchedField, expression: sp.Expr) -> tuple[sp.Expr, dict[in
 
 
 def _constant(system: SwitchedField, expression: sp.Expr) -> sp.Expr:
-    """An expression that is the same at all times and for all signs."""
     if expression.free_symbols & {TIME, *system.states, *system.signs}:
         raise ModelError("a factor that changes")
     return expression
@@ -174,18 +171,18 @@ def _forces(system: SwitchedField) -> Forces:
 
 
 def _definite(system: SwitchedField, own: Mapping[int, int], forces: Forces) -> bool:
-    """Whether W is symmetric and definite up to factors of its columns, and frictions act against their velocities."""
+    """Check that W is symmetric and definite up to column factors, and that frictions act against their velocities."""
     count = len(forces.slopes)
     entries = [forces.slopes[i].get(j, sp.S.Zero) for i in range(count) for j in range(count)]
     ways = [put(put(forces.friction[i], {system.signs[i]: sp.S.One}), _there(system, i, own[i])) for i in range(count)]
     found = sample(system, (*entries, *ways))
-    if not all(value.is_real for value in found):  # a root of a branch that is not in use there
+    if not all(value.is_real for value in found):  # a root in a branch that is not used at the sample point
         return False
     values = np.array([float(v) for v in found])
     matrix, friction = values[: count * count].reshape(count, count), values[count * count :]
     scale = np.zeros(count)
     for first in range(count):
-        if not scale[first]:  # a part of its own
+        if not scale[first]:  # a new connected part
             scale[first], waiting = np.sign(matrix[first, first]), [first]
             while waiting:
                 i = waiting.pop()
@@ -202,20 +199,19 @@ def _definite(system: SwitchedField, own: Mapping[int, int], forces: Forces) -> 
 
 
 def _there(system: SwitchedField, index: int, state: int) -> dict[sp.Symbol, sp.Expr]:
-    """A state on a surface that is linear in it, in the others."""
     h, x = system.surfaces[index], system.states[state]
     return {x: sp.expand(x - h / constant_slope(h, x, system.states))}
 
 
 class _Solution:
-    """The forces by elimination: definitions of names, each in those before it, in time and states."""
+    """Elimination for the forces: definitions of names, each in terms of earlier names, time and states."""
 
     def __init__(self, count: int) -> None:
         self.definitions: list[tuple[sp.Symbol, sp.Expr]] = []
         self.forces = [sp.Symbol(f"force_{i}", real=True) for i in range(count)]
 
     def named(self, name: str, expression: sp.Expr) -> sp.Expr:
-        """A name for an expression, where it is more than a number or a name."""
+        """Return a name defined as the expression, or the expression itself if it is a number or symbol."""
         if expression.is_Atom:
             return expression
         symbol = sp.Symbol(name, real=True)
@@ -223,7 +219,7 @@ class _Solution:
         return symbol
 
     def solve(self, matrix: list[Row], right: list[sp.Expr]) -> None:
-        """Solve for the forces; of the rows that are left the one goes first that has the fewest others' columns."""
+        """Solve for the forces; the next pivot row is the one with the fewest columns of remaining rows."""
         order: list[int] = []
         left = set(range(len(matrix)))
         inverse: dict[int, sp.Expr] = {}
@@ -249,7 +245,7 @@ class _Solution:
 def _equations(
     system: SwitchedField, held: SwitchedField, slid: Sequence[int], own: Mapping[int, int], forces: Forces
 ) -> SwitchedEquations:
-    """``system`` has the surfaces that are slid on alone, ``slid`` says which of the others' they are."""
+    """Return the equations; ``system`` has only the surfaces with sliding: ``slid``, as indices of ``held``."""
     entries = entries_of(held.signs)
     switches = [tuple(entries[i][0])[1:] for i in slid]
     solution = _Solution(len(switches))
@@ -265,7 +261,7 @@ def _equations(
         for free, row in zip(forces.free, forces.shares, strict=True)
     ]
     contacts: dict[int, Contact] = {}
-    for i in reversed(own):  # the state of a later surface is in those of earlier ones
+    for i in reversed(own):  # the rates of earlier surfaces' states contain the states of later surfaces
         k = own[i]
         there = _there(system, i, k)
         kept = along(there[system.states[k]], system.states, tuple(rates))
@@ -286,7 +282,6 @@ def _ends(
     names: Sequence[sp.Symbol],
     there: Mapping[sp.Symbol, sp.Expr],
 ) -> tuple[Guard, Guard]:
-    """The two ends of a contact's hold, in the forces."""
     if slid[index] not in held.overrides:
         sign, guards = system.signs[index], []
         for side in (1, -1):

@@ -1,4 +1,4 @@
-"""What is decided about the mode that follows, and in which words it is refused."""
+"""Decision about the mode that follows an event, and the messages of refusals."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from henon_ref.taylor.tape import TIME
 
 @dataclass(frozen=True)
 class Decision:
-    """The mode that follows an event, or why there is none."""
+    """Mode that follows an event, or the reason why the run ends."""
 
     status: Refusal | Literal["unique"]
     mode: Mode | None
@@ -26,18 +26,18 @@ class Decision:
 
     @property
     def ending(self) -> Literal["nonunique", "invalid", "failed"]:
-        """Status of a run that ends for want of a mode."""
+        """Status of a run that ends because no mode follows."""
         return self.status if self.status in ("nonunique", "invalid") else "failed"
 
 
 def several(system: FilippovSystem, found: Sequence[Mode], time: str) -> Decision:
-    """The refusal where more modes than one are consistent."""
+    """Return the refusal for more than one consistent mode."""
     modes = " or ".join(mode_text(mode, system.sign_names) for mode in found)
     return Decision("nonunique", None, f"the future is not unique at t = {time}: {modes}")
 
 
 def explained(refusal: Decision, system: FilippovSystem, mode: Mode, surfaces: tuple[int, ...]) -> Decision:
-    """A refusal with what it is about the surfaces that leaves the mode open, where it is something."""
+    """Return a refusal with the property of the surfaces that leaves the mode open, if one is found."""
     words = _powers(system, surfaces)
     if refusal.status == "none":
         try:
@@ -49,7 +49,7 @@ def explained(refusal: Decision, system: FilippovSystem, mode: Mode, surfaces: t
 
 @lru_cache(maxsize=64)
 def _powers(system: FilippovSystem, surfaces: tuple[int, ...]) -> str:
-    """The surfaces whose gradient vanishes on them."""
+    """Return the message about surfaces whose gradient vanishes on them."""
     words = ""
     for i in surfaces:
         name, h = system.sign_names[i], system.surfaces[i]
@@ -59,13 +59,12 @@ def _powers(system: FilippovSystem, surfaces: tuple[int, ...]) -> str:
 
 
 def _repeats(expression: sp.Expr, variables: set[sp.Symbol]) -> bool:
-    """Whether some factor in these variables stands there with a power above 1."""
     powers = (factor.as_base_exp() for factor in sp.Mul.make_args(expression))
     return any(base.free_symbols & variables and exponent.is_number and exponent > 1 for base, exponent in powers)
 
 
 def ended(system: FilippovSystem, mode: Mode, hits: Sequence[Guard], time: str) -> Decision | None:
-    """Why a run ends where guards of a mode have fallen; None where none of them ends it."""
+    """Return why the run ends at these guards of a mode; None if none of them ends it."""
     for guard in hits:
         if guard.ends:
             return Decision(guard.ends, None, f"{_end(system, mode, guard)} t = {time}")
@@ -74,7 +73,7 @@ def ended(system: FilippovSystem, mode: Mode, hits: Sequence[Guard], time: str) 
 
 @lru_cache(maxsize=64)
 def _text(expression: sp.Expr) -> str:
-    """It as text, which takes longer than most runs that end there."""
+    """Return the expression as text; cached, since printing takes longer than most runs that end there."""
     return str(expression)
 
 
@@ -84,15 +83,14 @@ def _end(system: FilippovSystem, mode: Mode, guard: Guard) -> str:
     if guard.kind == "surface":
         name = system.sign_names[guard.index]
         value = "it had no value at the start; reached at" if system.open_kinks else "it has no value before"
-        return f"beyond the surface of {name} a kink is in use whose sign it leaves open: {value}"
+        return f"beyond the surface of {name} the field uses a kink whose sign is undecided: {value}"
     names = ", ".join(name for name, s in zip(system.sign_names, mode, strict=True) if s == 0)
     if guard.ends == "nonunique":
         return f"the future is not unique: sliding on the intersection of {names} does not attract beyond"
-    return f"it is not told whether sliding on the intersection of {names} attracts beyond"
+    return f"it is undecided whether sliding on the intersection of {names} attracts beyond"
 
 
 def with_entries(mode: Mode, active: Sequence[int], choice: Sequence[int]) -> Mode:
-    """A mode with these entries at the surfaces in play."""
     for index, value in zip(active, choice, strict=True):
         mode = replaced(mode, index, value)
     return mode

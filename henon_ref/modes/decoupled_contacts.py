@@ -1,14 +1,14 @@
-"""Equations of all modes at once, and those of contacts that do not act on each other.
+"""Equations of all modes in one set, and their derivation for contacts that do not act on each other.
 
-With m surfaces there are 3^m modes. Where every surface is x_k = r(t), each in a state of its own, and its sign
-acts on that state's rate alone (blocks on a belt, each with its own dry friction), sliding on one of them
-replaces one rate by dr/dt and leaves the others as they are. So one set of equations serves all modes, with
-numbers that switch: a rate is ``slip f + slide r'``, and a surface's two guards are ``slip s h - slide N(+1)``
-and ``slip + slide N(-1)``, N being dh/dt on the surface (Filippov's conditions, 1988, Sec. 2.10). Of a contact with
-static friction the two ends of its hold zone stand in the place of ``-N(+1)`` and ``N(-1)``.
+With m surfaces there are 3^m modes. If every surface is x_k = r(t), each in a state of its own, and its sign acts only
+on the rate of that state (blocks on a belt, each with its own dry friction), sliding on one surface replaces one rate
+by dr/dt and leaves the other rates unchanged. One set of equations with switches then serves all modes: a rate is
+``slip f + slide r'``, and the two guards of a surface are ``slip s h - slide N(+1)`` and ``slip + slide N(-1)``, where
+N is dh/dt on the surface (Filippov's conditions, 1988, Sec. 2.10). For a contact with static friction, the two ends of
+its hold zone replace ``-N(+1)`` and ``N(-1)``.
 
-Beside contacts there may be surfaces on which nothing slides: sections, and those at which a force has a kink or jumps
-that changes no speed on them. They have no more than their sides.
+In addition to contacts there may be surfaces without sliding: sections, and kinks or jumps of a force that change no
+speed on them. These surfaces have only two sides.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from henon_ref.modes.switched_field import SwitchedField
 from henon_ref.taylor.tape import TIME
 
 Entries = tuple[Mapping[sp.Symbol, sp.Expr], ...]
-"""What the entries -1, 0 and +1 of a surface, in this order, put for its sign and its two switches."""
+"""Substitutions for the sign and the two switches of a surface, for the entries -1, 0 and +1 in this order."""
 
 
 def entries_of(signs: Sequence[sp.Symbol]) -> tuple[Entries, ...]:
-    """Of each surface, with switches ``slip`` and ``slide``; a sign that slides stands in nothing but what is off."""
+    """Return the entries of each surface; a sliding surface's sign, +1, occurs only in terms that are switched off."""
     found = []
     for i, sign in enumerate(signs):
         slip, slide = (sp.Symbol(f"{name}_{i}", real=True) for name in ("slip", "slide"))
@@ -43,16 +43,16 @@ def entries_of(signs: Sequence[sp.Symbol]) -> tuple[Entries, ...]:
 
 @dataclass(frozen=True)
 class Contact:
-    """One surface's part of the equations."""
+    """Part of the equations that belongs to one surface."""
 
     row: int
-    """The state whose rate its sign acts on."""
+    """State on whose rate the sign acts."""
     slipping: sp.Expr
-    """That rate in slip, with the sign."""
+    """This rate in slip, with the sign."""
     sliding: sp.Expr
-    """The rate that keeps the surface."""
+    """This rate in sliding, which keeps the surface."""
     ends: tuple[Guard, Guard]
-    """Ends of its sliding."""
+    """Guards that end the sliding."""
 
 
 @dataclass(frozen=True)
@@ -61,13 +61,12 @@ class SwitchedEquations:
 
     system: SwitchedField
     entries: tuple[Entries, ...]
-    """One a surface."""
     contacts: tuple[Contact | None, ...]
-    """None for a surface on which nothing slides."""
+    """One per surface; None without sliding."""
     rates: tuple[sp.Expr, ...] = ()
-    """x' of all states, where the contacts act on each other."""
+    """x' of all states if the contacts act on each other."""
     definitions: tuple[tuple[sp.Symbol, sp.Expr], ...] = ()
-    """Names in it, and in the ends of the contacts' slides, and what they stand for: each in names before it."""
+    """Names in ``rates`` and in the ends of the contacts, with their expressions in earlier names."""
 
     @property
     def coupled(self) -> bool:
@@ -76,7 +75,7 @@ class SwitchedEquations:
 
     @cached_property
     def crossed(self) -> frozenset[int]:
-        """Surfaces on which nothing slides."""
+        """Surfaces without sliding."""
         return frozenset(i for i, contact in enumerate(self.contacts) if contact is None)
 
     @cached_property
@@ -93,7 +92,7 @@ class SwitchedEquations:
 
     @cached_property
     def outputs(self) -> tuple[sp.Expr, ...]:
-        """Two guards a surface, then the ``valid`` expressions; positive inside a mode."""
+        """Two guards per surface, then the ``valid`` expressions; all positive inside a mode."""
         outputs: list[sp.Expr] = []
         for h, own, contact in zip(self.system.surfaces, self.entries, self.contacts, strict=True):
             sign, slip, slide = own[0]
@@ -111,7 +110,7 @@ class SwitchedEquations:
 
     @cached_property
     def _guards(self) -> tuple[Mapping[int, tuple[Guard, Guard]], ...]:
-        """For each surface and entry its two guards; in slip the second one never falls."""
+        """For each surface and entry, its two guards; in slip the second guard is constant."""
         found = []
         for i, (h, contact) in enumerate(zip(self.system.surfaces, self.contacts, strict=True)):
             never = Guard("release", i, -1, sp.S.One)
@@ -124,23 +123,23 @@ class SwitchedEquations:
         return tuple(Guard("valid", i, 0, e, ends="invalid") for i, e in enumerate(self.system.valid))
 
     def guards(self, mode: Mode) -> tuple[Guard, ...]:
-        """What each output stands for in a mode."""
+        """Return the guards of a mode, one per output."""
         pairs = (own[entry] for own, entry in zip(self._guards, mode, strict=True))
         return (*chain.from_iterable(pairs), *self._valid)
 
     def rows(self, mode: Mode) -> list[int]:
-        """Of the guards of the mode's own equations, in their order, the place among the outputs."""
+        """Return the output that each guard of the mode's own equations is, in their order."""
         slips = [2 * i for i, entry in enumerate(mode) if entry]
         ends = [2 * i + k for i, entry in enumerate(mode) if not entry for k in (0, 1)]
         return [*slips, *ends, *range(2 * len(mode), len(self.outputs))]
 
     def places(self, mode: Mode) -> tuple[int, ...]:
-        """Where each of :meth:`guards` stands among those of the mode's own equations; -1 where it does not."""
+        """Return the index of each of :meth:`guards` among the guards of the mode's own equations, or -1."""
         places = {row: place for place, row in enumerate(self.rows(mode))}
         return tuple(places.get(row, -1) for row in range(len(self.outputs)))
 
     def own_guards(self, mode: Mode) -> tuple[Guard, ...]:
-        """The guards of the mode's own equations."""
+        """Return the guards of the mode's own equations."""
         guards, sides = self.guards(mode), self._sides(mode)
         own = (guards[row] for row in self.rows(mode))
         if not sides:
@@ -148,19 +147,17 @@ class SwitchedEquations:
         return tuple(replace(g, expression=put(g.expression, sides)) if g.kind == "release" else g for g in own)
 
     def _sides(self, mode: Mode) -> dict[sp.Symbol, sp.Expr]:
-        """What a mode puts for the signs of surfaces on which nothing slides."""
         return {self.system.signs[i]: sp.Integer(mode[i]) for i in self.crossed}
 
     def values(self, mode: Mode) -> dict[sp.Symbol, sp.Expr]:
-        """What a mode puts for the signs and switches."""
         return {
             symbol: value for own, s in zip(self.entries, mode, strict=True) for symbol, value in own[s + 1].items()
         }
 
     def equations(self, mode: Mode) -> ModeEquations:
-        """Equations of one mode.
+        """Return the equations of one mode.
 
-        By the normal velocities N below and above Filippov's equivalent sign is (N(-1) + N(+1)) / (N(-1) - N(+1)).
+        With the normal velocities N below and above, Filippov's equivalent sign is (N(-1) + N(+1)) / (N(-1) - N(+1)).
         """
         values, sides = self.values(mode), self._sides(mode)
         signs = {}
@@ -172,7 +169,7 @@ class SwitchedEquations:
 
 
 def switched_equations(system: SwitchedField) -> SwitchedEquations | None:
-    """One set of equations for all modes; None where the surfaces act on each other or on several rates."""
+    """Return one set of equations for all modes; None if the surfaces act on each other or on several rates."""
     contacts: list[Contact | None] = []
     acting = acting_rows(system)
     places = {x: row for row, x in enumerate(system.states)}
@@ -196,13 +193,13 @@ def switched_equations(system: SwitchedField) -> SwitchedEquations | None:
 
 
 def _friction_changes(contact: Contact, slid: set[sp.Symbol], beside: set[sp.Symbol]) -> bool:
-    """Whether friction in sliding depends on the side of another surface: on one it may be none, and no sign holds."""
+    """Check whether kinetic friction depends on the side of another surface; it may be zero on one side."""
     above, below = (put(contact.slipping, dict.fromkeys(slid, sp.Integer(side))) for side in (1, -1))
     return not sp.expand(above - below).free_symbols.isdisjoint(beside)
 
 
 def acting_rows(system: SwitchedField) -> dict[sp.Symbol, list[int]]:
-    """Of each sign the rows of the field that hold it."""
+    """Return, for each sign, the rows of the field that contain it."""
     acting: dict[sp.Symbol, list[int]] = {sign: [] for sign in system.signs}
     for row, rate in enumerate(system.field):
         for symbol in rate.free_symbols & acting.keys():
@@ -211,8 +208,10 @@ def acting_rows(system: SwitchedField) -> dict[sp.Symbol, list[int]]:
 
 
 def is_crossed(system: SwitchedField, index: int, acting: Sequence[int]) -> bool:
-    """Whether nothing slides on a surface, which is seen on both sides of it: no force changes the speed with which it
-    is reached, or it acts on none. ``acting``: rows of the field that hold its sign."""
+    """Check whether nothing slides on a surface, since no force jump changes the velocity normal to it.
+
+    ``acting``: rows of the field that contain its sign.
+    """
     h, sign = system.surfaces[index], system.signs[index]
     if index in system.overrides or system.open_kinks or _branching(h):
         return False
@@ -227,7 +226,7 @@ def is_crossed(system: SwitchedField, index: int, acting: Sequence[int]) -> bool
 def _contact(
     system: SwitchedField, index: int, acting: Sequence[int], places: Mapping[sp.Symbol, int]
 ) -> Contact | None:
-    """A surface's part, if it has one; ``acting``: the rows of the field that hold its sign, ``places``: of states."""
+    """Return a surface's part, or None; ``acting``: rows of the field with its sign; ``places``: rows of states."""
     h, sign = system.surfaces[index], system.signs[index]
     row = _own_state(h, places)
     if row is None or acting != [row]:
@@ -250,9 +249,9 @@ def _contact(
 def _in_slip_and_slide(
     h: sp.Expr, x: sp.Symbol, sign: sp.Symbol, rate: sp.Expr, moving: sp.Tuple, *held: sp.Expr
 ) -> tuple[sp.Expr, sp.Expr, sp.Expr] | None:
-    """The rate that keeps a surface, and the two ends of its slide; None where these are not those of all modes.
+    """Return the rate that keeps a surface and the guards of its sliding; None if not the same in all modes.
 
-    ``held``: of static friction, the rate and the ends as they are written.
+    ``held``: rate and ends of static friction as written.
     """
     if not common_to_all(rate, x, sign, {TIME, *moving}):
         return None
@@ -268,7 +267,7 @@ def _in_slip_and_slide(
 
 
 def common_to_all(rate: sp.Expr, x: sp.Symbol, sign: sp.Symbol, moving: set[sp.Symbol]) -> bool:
-    """Whether a rate has values in every mode: no branch of its own, nor a branch point that the surface may be on."""
+    """Check whether a rate has a value in every mode: no branch of its own, and no branch point on the surface."""
     sides = [{sign: sp.Integer(side)} for side in (-1, 1)]
     return not any(e.has(x) for e in _branching(rate)) and not any(
         leaves_out(rate, put(rate, side), side, moving) for side in sides
@@ -276,19 +275,18 @@ def common_to_all(rate: sp.Expr, x: sp.Symbol, sign: sp.Symbol, moving: set[sp.S
 
 
 def _branching(expression: sp.Expr) -> list[sp.Expr]:
-    """Its parts that have branch points."""
     found = expression.atoms(sp.Pow, sp.log, sp.asin, sp.acos)
     return [e for e in found if not (e.is_Pow and e.exp.is_Integer)]
 
 
 def _moves_others(system: SwitchedField, index: int, row: int, there: Mapping[sp.Symbol, sp.Expr]) -> bool:
-    """Whether an override moves other states than the surface does."""
+    """Check whether an override moves states that the surface does not determine."""
     others = (pair for k, pair in enumerate(zip(system.overrides[index].field, system.field, strict=True)) if k != row)
     return any(kept != moved and put(kept, there) != put(moved, there) for kept, moved in others)
 
 
 def _own_state(surface: sp.Expr, places: Mapping[sp.Symbol, int]) -> int | None:
-    """The one state of a surface that is linear in it with a constant factor."""
+    """Return the only state in a surface if the surface is linear in it with a constant factor; else None."""
     own = surface.free_symbols & places.keys()
     if len(own) != 1:
         return None

@@ -1,7 +1,7 @@
-"""The smooth equations of one mode: its field, and the guards that end it; and what modes have in common.
+"""Smooth equations of one mode: its field, and the guards that end it; equations shared by modes.
 
-Modes share tapes (:class:`ModeTape`), and like expressions are derived once (:func:`by_pattern`): those of contacts in
-a row differ in the names of their states alone.
+Modes share tapes (:class:`ModeTape`), and similar expressions are derived once (:func:`by_pattern`): those of contacts
+in a row differ only in the names of their states.
 """
 
 from __future__ import annotations
@@ -18,33 +18,32 @@ from henon_ref.precision import one_at_a_time
 from henon_ref.taylor.tape import TIME, Tape
 
 KEPT = 1024
-"""Patterns, each with what a rule makes of it, that are kept."""
+"""Size of the caches of patterns."""
 Rule = Callable[..., tuple[sp.Expr, ...] | None]
 GuardKind = Literal["surface", "release", "valid", "attracts"]
 Refusal = Literal["nonunique", "none", "invalid"]
-"""Why no mode follows: several could, none can be told, the model ends."""
+"""Reason why no mode follows: several are consistent, none can be decided, or the model is no longer valid."""
 
 
 @dataclass(frozen=True)
 class Guard:
-    """A function that is positive inside a mode; the mode ends where it falls through zero."""
+    """Function that is positive inside a mode; the mode ends when it falls through zero."""
 
     kind: GuardKind
-    """``surface``: h_i reached in slip; ``release``: the sliding on surface i ends; ``valid``: the model ends;
-    ``attracts``: sliding on an intersection is no longer sure to attract."""
+    """``surface``: h_i reached in slip; ``release``: sliding on surface i ends; ``valid``: the model is no longer
+    valid; ``attracts``: sliding on an intersection may no longer attract."""
     index: int
-    """Index of the surface, or of the ``valid`` expression; ``attracts``: of the first surface slid on."""
+    """Index of the surface or of the ``valid`` expression; ``attracts``: of the first sliding surface."""
     to_sign: int
-    """``surface``: the side beyond; ``release``: the side released into; else 0."""
+    """``surface``: the side beyond; ``release``: the side of the slip after it; else 0."""
     expression: sp.Expr
-    """In time, states, parameters (and, in shared equations, the signs of the surfaces in slip)."""
+    """In time, states, parameters (and, in shared equations, the signs of surfaces in slip)."""
     rising_only: bool = False
-    """A guard that may be negative at the start of the mode and is then armed once it has turned positive."""
+    """Whether the guard may be negative at the start of the mode and is armed once it has become positive."""
     ends: Refusal | None = None
-    """Why a run ends where it falls; None where it goes on in another mode."""
+    """Reason why the run ends when the guard falls; None if the run continues in another mode."""
     cut: tuple[tuple[int, int], ...] = ()
-    """Surfaces of a cut through a loop of contacts, the one at ``index`` first, and the sides they are released into;
-    empty where a contact lets go by itself."""
+    """Surfaces of a cut of a loop of contacts, ``index`` first, with their sides after it; empty for one contact."""
 
 
 @dataclass(frozen=True)
@@ -54,33 +53,33 @@ class ModeEquations:
     field: tuple[sp.Expr, ...]
     """x' in this mode, in time, states and parameters."""
     guards: tuple[Guard, ...]
-    """What ends the mode: surfaces in slip first, then releases, ``attracts``, ``valid``; by index within each."""
+    """Guards that end the mode: surfaces in slip, releases, ``attracts``, ``valid``; by index within each."""
     equivalent_signs: Mapping[int, sp.Expr]
-    """Sliding surface -> its equivalent sign in [-1, 1] (empty where a ``sliding`` override is in force)."""
+    """Sliding surface -> its equivalent sign in [-1, 1] (empty with a ``sliding`` override)."""
 
     @property
     def of_signs(self) -> tuple[sp.Expr, ...]:
-        """What may hold other signs than that of its own surface: the field, and guards but for surfaces."""
+        """Expressions that may contain signs of other surfaces: the field, and all guards except surfaces."""
         return (*self.field, *(guard.expression for guard in self.guards if guard.kind != "surface"))
 
 
 @dataclass(frozen=True, eq=False)
 class ModeTape:
-    """A tape that several modes share, which the symbols of each surface's entry make that of one mode."""
+    """Tape that several modes share; substituting the symbols of each surface's entry gives the tape of one mode."""
 
     tape: Tape
     entries: tuple[tuple[Mapping[sp.Symbol, sp.Expr], ...], ...]
-    """For every surface what its entry -1, 0 or +1 (in this order) puts for its symbols."""
+    """For every surface, the values of its symbols for the entries -1, 0 and +1, in this order."""
 
     @cached_property
     def owners(self) -> tuple[tuple[int, ...], ...]:
-        """Surfaces whose symbols stand in each constant."""
+        """Surfaces whose symbols are in each constant."""
         owner = {symbol: i for i, entries in enumerate(self.entries) for symbol in entries[0]}
         found = ({owner[s] for s in c.free_symbols if s in owner} for c in self.tape.constants)
         return tuple(tuple(sorted(surfaces)) for surfaces in found)
 
     def constant(self, at: int, mode: Mode) -> sp.Expr:
-        """A constant in a mode, in parameters."""
+        """Return a constant in a mode, in parameters."""
         values: dict[sp.Symbol, sp.Expr] = {}
         for i in self.owners[at]:
             values |= self.entries[i][mode[i] + 1]
@@ -88,7 +87,7 @@ class ModeTape:
 
 
 def along(expression: sp.Expr, states: tuple[sp.Symbol, ...], rhs: tuple[sp.Expr, ...]) -> sp.Expr:
-    """Time derivative of an expression along a field."""
+    """Return the time derivative of an expression along a field."""
     moving = expression.free_symbols
     slopes = (derivative(expression, x) * f for x, f in zip(states, rhs, strict=True) if x in moving)
     return derivative(expression, TIME) + sp.Add(*slopes)
@@ -96,15 +95,13 @@ def along(expression: sp.Expr, states: tuple[sp.Symbol, ...], rhs: tuple[sp.Expr
 
 @lru_cache(maxsize=1024)
 def gradient(expression: sp.Expr, states: tuple[sp.Symbol, ...]) -> tuple[sp.Expr, ...]:
-    """Its derivative in each of some states."""
     return tuple(derivative(expression, x) for x in states)
 
 
 def derivative(expression: sp.Expr, x: sp.Symbol) -> sp.Expr:
-    """The derivative that ``sp.diff`` makes, in the same form.
+    """Return the derivative in the form of ``sp.diff``.
 
-    What an expression holds again and again is differentiated once: SymPy looks through each part of it, at every
-    level, for its symbols.
+    Repeated subexpressions are differentiated once; ``sp.diff`` searches every part for its symbols at each level.
     """
     known: dict[sp.Basic, sp.Expr] = {x: sp.S.One}
 
@@ -130,11 +127,10 @@ def derivative(expression: sp.Expr, x: sp.Symbol) -> sp.Expr:
 
 
 def renamed(expressions: Sequence[sp.Expr]) -> tuple[tuple[sp.Expr, ...], dict[sp.Symbol, sp.Symbol]]:
-    """Expressions with names by place, and what the symbols have become.
+    """Return expressions with symbols renamed by position, and the new name of each symbol.
 
-    Every symbol but the time gets a name by its place among an expression's symbols, in the order of their own names.
-    So expressions of one pattern become equal, and since SymPy orders terms by names, whatever is done with them
-    commutes with giving the symbols their own names back.
+    Every symbol except time gets a name by its position among the sorted symbols of the expressions. Expressions of one
+    pattern then become equal. Since SymPy orders terms by names, renaming back commutes with every operation on them.
 
     Examples
     --------
@@ -149,7 +145,7 @@ def renamed(expressions: Sequence[sp.Expr]) -> tuple[tuple[sp.Expr, ...], dict[s
 
 
 def by_pattern(rule: Rule, *expressions: sp.Expr) -> tuple[sp.Expr, ...] | None:
-    """What a rule makes of some expressions: it is asked once for all that have one pattern."""
+    """Apply a rule to expressions; expressions of one pattern share one call of the rule."""
     with one_at_a_time():
         forms, names = renamed(expressions)
         made = _made(rule, forms)
@@ -158,7 +154,7 @@ def by_pattern(rule: Rule, *expressions: sp.Expr) -> tuple[sp.Expr, ...] | None:
 
 
 def _with_names(e: sp.Basic, known: dict[sp.Basic, sp.Basic]) -> sp.Basic:
-    """An expression with other names, which keep the order of its terms: nothing is to be evaluated or sorted anew."""
+    """Rename symbols with the order of terms unchanged, so that no part is evaluated or sorted again."""
     if e not in known:
         parts = tuple(_with_names(part, known) for part in e.args)
         same = all(part is old for part, old in zip(parts, e.args, strict=True))
@@ -173,5 +169,5 @@ def _made(rule: Rule, forms: tuple[sp.Expr, ...]) -> tuple[sp.Expr, ...] | None:
 
 @lru_cache(maxsize=KEPT)
 def _name(place: int, before_time: bool) -> sp.Symbol:
-    """On the same side of the time's name as the symbol's own."""
+    """Name that sorts on the same side of the time's name as the symbol's own name."""
     return sp.Symbol(f"{'a' if before_time else 'z'}{place:04}", real=True)

@@ -1,12 +1,12 @@
-"""Equations of modes in which several surfaces slide and some of them are held by static friction.
+"""Equations of modes in which several surfaces slide and static friction holds some of them.
 
-A contact that holds while none that slides acts on it moves as its ``sliding`` override says. Contacts that act on each
-other at once hold by the loads that keep all of them: each surface's velocity is constant, which is a linear system for
-the signs that stand for the loads (a load over the friction in sliding, so that it may be larger than 1). Static
-friction limits the loads, not these signs: see :mod:`henon_ref.modes.held_groups` and the literature named there.
-A body at rest on a stop is one contact more of its group: its velocity is h', its sign the reaction, limited by 0.
-Where surfaces depend on each other the system has many solutions, with one motion; one of them is taken, in which the
-contacts whose surfaces the others settle carry nothing, and :mod:`henon_ref.modes.contact_loops` has the limits.
+A held contact on which no sliding surface acts moves as its ``sliding`` override states. Contacts that act on each
+other at one instant are held by the loads that keep all of their surfaces: the velocity of each surface is constant, a
+linear system for the signs. The sign of a held contact is its load over its kinetic friction and may exceed 1, since
+static friction limits the loads, not the signs (:mod:`henon_ref.modes.held_groups`, with literature). A body at rest on
+a stop is one more contact of its group: its velocity is h', its sign is the reaction, which must not become negative.
+If surfaces depend on each other, the system has many solutions with one motion. The solution used gives zero load to
+contacts whose surfaces follow from other surfaces; :mod:`henon_ref.modes.contact_loops` has the limits.
 """
 
 from __future__ import annotations
@@ -33,32 +33,31 @@ from henon_ref.text import listed
 
 @dataclass(frozen=True)
 class HeldField:
-    """A field with the rates of held contacts put in."""
+    """Field with the rates of held contacts substituted."""
 
     field: tuple[sp.Expr, ...]
     on_surface: Mapping[sp.Symbol, sp.Expr]
-    """States that the held contacts' surfaces settle."""
+    """States that the surfaces of the held contacts determine."""
     signs: Mapping[sp.Symbol, sp.Expr]
-    """What stands for the signs of surfaces that are decided here."""
+    """Sign of a surface decided here -> its expression."""
     ends: tuple[Guard, ...]
-    """Ends of what static friction holds, in signs."""
+    """Guards of the limits of static friction, in signs."""
     guards: tuple[Guard, ...]
-    """Ends of slides without static friction that act on held contacts at once."""
+    """Guards of slides without static friction that act on held contacts at one instant."""
     decided: frozenset[int]
-    """Surfaces whose sliding is in the field."""
+    """Surfaces whose sliding is part of the field."""
 
 
 def held_field(system: SwitchedField, reacting: SwitchedField, sliding: Collection[int]) -> HeldField:
-    """The field with several contacts held, or one beside others that slide.
+    """Return the field with several contacts held, or with one contact held while other surfaces slide.
 
-    ``reacting``: the system with bodies that are at rest as contacts; ``sliding``: all surfaces that slide, the held
-    ones among them.
+    ``reacting``: the system with bodies at rest as contacts; ``sliding``: all surfaces that slide, held ones included.
 
     Raises
     ------
     ModelError
-        Where the loads of contacts that act on each other are not settled, or what one of them does is not what the
-        balance of forces says.
+        If the loads of coupled contacts have no unique solution, or if a ``sliding`` override contradicts
+        the balance of forces.
     """
     held = sorted(i for i in sliding if i in system.overrides)
     _, on_surface = surfaces_solved(system, independent(system, held))
@@ -75,8 +74,8 @@ def held_field(system: SwitchedField, reacting: SwitchedField, sliding: Collecti
             own = [i for i in group if i in stuck]
             if not all(_balanced(system, i) for i in own):
                 raise ModelError(
-                    "surfaces that act on each other at once, one with a 'sliding' override that is not what keeps its "
-                    f"surface, cannot slide together: {_names(system, sorted(sliding))}"
+                    "surfaces that act on each other cannot slide together if a 'sliding' override among them "
+                    f"contradicts the balance of forces on its surface: {_names(system, sorted(sliding))}"
                 )
             made = _Joint(reacting, group, frozenset(held))
             ends |= _with_reactions(system, reacting, own)
@@ -98,7 +97,7 @@ def _groups(
     stuck: Mapping[int, Sequence[sp.Expr]],
     sliding: Collection[int],
 ) -> list[tuple[int, ...]]:
-    """Sliding surfaces, parted into those that act on each other at once; groups with a held contact only.
+    """Partition the sliding surfaces into groups that act on each other at one instant; keep those with a held contact.
 
     ``slipping``, ``stuck``: rates of all states in slip, and with a contact held.
     """
@@ -116,14 +115,14 @@ def _groups(
                 edges.append((i, j))
     parts = connected_components((sorted(sliding), edges))
     groups = [(tuple(sorted(part)), tuple(i for i in part if i in stuck)) for part in parts]
-    # A body at rest stays where it is, whatever plain friction does to it: that slides beside it, in the field at rest.
+    # Friction without hold does not move a body at rest: such a slide is derived from the field at rest, not jointly.
     return [own if len(own) == 1 and system.rests(own[0]) else part for part, own in groups if own]
 
 
 def _with_reactions(
     system: SwitchedField, reacting: SwitchedField, held: Sequence[int]
 ) -> dict[int, tuple[Guard, ...]]:
-    """The ends of what a group holds, with what forces that act at rest alone add to its loads."""
+    """Return the guards of a group's limits, with the loads that the signs of contacts acting only at rest add."""
     sliding = set().union(*(rate.free_symbols for rate in system.field))
     own = {i: system.signs[i] for i in held if system.overrides[i].push}
     signs = {i: s for i, s in own.items() if system.rests(i) or s not in sliding}
@@ -139,15 +138,15 @@ def _with_reactions(
             continue
         if inertia is None:
             raise ModelError(
-                f"how the load of {reacting.sign_names[i]} grows with the reaction on a body at rest is not known: "
-                "its 'sliding' is written by hand"
+                f"the effect of the reaction on a body at rest on the load of {reacting.sign_names[i]} is unknown: "
+                "its 'sliding' override does not give it"
             )
         ends[i] = tuple(replace(end, expression=end.expression - end.to_sign * inertia * added) for end in zone)
     return ends
 
 
 class _Joint:
-    """Sliding of a group of surfaces that act on each other at once, some of them held."""
+    """Sliding of a group of surfaces that act on each other at one instant, some of them held."""
 
     def __init__(self, system: SwitchedField, group: tuple[int, ...], held: frozenset[int]) -> None:
         self.system, self.group = system, group
@@ -160,17 +159,18 @@ class _Joint:
         speeds = [expanded(put(along(system.surfaces[i], system.states, rates), self.on_surface)) for i in self.own]
         slopes = [coefficients(speed, symbols) for speed in speeds]
         if any(slope is None for slope in slopes):
-            raise ModelError(f"signs that multiply each other where they slide together: {_names(system, group)}")
+            raise ModelError(f"the signs of surfaces that slide together multiply each other: {_names(system, group)}")
         none = dict.fromkeys(symbols, sp.S.Zero)
-        # Unknown is what each contact adds to one rate: its factors, masses, are constant where the friction is not.
+        # The unknowns are the contributions of the contacts to one rate each: their factors, masses, are constant even
+        # if the friction is not.
         matrix = [
             [simplified(slope.get(s, sp.S.Zero) / scales[s]) for s in symbols] for slope in slopes if slope is not None
         ]
         found = solution(system, matrix, [-speed.xreplace(none) for speed in speeds])
         if found is None:
-            raise ModelError(f"the loads of contacts that hold together are not settled: {_names(system, group)}")
+            raise ModelError(f"the loads of contacts that hold together are not determined: {_names(system, group)}")
         self.shared = {s: value / scales[s] for s, value in zip(symbols, found, strict=True)}
-        self.signs = self._one_of_many(rates)
+        self.signs = self._without_loop_loads(rates)
         field = [put(rate, self.signs) for rate in rates]
         signs = [system.signs[i] for i in group]
         self.rows = {k for k, rate in enumerate(rates) if rate.has(*signs)} | set(solved.values())
@@ -183,8 +183,8 @@ class _Joint:
         self.field = tuple(field)
         self.guards = self._plain(matrix, scales, held)
 
-    def _one_of_many(self, rates: Sequence[sp.Expr]) -> dict[sp.Symbol, sp.Expr]:
-        """The signs of the group where contacts whose surfaces the others settle carry nothing."""
+    def _without_loop_loads(self, rates: Sequence[sp.Expr]) -> dict[sp.Symbol, sp.Expr]:
+        """Return signs in which the contacts whose surfaces follow from the other surfaces carry no load."""
         if not self.relations:
             return self.shared
         free = [self.system.signs[max(relation)] for relation in self.relations]
@@ -194,20 +194,19 @@ class _Joint:
         sizes = sample(self.system, [put(rate, found) for rate in rates])
         if any(abs(change) > AGREE * (1 + abs(size)) for change, size in zip(moved, sizes, strict=True)):
             raise ModelError(
-                "contacts that hold together in a loop, with more than one motion that keeps them: "
-                + _names(self.system, self.group)
+                "contacts that hold together in a loop have more than one motion: " + _names(self.system, self.group)
             )
         return found
 
     def loop_ends(self, zones: Mapping[int, Sequence[Guard]]) -> dict[int, tuple[Guard, ...]]:
-        """Ends of the hold of contacts in loops, each beside one of its contacts."""
+        """Return the guards of the limits of contacts in loops, each listed with one of its contacts."""
         if not self.relations:
             return {}
         there = {i: [replace(g, expression=put(g.expression, self.on_surface)) for g in zones[i]] for i in zones}
         return loop_ends(self.system, self.relations, there, self.shared)
 
     def _scales(self, rates: Sequence[sp.Expr], symbols: Sequence[sp.Symbol]) -> dict[sp.Symbol, sp.Expr]:
-        """For each sign its factor in the first rate that it acts on."""
+        """Return, for each sign, its factor in the first rate on which it acts."""
         found: dict[sp.Symbol, sp.Expr] = {}
         for rate in rates:
             for s, factor in (coefficients(rate, [s for s in symbols if s not in found]) or {}).items():
@@ -215,7 +214,7 @@ class _Joint:
         if len(found) < len(symbols):
             lacking = [i for i, s in zip(self.own, symbols, strict=True) if s not in found]
             raise ModelError(
-                "contacts that hold together need a friction in sliding, by whose place their loads are known: "
+                "contacts that hold together require kinetic friction, which shows where their loads act: "
                 + _names(self.system, lacking)
             )
         return found
@@ -223,7 +222,7 @@ class _Joint:
     def _plain(
         self, matrix: Sequence[Sequence[sp.Expr]], scales: Mapping[sp.Symbol, sp.Expr], held: frozenset[int]
     ) -> list[Guard]:
-        """Ends of the slides that are not held, at an equivalent sign of -1 or +1, and of their attraction."""
+        """Return the guards of the slides that are not held: equivalent sign at -1 or +1, and attraction."""
         plain = [i for i in self.own if i not in held]
         if not plain:
             return []
@@ -242,7 +241,7 @@ class _Joint:
 
 @lru_cache(maxsize=256)
 def _balanced(system: SwitchedField, index: int) -> bool:
-    """Whether an override does what the balance of forces says: it keeps its surface, seen at a point of it."""
+    """Check at a sample point whether an override agrees with the balance of forces that keeps its surface."""
     own = system.overrides[index]
     if own.push:
         return True

@@ -1,41 +1,39 @@
-"""Contacts with Coulomb's friction that act on each other: the theory, and who holds, slides and lets go.
+"""Contacts with Coulomb friction that act on each other: the theory, and which contacts hold, slip and are released.
 
-**Contact.** A surface h = 0 between two bodies, h being their relative velocity, whose sign is the direction of a
-friction force that acts against it. It *slips* (mode -1 or +1) where h is not zero, and is *held* (mode 0) where a
-force within its limits keeps h at zero. The limit is static friction, or what it slides with once it has slipped in
-this instant, as one has whose load has just reached its limit. A body at rest on a stop is a contact as well: its
-velocity is h', its force the reaction, which does not pull.
+**Contact.** A surface h = 0 between two bodies, where h is their relative velocity; the friction force acts against the
+sign of h. A contact *slips* (mode -1 or +1) if h is not zero, and is *held* (mode 0) if a force within its limits keeps
+h at zero. The limit is static friction, or kinetic friction once the contact has slipped at this instant, for example
+because its load has just reached the static limit. A body at rest on a stop is also a contact: its relative velocity is
+h' and its force is the reaction, which cannot pull.
 
-**Group.** Contacts whose forces act on each other at once, through a body that they share. Their relative accelerations
-are affine in their forces, N = a - W s, W being the inverse inertia that they see, symmetric but for units, positive
-semidefinite (:mod:`~henon_ref.modes.contact_problem`).
+**Group.** Contacts whose forces act on each other at one instant, through common bodies. Their relative accelerations
+are affine in their forces, N = a - W s. W is their inverse inertia: symmetric up to units, and positive semidefinite
+(:mod:`~henon_ref.modes.contact_problem`).
 
-**The problem.** The motion that follows is the one of Gauss's principle with Coulomb's friction: of all accelerations
-those that make
+**The problem.** The motion follows from Gauss's principle with Coulomb friction: the accelerations minimize
 
     1/2 sum of m (a - F/m)^2 + sum of limit_i abs(N_i)
 
-smallest over the contacts with h_i = 0; at a stop N_i >= 0 is a condition in place of a term. The sum is strictly
-convex, so that the accelerations are unique, in loops and between drives that pull apart as well. The conditions of
-the minimum are a complementarity problem in the forces, each in an interval, solved by pivoting
-(:mod:`~henon_ref.modes.contact_problem`). What slips in the solution and had not slipped before falls to kinetic
-friction, and the problem is solved again, at most once a contact.
+over the contacts with h_i = 0; a stop has the constraint N_i >= 0 instead of a term. The sum is strictly convex, so the
+accelerations are unique, also in loops and between drives that pull a body apart. The conditions of the minimum are a
+complementarity problem for the forces, each in an interval, solved by pivoting. A contact that slips in the solution
+and had not slipped before gets kinetic friction as its limit, and the problem is solved again, at most once per
+contact.
 
-**Ties.** What is zero at a limit (a load that equals what a contact holds, a reaction that vanishes) is decided by the
-next derivatives: the mode found is expanded, and the guards that fall first say which contacts let go or hold instead,
-until its own field keeps it.
+**Ties.** If a quantity is zero at its limit (a load equal to the largest load that a contact holds, a vanishing
+reaction), the next derivatives decide: the mode found is expanded, and the entries of the guards that fall first are
+changed, until the mode's own field keeps it.
 
-**Loop.** Contacts whose surfaces depend on each other, so that W is singular: the motion is settled, the loads are not.
-They hold while some distribution of the loads is within all limits, which ends where a cut is full
-(:mod:`~henon_ref.modes.contact_loops`: guards that are smooth in time, as the largest load of a solution is not).
+**Loop.** Contacts whose surfaces depend on each other, so that W is singular: the motion is unique, the loads are not.
+The contacts hold while some distribution of the loads is within all limits, until the load of a cut reaches its limit
+(:mod:`~henon_ref.modes.contact_loops`: guards that are smooth in time, unlike the largest load of one solution).
 
-**Equations.** Of held contacts of a group: :mod:`~henon_ref.modes.held_contacts`; of all modes of contacts that do
-not act on each other: :mod:`~henon_ref.modes.decoupled_contacts`; of rows and trees of bodies:
+**Equations.** Held contacts of a group: :mod:`~henon_ref.modes.held_contacts`; all modes of contacts that do not act on
+each other: :mod:`~henon_ref.modes.decoupled_contacts`; rows and trees of bodies:
 :mod:`~henon_ref.modes.coupled_contacts`; rest on a stop: :mod:`~henon_ref.modes.resets`.
 
-Moreau, *Standard inelastic shocks and the dynamics of unilateral constraints* (1985), Sec. 2; Lötstedt, *SIAM J.
-Appl. Math.* 42 (1982) 281-296; Glocker, *Set-Valued Force Laws* (2001), Ch. 6; Brogliato, *Nonsmooth Mechanics* (2016),
-Ch. 5.
+Moreau, *Standard inelastic shocks and the dynamics of unilateral constraints* (1985), Sec. 2; Lötstedt, *SIAM J. Appl.
+Math.* 42 (1982) 281-296; Glocker, *Set-Valued Force Laws* (2001), Ch. 6; Brogliato, *Nonsmooth Mechanics* (2016).
 """
 
 from __future__ import annotations
@@ -68,18 +66,18 @@ from henon_ref.modes.system import FilippovSystem
 from henon_ref.text import listed
 
 EXHAUSTIVE = 4
-"""With at most this many surfaces in play all candidate modes are tried where none has static friction."""
+"""Largest number of active surfaces, none with static friction, for which all candidate modes are tried."""
 ROUNDS = 8
-"""Modes a contact that are expanded before it counts as undecided."""
+"""Largest number of modes, per contact, that are expanded before the group counts as undecided."""
 MOST_LOOSE = 8
-"""Surfaces that are no contacts and are met without a speed, whose sides are tried."""
+"""Largest number of surfaces that are not contacts and are reached with zero speed; both sides of each are tried."""
 IDENTICALLY_ZERO = 1000
-"""Order that stands for a guard that stays at zero."""
+"""Order assigned to a guard that stays at zero."""
 SMALL_ACCELERATION = 1e-5
-"""Part of a relative acceleration's terms that stands for one that grows from zero."""
+"""Part of a relative acceleration's terms that represents an acceleration growing from zero."""
 
 Broken = Sequence[tuple[Guard, int]]
-"""Guards of a mode that do not hold just after a point, and the order of the derivative of the forces that tells."""
+"""Guards of a mode that become negative just after a point, each with the deciding order (:func:`order_of`)."""
 
 
 @dataclass(frozen=True)
@@ -89,30 +87,30 @@ class Numbers:
     values: Values
     negative: Negative
     broken: Callable[[Mode, Collection[int]], Broken | None]
-    """(mode, surfaces in play) -> guards that do not hold; None where the mode has no equations."""
+    """(mode, active surfaces) -> guards that become negative; None if the mode has no equations."""
     same_motion: Callable[[Mode, Mode], bool]
-    """Whether two modes have the same motion from the point."""
+    """Whether two modes have the same motion after the point."""
     time: str
-    """For messages."""
+    """Time of the point as error messages name it."""
     proof: Callable[[ContactProblem, Accelerations, Settled], bool] | None = None
-    """Whether a solution is proven: a decision that rests on one which is not is refused."""
+    """Whether a solution is proven; a decision that depends on an unproven solution is refused."""
 
 
 def by_groups(system: FilippovSystem, active: Sequence[int]) -> bool:
-    """Whether surfaces in play are decided as groups: some have static friction, or they are many.
+    """Check whether active surfaces are decided as groups: some have static friction, or there are many.
 
-    Of a few others all modes are tried, for the fields of a system need not be those of friction.
+    For a few surfaces without static friction all modes are tried, since the fields need not be those of friction.
     """
     return len(active) > EXHAUSTIVE or any(map(system.held_inside, active))
 
 
 def order_of(system: FilippovSystem, guard: Guard, derivative: int) -> int:
-    """The derivative of the forces that a derivative of a guard tells of: a velocity's first one is an acceleration."""
+    """Return the order of the derivative of the forces that a guard's derivative contains; 0: an acceleration."""
     return derivative if guard.kind == "release" else derivative - 1 - system.rests(guard.index)
 
 
 def slipped_by(system: FilippovSystem, hits: Sequence[Guard]) -> frozenset[int]:
-    """Contacts whose loads have reached their limits where guards have fallen."""
+    """Return the contacts whose loads have reached their limits at these guards."""
     ends = [guard for guard in hits if guard.kind == "release" and system.held_inside(guard.index)]
     return frozenset(i for guard in ends for i, _ in _released(guard))
 
@@ -120,21 +118,23 @@ def slipped_by(system: FilippovSystem, hits: Sequence[Guard]) -> frozenset[int]:
 def decide_groups(
     system: FilippovSystem, mode: Mode, active: Sequence[int], slipped: Collection[int], numbers: Numbers
 ) -> Decision:
-    """The mode that follows for the contacts of groups.
+    """Decide the mode that follows for the contacts of groups.
 
-    ``mode``: entries of the surfaces that are not in play; ``active``: those in play; ``slipped``: contacts whose loads
-    have just reached their limits.
+    ``mode``: entries of the surfaces that are not active; ``active``: surfaces on which the point is and whose entries
+    are open; ``slipped``: contacts whose loads have just reached their limits.
 
     Raises
     ------
     ModelError
-        Where forces at the contacts are not those of friction; where a proof is asked for and there is none.
+        If forces at the contacts are not those of friction, or if a required proof is missing.
     """
     mode, left = _with_sections(system, mode, active, numbers)
     loose = [i for i in left if not _is_contact(system, mode, i, numbers)]
     if len(loose) > MOST_LOOSE:
         names = listed([system.sign_names[i] for i in loose])
-        raise ModelError(f"too many surfaces that are met without a speed are open at t = {numbers.time}: {names}")
+        raise ModelError(
+            f"more than {MOST_LOOSE} surfaces are reached with zero speed and undecided at t = {numbers.time}: {names}"
+        )
     found: dict[Mode, frozenset[int]] = {}
     for choice in product(*((-1, 1) for _ in loose)):
         group = _Group(system, with_entries(mode, loose, choice), [i for i in left if i not in loose], active, numbers)
@@ -154,9 +154,10 @@ def decide_groups(
 def _with_sections(
     system: FilippovSystem, mode: Mode, active: Sequence[int], numbers: Numbers
 ) -> tuple[Mode, list[int]]:
-    """The mode behind surfaces on whose velocity no force acts, an instant say; and the surfaces that are left open.
+    """Return the mode with the surfaces decided that no force of a contact affects, and the surfaces that remain open.
 
-    A stop that a body moves off has no reaction. A surface that is zero at all times is never left.
+    On a surface whose velocity depends on no sign (a prescribed instant, say) the sign of this velocity decides. A stop
+    from which a body moves off has no reaction. A surface that is zero at all times is never left.
     """
     left = []
     for i in active:
@@ -175,7 +176,7 @@ def _with_sections(
 
 
 def clear_sign(expression: sp.Expr, signs: Mode, values: Values, negative: Negative) -> int:
-    """Sign of an expression in time, states and signs at a point; 0 where its terms may cancel."""
+    """Return the sign of an expression in time, states and signs at a point; 0 if its terms may cancel."""
     terms = values(sp.Add.make_args(sp.expand(expression)), signs)
     if not terms:
         return 0
@@ -185,13 +186,13 @@ def clear_sign(expression: sp.Expr, signs: Mode, values: Values, negative: Negat
 
 @lru_cache(maxsize=1024)
 def _never_left(system: FilippovSystem, index: int) -> bool:
-    """Whether a surface is zero at all times, as between two bodies that are given one velocity."""
+    """Check whether a surface is zero at all times, as between two bodies with one prescribed velocity."""
     number = system.numeric(system.surfaces[index])
     return bool(number.is_number and exact_sign(number) == 0)
 
 
 def _is_contact(system: FilippovSystem, mode: Mode, index: int, numbers: Numbers) -> bool:
-    """Whether a surface has a rule of its own, or a force that acts against its velocity."""
+    """Check whether a surface has a sliding override, or a force that acts against its velocity."""
     if index in system.overrides:
         return True
     speed = system.normal_velocity(index)
@@ -202,12 +203,12 @@ def _is_contact(system: FilippovSystem, mode: Mode, index: int, numbers: Numbers
 
 
 def _released(guard: Guard) -> tuple[tuple[int, int], ...]:
-    """Contacts that let go where a guard falls, and their sides: all of a cut."""
+    """Return the contacts that are released when a guard falls, with their sides: all contacts of the guard's cut."""
     return guard.cut or ((guard.index, guard.to_sign),)
 
 
 class _Group:
-    """Surfaces in play at one point, those that are no contacts settled already."""
+    """Contacts that are decided together at one point; surfaces that are not contacts have fixed entries."""
 
     def __init__(
         self, system: FilippovSystem, mode: Mode, contacts: Sequence[int], active: Sequence[int], numbers: Numbers
@@ -216,18 +217,18 @@ class _Group:
         self.numbers = numbers
         self.static = frozenset(i for i in contacts if system.held_inside(i))
         self.separating: dict[int, int] = {}
-        """Contacts that others at rest keep from holding, and the way in which these part from them."""
+        """Contact -> direction of its slip, for contacts that cannot hold because their drives separate."""
         self.stays: frozenset[int] = frozenset()
-        """Surfaces, no contacts, that the mode found does not leave."""
+        """Surfaces, not contacts, on which the mode found stays."""
 
     @cached_property
     def _balance(self) -> Balance | None:
         return balance_of(self.system, self.mode, self.contacts, self.numbers.values, self.numbers.negative)
 
     def settled(self, slipped: frozenset[int]) -> Mode | None:
-        """The mode that follows; None where no mode is kept by its own field."""
+        """Return the mode that follows; None if no mode is kept by its own field."""
         balance = self._balance
-        if balance is None:  # no numbers tell: derivatives do
+        if balance is None:  # the forces cannot be computed: derivatives decide
             return self._kept(with_entries(self.mode, self.contacts, [0] * len(self.contacts)), slipped)
         while True:
             problem = self._limited(balance, slipped)
@@ -237,29 +238,29 @@ class _Group:
                 break
             self._need_proof(problem, found, f"whether {self._names(new)} slip")
             slipped |= new
-        # A load that equals what a contact holds is held, unless derivatives tell otherwise.
+        # A load equal to the largest load that a contact holds is held, unless derivatives show otherwise.
         entries = [
             0 if i in self.static - slipped else entry for i, entry in zip(self.contacts, found.entries, strict=True)
         ]
         mode = with_entries(self.mode, self.contacts, entries)
-        if found.clear and self._tells_all(mode, slipped):
+        if found.clear and self._needs_no_derivatives(mode, slipped):
             return mode
         kept = self._kept(mode, slipped)
         if kept is not None and any(kept[i] == 0 for i in slipped & self.static):
             self._need_proof(problem, found, f"whether {self._names(slipped)} hold by kinetic friction")
         return kept
 
-    def _tells_all(self, mode: Mode, slipped: frozenset[int]) -> bool:
-        """Whether forces that are clear of their limits say that a mode is kept, without derivatives or a proof."""
+    def _needs_no_derivatives(self, mode: Mode, slipped: frozenset[int]) -> bool:
+        """Check whether forces clear of their limits show that a mode is kept, without derivatives or a proof."""
         system = self.system
         simple = all(i in self.static or i not in system.overrides for i in self.contacts)
         if self.numbers.proof or system.has_loops or self.contacts != self.active or not simple:
             return False
-        # What holds by friction in sliding is below static friction where that is larger, as it need not be.
+        # A contact held by kinetic friction is below the static limit only if that limit is larger: not guaranteed.
         return not any(mode[i] == 0 for i in slipped & self.static) and system.has_equations(mode)
 
     def _kept(self, mode: Mode, slipped: frozenset[int]) -> Mode | None:
-        """A mode that its own field keeps, from one in which all but what is zero at a limit is decided."""
+        """Return a mode kept by its own field, starting from a mode in which only ties are undecided."""
         seen: set[Mode] = set()
         for _ in range(ROUNDS * (len(self.contacts) + 1)):
             mode = self._closed(mode)
@@ -286,7 +287,7 @@ class _Group:
         return None
 
     def _closed(self, mode: Mode) -> Mode:
-        """The mode with the contacts at rest that those which hold keep at rest."""
+        """Return the mode with 0 also for the contacts that the held contacts of their loops keep at rest."""
         if not self.system.has_loops:
             return mode
         held = frozenset(i for i in self.contacts if mode[i] == 0)
@@ -294,9 +295,9 @@ class _Group:
         return with_entries(mode, sorted(more), [0] * len(more))
 
     def _separated(self, mode: Mode, slipped: frozenset[int]) -> Mode | None:
-        """What follows where contacts are held that cannot hold together: their drives part from each other later on.
+        """Return the mode after contacts separate that cannot hold together, since their drives differ later.
 
-        Which way, the first derivative tells that is not zero; an acceleration as small as can be stands for it.
+        The first non-zero derivative gives the direction of slip; a small acceleration represents it in the problem.
         """
         balance = self._balance
         if balance is None or self.separating:
@@ -315,7 +316,6 @@ class _Group:
         return self.settled(slipped)
 
     def _limited(self, balance: Balance, slipped: frozenset[int]) -> ContactProblem:
-        """The contact problem with the limits of contacts that have not slipped."""
         free, matrix, lower, upper = (list(part) for part in balance.problem)
         for k, (least, most) in balance.static.items():
             if self.contacts[k] not in slipped:
@@ -331,7 +331,7 @@ class _Group:
             return self.contacts[k] in closed(self.system.velocities, own, self.contacts)
 
         if self.numbers.proof and (self.separating or not self.numbers.proof(problem, found, settled)):
-            raise ModelError(f"{what} cannot be told at t = {self.numbers.time}")
+            raise ModelError(f"{what} cannot be decided at t = {self.numbers.time}")
 
     def _names(self, contacts: Collection[int]) -> str:
         return listed([self.system.sign_names[i] for i in sorted(contacts)])

@@ -1,4 +1,4 @@
-"""Surfaces that stand for the kinks and jumps of a field: where they are none, and where the field is continuous."""
+"""Surfaces at kinks and jumps of a field: modes that hide them, and surfaces without a jump of the field."""
 
 from __future__ import annotations
 
@@ -19,49 +19,49 @@ from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.size import size
 
 TransitionT = TypeVar("TransitionT", bound=Any)
-"""A dataclass with ``surface``, ``from_mode`` and ``to_mode``."""
+"""Dataclass with ``surface``, ``from_mode`` and ``to_mode``."""
 
 
 @dataclass(frozen=True)
 class HiddenKinks:
-    """Which kinks of a system another branch hides: in such a mode they are none, and their signs mean nothing."""
+    """Kinks of a system that a mode does not use, since another branch is in force; their signs have no meaning."""
 
     system: FilippovSystem
 
     def hidden(self, index: int, mode: Mode) -> bool:
-        """Whether a surface is a kink that is hidden in a mode."""
-        own = mode[: len(self.system.signs)]  # sections that a sweep adds stand behind the system's own surfaces
+        """Check whether a surface is a kink that a mode does not use."""
+        own = mode[: len(self.system.signs)]  # the sections that a sweep adds follow the system's own surfaces
         return index in self.system.kinks and self.system.hides(index, own)
 
     def shown(self, mode: Mode) -> Mode:
-        """A mode with +1 for what is hidden in it, so that it is one mode however these signs change."""
+        """Return the mode with +1 for its hidden kinks, so that it is one mode whatever their signs."""
         if not self.system.kinks:
             return mode
         return _shown(self, mode)
 
     def hides_none(self, modes: Iterable[Mode]) -> bool:
-        """Whether no kink is hidden in any of some modes: all that is found in these is a transition."""
+        """Check whether no kink is hidden in any of these modes, so that every event in them is a transition."""
         kinks = self.system.kinks
         return not kinks or not any(self.hidden(i, mode) for mode in modes for i in kinks)
 
     def is_transition(self, surface: int, before: Mode, after: Mode) -> bool:
-        """Whether what has been found on a surface, between two modes, is a transition: it is not on a hidden kink."""
+        """Check whether an event on a surface between two modes is a transition: the surface is not a hidden kink."""
         if surface not in self.system.kinks:
             return True
-        if before[surface] == after[surface]:  # it was touched
+        if before[surface] == after[surface]:  # a graze
             return not self.hidden(surface, before)
         return self.shown(before)[surface] != self.shown(after)[surface]
 
     def are_transitions(self, records: NDArray[Any], modes: Sequence[Mode]) -> NDArray[np.bool_]:
-        """The same of records with fields ``surface``, ``from_mode`` and ``to_mode``, the modes by their number."""
+        """Apply :meth:`is_transition` to records with the fields ``surface``, ``from_mode`` and ``to_mode``."""
         found, count = np.ones(len(records), dtype=bool), len(modes)
         pairs = records["from_mode"].astype(np.int64) * count + records["to_mode"]
         for index in self.system.kinks:
             at = np.flatnonzero(records["surface"] == index)
             if at.size:
                 own, which = np.unique(pairs[at], return_inverse=True)
-                told = [self.is_transition(index, modes[pair // count], modes[pair % count]) for pair in own.tolist()]
-                found[at] = np.array(told, dtype=bool)[which]
+                flags = [self.is_transition(index, modes[pair // count], modes[pair % count]) for pair in own.tolist()]
+                found[at] = np.array(flags, dtype=bool)[which]
         return found
 
 
@@ -71,7 +71,7 @@ def _shown(kinks: HiddenKinks, mode: Mode) -> Mode:
 
 
 def visible(system: FilippovSystem, transitions: Sequence[TransitionT]) -> Sequence[TransitionT]:
-    """Transitions without those on hidden kinks, their modes as :meth:`HiddenKinks.shown` has them."""
+    """Return the transitions that are not on hidden kinks, with modes as :meth:`HiddenKinks.shown` returns them."""
     if not system.kinks:
         return transitions
     kinks = HiddenKinks(system)
@@ -83,10 +83,9 @@ def visible(system: FilippovSystem, transitions: Sequence[TransitionT]) -> Seque
 
 
 def continuous(system: FilippovSystem) -> frozenset[int]:
-    """Surfaces that the field depends on the side of, without a jump: nothing slides there.
+    """Return the surfaces across which the field changes its expression without a jump: no sliding there.
 
-    A jump that does not vanish by its form, with the surface's own expression or with a state that it is linear in
-    put in, counts as one.
+    The jump must vanish in form after the surface's expression, or a state in which it is linear, is eliminated.
     """
     found = set()
     written = [*system.field, *chain.from_iterable(own.field for own in system.overrides.values())]

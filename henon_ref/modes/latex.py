@@ -1,4 +1,4 @@
-"""Expressions, and short systems, as LaTeX, with the names that a reader expects: ``vp`` is v with the index p."""
+"""Expressions and short systems as LaTeX, with conventional names: ``vp`` is v with index p."""
 
 from __future__ import annotations
 
@@ -14,23 +14,22 @@ from henon_ref.taylor.size import size, total_size
 from henon_ref.text import spelled
 
 MOST_OPERATIONS, MOST_IN_ALL = 500, 2_500
-"""Operations up to which an expression, and all that stand together, are set as formulas: a printer sorts their terms,
-and asks of each many questions."""
+"""Largest number of operations of one expression, and of all, set as formulas: SymPy's printer is slow on long ones."""
 
 MOST_IN_CELL = 200
-"""Operations up to which an expression is shown in a table, or in a line."""
+"""Largest number of operations of an expression shown in a table or in a line."""
 
 _GREEK = (
     "alpha|beta|gamma|delta|epsilon|zeta|eta|theta|iota|kappa|lambda|mu|nu|xi|pi|rho|sigma|tau|upsilon|phi|chi|psi"
     "|omega|Gamma|Delta|Theta|Lambda|Xi|Pi|Sigma|Upsilon|Phi|Psi|Omega"
 )
-"""Letters that LaTeX has a command for: most capitals are Latin ones, and have none."""
+"""Letters with a LaTeX command; most capitals look like Latin letters and have none."""
 
 
 def symbol(name: str) -> str:
-    """LaTeX of a name: a letter, Latin or Greek, and what follows it as an index; a word stays a word.
+    """LaTeX of a name: a Latin or Greek letter, with the rest as an index; a word stays a word.
 
-    What stands behind an underscore is set upright, so that the state ``v_b`` is not the parameter ``vb``.
+    An index after an underscore is set upright, so that the state ``v_b`` is not the parameter ``vb``.
 
     Examples
     --------
@@ -55,7 +54,7 @@ def symbol(name: str) -> str:
 
 @lru_cache(maxsize=1024)
 def latex(expression: sp.Expr) -> str:
-    """LaTeX of an expression, begun with a term that has no minus where there is one.
+    """LaTeX of an expression, starting with a term without a minus sign if there is one.
 
     Examples
     --------
@@ -69,7 +68,7 @@ def latex(expression: sp.Expr) -> str:
 
 
 def general_form(system: SwitchedField) -> str:
-    """The field with its sign symbols, and the surfaces, as LaTeX; without those that are too long for it."""
+    """LaTeX of the field with its sign symbols, and of the surfaces; expressions that are too long are left out."""
     lines = [derivative(x, f) for x, f in zip(system.states, system.field, strict=True) if printable(f)]
     for sign, surface in zip(system.signs, system.surfaces, strict=True):
         if printable(surface):
@@ -78,13 +77,12 @@ def general_form(system: SwitchedField) -> str:
 
 
 def short(expression: sp.Expr) -> str:
-    """An expression in a few words of a line."""
     text = str(expression) if size(expression, MOST_IN_CELL) <= MOST_IN_CELL else "..."
     return text if len(text) <= 40 else text[:37] + "..."
 
 
 def table_html(system: SwitchedField) -> str:
-    """What a notebook shows of a system: rates, surfaces and parameters, those that are short as formulas."""
+    """Table of a system for a notebook: rates, surfaces and parameters, with short expressions as formulas."""
 
     def cell(expression: sp.Expr) -> str:
         return (
@@ -101,20 +99,19 @@ def table_html(system: SwitchedField) -> str:
 
 
 def printable(expression: sp.Expr) -> bool:
-    """Whether an expression is short enough to be set as a formula."""
     return size(expression, MOST_OPERATIONS) <= MOST_OPERATIONS
 
 
 def few(expressions: Sequence[sp.Expr]) -> bool:
-    """Whether expressions have few enough operations, all together, to be printed."""
+    """Check whether expressions together are short enough to be printed."""
     return total_size((e for e in expressions if printable(e)), MOST_IN_ALL) <= MOST_IN_ALL
 
 
 def derivative(state: sp.Symbol, rate: sp.Expr) -> str:
-    """A line of :func:`aligned`: a state's rate."""
+    """Line of :func:`aligned` with a state's rate."""
     return rf"\dot{{{symbol(state.name)}}} &= {latex(rate)}"
 
 
 def aligned(lines: Sequence[str]) -> str:
-    """Equations below each other, at their ``&=``."""
+    """Equations below each other, aligned at ``&=``."""
     return "\\begin{aligned}\n" + " \\\\\n".join(lines) + "\n\\end{aligned}"

@@ -1,4 +1,4 @@
-"""Linear systems in formulas: signs that keep the state on surfaces, and states that surfaces give."""
+"""Symbolic linear systems: signs that keep the state on surfaces, and states that surfaces determine."""
 
 from __future__ import annotations
 
@@ -20,24 +20,24 @@ from henon_ref.taylor.size import size
 from henon_ref.taylor.tape import TIME
 
 MAX_SYMBOLIC = 4
-"""Signs that act on each other through parameters; of more, the numbers of the parameters are put in."""
+"""Largest number of coupled signs that are solved with symbolic parameters; beyond, their numbers are used."""
 EXPLICIT = 3
-"""Rows up to which a determinant is a short sum of products, whatever its entries are."""
+"""Largest number of rows for which a determinant is a short sum of products for any entries."""
 MAX_PRODUCTS, MAX_ENTRY = 5_000, 200
-"""Terms that a determinant may have, multiplied out, and size that its entries may then have."""
+"""Largest number of terms of an expanded determinant, and largest size of its entries."""
 MAX_JOINT = 200
-"""Size of surfaces that hold each other's states up to which they are solved for these."""
+"""Largest total size of surfaces that are solved jointly for their states."""
 
 Matrix = Sequence[Sequence[sp.Expr]]
 
 
 def solution(system: SwitchedField, matrix: Matrix, right: Sequence[sp.Expr]) -> list[sp.Expr] | None:
-    """Solution of a linear system; None where there is none, or more than one.
+    """Return the solution of a linear system; None unless there is exactly one.
 
     Raises
     ------
     ModelError
-        Where the formulas would be too large.
+        If the formulas would be too large.
     """
     if len(right) <= MAX_SYMBOLIC:
         return _joint_solution(system, matrix, right)
@@ -53,7 +53,7 @@ def solution(system: SwitchedField, matrix: Matrix, right: Sequence[sp.Expr]) ->
 
 
 def _joint_solution(system: SwitchedField, matrix: Matrix, right: Sequence[sp.Expr]) -> list[sp.Expr] | None:
-    """Where the matrix moves by Cramer's rule: a pivot of an elimination may vanish where the determinant does not."""
+    """Solve by Cramer's rule if the matrix is not constant: a pivot may vanish although the determinant does not."""
     square = sp.Matrix(matrix)
     if not square.free_symbols & {TIME, *system.states, *system.signs}:
         if len(right) <= MAX_SYMBOLIC and _few_terms(square):
@@ -74,16 +74,16 @@ def _joint_solution(system: SwitchedField, matrix: Matrix, right: Sequence[sp.Ex
 
 
 def determinant(matrix: sp.Matrix) -> sp.Expr:
-    """The determinant of a matrix that moves.
+    """Return the determinant of a matrix that is not constant.
 
     Raises
     ------
     ModelError
-        Where it has too many terms.
+        If it has too many terms.
     """
     if matrix.rows > EXPLICIT and not multiplies_out(matrix):
         raise ModelError(
-            f"{matrix.rows} signs of surfaces that slide at once act on each other by factors that change: "
+            f"{matrix.rows} signs of surfaces that slide together act on each other by factors that are not constant: "
             f"the formulas would be too large, more than {MAX_PRODUCTS} products"
         )
     with dotprodsimp(simplifies(matrix)):
@@ -91,23 +91,22 @@ def determinant(matrix: sp.Matrix) -> sp.Expr:
 
 
 def simplifies(matrix: sp.Matrix) -> bool | None:
-    """SymPy's switch (None: by its habit) for whether the sums of products in a determinant are simplified."""
+    """SymPy's option to simplify sums of products in a determinant (None: SymPy's default)."""
     return None if matrix.rows <= EXPLICIT and _few_terms(matrix) else False
 
 
 def _few_terms(matrix: sp.Matrix) -> bool:
-    """Whether a small matrix has a determinant that is known to be simplified with little work."""
+    """Check whether the determinant of a small matrix can be simplified with little work."""
     return measured(sp.Add(*(sp.Mul(*row) for row in _products(matrix)))) is not None
 
 
 def _products(matrix: sp.Matrix) -> list[list[sp.Expr]]:
-    """The factors of each product of a determinant, signs left out."""
     rows = range(matrix.rows)
     return [[matrix[i, j] for i, j in zip(rows, order, strict=True)] for order in permutations(rows)]
 
 
 def multiplies_out(matrix: sp.Matrix) -> bool:
-    """Whether a determinant has few terms when it is multiplied out."""
+    """Check whether a determinant has few terms when expanded."""
     products = 1
     for i in range(matrix.rows):
         products *= sum(terms(entry, MAX_PRODUCTS) for entry in matrix.row(i) if entry != 0)
@@ -126,17 +125,17 @@ def _numeric_solution(system: SwitchedField, matrix: Matrix, right: Sequence[sp.
 
 
 def rational(system: SwitchedField, matrix: Matrix) -> DomainMatrix:
-    """A constant matrix of many rows as a matrix of rational numbers.
+    """Return a constant matrix with many rows as a matrix of rational numbers.
 
     Raises
     ------
     ModelError
-        Where its numbers are not rational.
+        If its numbers are not rational.
     """
     numbers = sp.Matrix(matrix).applyfunc(system.numeric)
     if not all(entry.is_Rational for entry in numbers):
         raise ModelError(
-            f"{len(matrix)} signs of surfaces that slide at once act on each other by factors that are not rational "
+            f"{len(matrix)} signs of surfaces that slide together act on each other by factors that are not rational "
             "numbers: the formulas would be too large"
         )
     return DomainMatrix.from_Matrix(numbers).convert_to(sp.QQ)
@@ -145,10 +144,11 @@ def rational(system: SwitchedField, matrix: Matrix) -> DomainMatrix:
 def surfaces_solved(
     system: SwitchedField, sliding: Sequence[int], kept: Collection[int] = ()
 ) -> tuple[dict[int, int], dict[sp.Symbol, sp.Expr]]:
-    """For surfaces that are linear in a state with a constant factor, that state; and what these states are on them.
+    """Return, for each surface that is linear in a state with a constant factor, this state; and these states'
+    expressions.
 
-    ``kept``: states that something else keeps where they are, so that another one is to follow from a surface.
-    What they are, in time and the states that are left free, is empty where it cannot be written in a short formula.
+    ``kept``: states that are at rest for another reason, so that a surface must determine a different state. The
+    expressions are in time and the states that remain free; empty if they are not short.
     """
     states = system.states
     linear = {
@@ -171,9 +171,9 @@ def surfaces_solved(
 
 
 def _give_state(surface: int, linear: Mapping[int, Sequence[int]], taken: dict[int, int], tried: set[int]) -> bool:
-    """Give a surface a state of its own, where need be one of another surface that can do with another one.
+    """Assign a state to a surface; if necessary, assign a different state to the surface that has it now.
 
-    Without that ``v_a - v_b`` would take v_a and leave nothing to ``v_a``. (Augmenting paths of a bipartite matching.)
+    Otherwise ``v_a - v_b`` could take v_a and leave no state for ``v_a``. (Augmenting paths of a bipartite matching.)
     """
     free = [k for k in linear[surface] if k not in taken]
     if free:
@@ -191,7 +191,7 @@ def _give_state(surface: int, linear: Mapping[int, Sequence[int]], taken: dict[i
 def _on_surfaces(
     system: SwitchedField, solved: dict[int, int], unknown: Sequence[sp.Symbol]
 ) -> dict[sp.Symbol, sp.Expr]:
-    """Each solved state in terms of time and the states that are left free on the surfaces."""
+    """Return each solved state in terms of time and the states that remain free on the surfaces."""
     surfaces = [system.surfaces[i] for i in solved]
     if all(len(h.free_symbols & set(unknown)) == 1 for h in surfaces):
         return {x: _solved(h, x, system.states) for h, x in zip(surfaces, unknown, strict=True)}
@@ -199,7 +199,7 @@ def _on_surfaces(
         return {}
     try:
         found = sp.linsolve(surfaces, unknown)
-    except NonlinearError:  # each is linear in its own state, but not all of them in all
+    except NonlinearError:  # each surface is linear in its own state, but not in all of these states
         return {}
     return dict(zip(unknown, next(iter(found)), strict=True)) if len(found) == 1 else {}
 

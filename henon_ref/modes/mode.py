@@ -1,4 +1,4 @@
-"""Modes: which side of each surface the state is on, or that it slides there."""
+"""Modes: for each surface, the side on which the state is, or sliding on it."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Literal
 
 Mode = tuple[int, ...]
-"""One entry a surface: -1 or +1 in slip (the sign of h), 0 in sliding (stick)."""
+"""One entry per surface: -1 or +1 in slip (the sign of h), 0 in sliding (stick)."""
 
 
 def mode_text(mode: Sequence[int], signs: Sequence[str]) -> str:
@@ -21,12 +21,12 @@ def mode_text(mode: Sequence[int], signs: Sequence[str]) -> str:
 
 
 def replaced(mode: Mode, index: int, value: int) -> Mode:
-    """The mode with one surface's entry replaced."""
+    """Return the mode with one entry replaced."""
     return (*mode[:index], value, *mode[index + 1 :])
 
 
 def mode_number(mode: Mode) -> int:
-    """A mode as a number of base 3, the first surface being its last digit."""
+    """Return the mode as a number in base 3, with the first surface as the last digit."""
     number = 0
     for entry in reversed(mode):
         number = 3 * number + entry + 1
@@ -34,7 +34,7 @@ def mode_number(mode: Mode) -> int:
 
 
 def numbered_mode(number: int, surfaces: int) -> Mode:
-    """The mode of a number.
+    """Return the mode with this number.
 
     Examples
     --------
@@ -45,7 +45,7 @@ def numbered_mode(number: int, surfaces: int) -> Mode:
 
 
 def transition_kind(before: int, after: int) -> Literal["stick", "release", "crossing", "graze"]:
-    """Name what one surface's entry does: stick, release, crossing or graze (touch and go)."""
+    """Name the change of one surface's entry: stick, release, crossing or graze (touch without crossing)."""
     if before == after:
         return "graze"
     if after == 0:

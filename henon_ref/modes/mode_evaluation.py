@@ -1,6 +1,6 @@
-"""What a system's modes do at points: derivatives of guards, normal velocities, values, in numbers of one arithmetic.
+"""Numerical evaluation of a system's modes at points, in one arithmetic: derivatives of guards, velocities, values.
 
-Tapes are made once a mode and kept, from any thread; what is worked out at a point is kept with the point.
+Each mode's tape is built once and cached, for all threads; results at a point are cached with the point.
 """
 
 from __future__ import annotations
@@ -29,26 +29,25 @@ if TYPE_CHECKING:
     from henon_ref.modes.decoupled_contacts import SwitchedEquations
 
 KEPT = 1024
-"""Surfaces, each in a mode of a system, of which it is kept whether their normal velocities are apart."""
+"""Size of the cache of normal velocities by surface and mode entries."""
 
 ModeWithTape = tuple[ModeEquations, Tape]
 
 
 class Tapes(Protocol):
-    """Where tapes of a system's modes come from, and their constants in numbers of one arithmetic."""
+    """Source of the tapes of a system's modes and of their constants in one arithmetic."""
 
     def mode(self, mode: Mode) -> ModeWithTape | None:
-        """Equations of a mode, and its field and guards as a tape; None where it has none."""
+        """Equations of a mode, and its field and guards as a tape; None if the mode has no equations."""
 
     def constants(self, tape: Tape) -> list[Any]:
         """Constants of a tape."""
 
     def function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
-        """(t, *names) -> values of expressions; :data:`NO_VALUE` where one has none."""
+        """(t, *names) -> values of expressions; raises :data:`NO_VALUE` if one has none."""
 
 
 def mode_with_tape(system: FilippovSystem, mode: Mode) -> ModeWithTape | None:
-    """Equations of a mode, and its field and guards as a tape; None where it has none."""
     try:
         equations = system.equations(mode)
     except ModelError:
@@ -57,7 +56,7 @@ def mode_with_tape(system: FilippovSystem, mode: Mode) -> ModeWithTape | None:
 
 
 class ExactTapes:
-    """Tapes of a system, their constants from its exact numbers; how functions are made is left to others."""
+    """Tapes of a system with constants from its exact numbers; subclasses define ``function``."""
 
     def __init__(self, system: FilippovSystem, arithmetic: Arithmetic) -> None:
         self.system, self.arithmetic = system, arithmetic
@@ -72,7 +71,7 @@ class ExactTapes:
 class _DoubleTapes(ExactTapes):
     def function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
         values, names = [self.system.numeric(e) for e in expressions], [TIME, *names]
-        # The time that lambdify takes grows with the names that it is given.
+        # The time of lambdify grows with the number of its arguments.
         used = set().union(*(value.free_symbols for value in values))
         places = [k for k, name in enumerate(names) if name in used]
         found: Callable[..., list[Any]] = sp.lambdify([names[k] for k in places], values, "math", cse=True)
@@ -86,7 +85,7 @@ class _BallTapes(ExactTapes):
 
 
 def ball_function(tape: Tape, constants: Sequence[arb]) -> Callable[..., list[arb]]:
-    """(t, *x) -> the values of a tape's outputs."""
+    """Return (t, *x) -> values of a tape's outputs."""
 
     def values(t: arb, *x: arb | int) -> list[arb]:
         return [series[0] for series in expand(tape, constants, t, [arb(v) for v in x], 0, RING)[1]]
@@ -95,18 +94,18 @@ def ball_function(tape: Tape, constants: Sequence[arb]) -> Callable[..., list[ar
 
 
 def in_doubles(system: FilippovSystem) -> ModeEvaluation:
-    """The modes of a system in double precision."""
+    """Return the evaluation of a system's modes in double precision."""
     return ModeEvaluation(system, DOUBLES, _DoubleTapes(system, DOUBLES))
 
 
 def in_balls(system: FilippovSystem) -> ModeEvaluation:
-    """The modes of a system in balls of the working precision."""
+    """Return the evaluation of a system's modes in balls of the working precision."""
     return ModeEvaluation(system, BALLS, _BallTapes(system, BALLS))
 
 
 @lru_cache(maxsize=KEPT)
 def normal_in(system: FilippovSystem, index: int, entries: Mode) -> sp.Expr:
-    """dh/dt of a surface: that of all modes, unless it holds operations that those with these entries do not.
+    """Return dh/dt of a surface: shared by all modes, unless it contains operations that these entries do not use.
 
     ``entries``: of the surfaces of :func:`acting_on`, in their order.
     """
@@ -118,13 +117,13 @@ def normal_in(system: FilippovSystem, index: int, entries: Mode) -> sp.Expr:
 
 @lru_cache(maxsize=KEPT)
 def acting_on(system: FilippovSystem, index: int) -> tuple[int, ...]:
-    """Surfaces whose signs are in a surface's normal velocity."""
+    """Return the surfaces whose signs are in a surface's normal velocity."""
     written = system.normal_velocity(index).free_symbols
     return tuple(i for i, sign in enumerate(system.signs) if sign in written)
 
 
 class ModeEvaluation:
-    """The modes of one system in numbers of one arithmetic.
+    """Evaluation of the modes of one system in one arithmetic.
 
     Parameters
     ----------
@@ -140,16 +139,15 @@ class ModeEvaluation:
         self._numbers: dict[tuple[int, tuple[int, ...]], Any] = {}
 
     def at(self, t: Any, x: Sequence[Any], levels: tuple[float, ...] | None = None) -> TapePoint:
-        """A point; ``levels``: see :attr:`Doubles.levels`."""
+        """Return a point; ``levels``: see :attr:`Doubles.levels`."""
         return TapePoint(self, t, x, self.arithmetic.levels if levels is None else levels)
 
     def exactly(self, start: sp.Expr, initial: Sequence[sp.Expr]) -> TapePoint:
-        """A point of exact numbers."""
         return self.at(self.arithmetic.number(start), [self.arithmetic.number(v) for v in initial])
 
     @kept
     def equations(self, mode: Mode) -> tuple[ModeEquations, Tape, list[Any]] | None:
-        """Equations of a mode, its field and guards as a tape, and its constants; None where it has none."""
+        """Return the equations, tape and constants of a mode; None if it has no equations."""
         with one_at_a_time():
             if self._shared is not None:
                 return self._of_shared(mode, *self._shared)
@@ -157,7 +155,7 @@ class ModeEvaluation:
             return None if made is None else (*made, self._source.constants(made[1]))
 
     def tape(self, mode: Mode) -> tuple[Tape, list[Any]]:
-        """Field and guards of a mode as a tape, and its constants; ValueError where it has no equations."""
+        """Return the tape and constants of a mode; ValueError if it has no equations."""
         made = self.equations(mode)
         if made is None:
             raise ValueError("the mode has no equations")
@@ -165,7 +163,6 @@ class ModeEvaluation:
 
     @cached_property
     def _shared(self) -> tuple[SwitchedEquations, ModeTape] | None:
-        """What the modes of a system have in common."""
         made = self.system.switched
         if made is None:
             return None
@@ -175,7 +172,7 @@ class ModeEvaluation:
     def _of_shared(
         self, mode: Mode, made: SwitchedEquations, shared: ModeTape
     ) -> tuple[ModeEquations, Tape, list[Any]]:
-        """A mode's equations, its own part of the shared tape, and its constants, each worked out once."""
+        """Return a mode's equations, its part of the shared tape, and its constants, each computed once."""
         own = tuple(shared.tape.outputs[row] for row in made.rows(mode))
         numbers = []
         for at, surfaces in enumerate(shared.owners):
@@ -188,12 +185,12 @@ class ModeEvaluation:
 
     @kept
     def of_states_and_signs(self, expressions: tuple[sp.Expr, ...]) -> Callable[..., list[Any]]:
-        """(t, *x, *signs) -> values of expressions."""
+        """Return (t, *x, *signs) -> values of expressions."""
         with one_at_a_time():
             return self.function([*self.system.states, *self.system.signs], expressions)
 
     def normal(self, index: int, mode: Mode) -> Callable[..., list[Any]]:
-        """(t, *x, *signs) -> dh/dt of a surface, for the signs of a mode."""
+        """Return (t, *x, *signs) -> dh/dt of a surface in a mode."""
         return self._normal(index, tuple(mode[i] for i in acting_on(self.system, index)))
 
     @kept
@@ -202,12 +199,12 @@ class ModeEvaluation:
             return self.of_states_and_signs((normal_in(self.system, index, entries),))
 
     def guard_series(self, mode: Mode, t: Any, x: Sequence[Any]) -> list[list[Any]]:
-        """Taylor coefficients in time of a mode's guards; :data:`NO_VALUE` where it or they have none."""
+        """Return the Taylor coefficients in time of a mode's guards; raises :data:`NO_VALUE` if there are none."""
         return self.at(t, x).series(mode)[0]
 
 
 class TapePoint:
-    """A point with what its modes' tapes tell; see :class:`henon_ref.modes.arithmetic.Point`."""
+    """Point evaluated by the tapes of its modes; see :class:`henon_ref.modes.arithmetic.Point`."""
 
     def __init__(self, modes: ModeEvaluation, t: Any, x: Sequence[Any], levels: tuple[float, ...]) -> None:
         self._modes, self._t, self._x, self.levels = modes, t, x, levels
@@ -218,7 +215,6 @@ class TapePoint:
         return f"{float(self._t):.17g}"
 
     def _expanded(self, mode: Mode, order: int) -> tuple[list[list[Any]], list[list[Any]]]:
-        """Taylor coefficients of states and guards."""
         return expand(*self._modes.tape(mode), self._t, self._x, order, self.arithmetic.ring)
 
     def guards(self, mode: Mode) -> tuple[Guard, ...] | None:
@@ -230,7 +226,7 @@ class TapePoint:
 
     @kept
     def series(self, mode: Mode) -> tuple[list[list[Any]], float]:
-        """Taylor coefficients of a mode's guards, and a rate that makes them comparable."""
+        """Return the Taylor coefficients of a mode's guards, and a rate that makes them comparable."""
         states, outputs = self._expanded(mode, ORDER)
         return outputs, self.arithmetic.rate(states, outputs)
 
@@ -258,7 +254,6 @@ class TapePoint:
         return self._modes.normal(index, mode)(self._t, *self._x, *mode)[0]
 
     def _size(self, mode: Mode, index: int) -> float:
-        """What dh/dt is small or large against."""
         try:
             below, above = self.sides(mode, index)
         except NO_VALUE:
@@ -278,5 +273,4 @@ class TapePoint:
 
 
 def _term(series: Sequence[Any], place: int | None) -> Leading | None:
-    """The place of a coefficient that is not zero, with its sign."""
     return None if place is None else (place, 1 if series[place] > 0 else -1)

@@ -1,4 +1,4 @@
-"""A system as it is written made ready for its modes: exponents in numbers, contacts in loops that hold."""
+"""Preparation of a system for the derivation of its modes: numeric exponents, and held contacts in loops."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from henon_ref.modes.system import FilippovSystem
 
 
 def with_rational_exponents(system: FilippovSystem) -> FilippovSystem:
-    """The system with the numbers of its parameters in every exponent that they make rational.
+    """Return the system with numbers substituted for parameters in every exponent that becomes rational.
 
-    An exponent decides what function a power is (a product, a root), and nothing that holds for the symbol holds
-    for all its values: x**3 is smooth where x is 0, x**n is so for some n only. Powers of numbers and parameters, and
-    parameters everywhere else, stay as they are written.
+    An exponent decides which function a power is (a product, a root), and no rule for a symbolic exponent holds for all
+    its values: x**3 is smooth at x = 0, x**n only for some n. Powers of numbers and parameters, and parameters outside
+    exponents, are left as written.
     """
     constant = set(system.parameters)
 
@@ -31,7 +31,7 @@ def with_rational_exponents(system: FilippovSystem) -> FilippovSystem:
             and bool(system.numeric(e.exp).is_Rational)
         )
 
-    @cache  # overrides hold the field's own rates again and again
+    @cache  # overrides repeat most rates of the field
     def written(expression: sp.Expr) -> sp.Expr:
         return expression.replace(is_open, lambda e: sp.Pow(e.base, system.numeric(e.exp)), simultaneous=False)
 
@@ -52,7 +52,7 @@ def with_rational_exponents(system: FilippovSystem) -> FilippovSystem:
 
 
 def parameters_in_exponents(system: FilippovSystem) -> set[sp.Symbol]:
-    """Parameters whose values :func:`with_rational_exponents` looks at: with others the system is another one."""
+    """Return the parameters whose values :func:`with_rational_exponents` uses: other values give another system."""
     expressions = [*system.surfaces, *system.field, *system.valid]
     for override in system.overrides.values():
         expressions += [*override.field, *(r.when for r in override.release)]
@@ -61,13 +61,13 @@ def parameters_in_exponents(system: FilippovSystem) -> set[sp.Symbol]:
 
 
 def with_held_loops(system: FilippovSystem) -> FilippovSystem:
-    """The system with contacts that are in loops held by the loads that their loops share.
+    """Return the system in which contacts in loops are held by the loads that their loops share.
 
-    Filippov's combination has no single equivalent signs where surfaces depend on each other, and the motion may be
-    settled all the same. A contact's own two ends, both fields pointing at its surface, are those of a hold zone, by
-    which it is decided like one with static friction. Surfaces that are only multiples of one are left to
-    :func:`henon_ref.modes.sliding.filippov_sliding`, which takes them for one contact. A stop that a body rests on may
-    be in a loop: of the contacts that a block has with a wall and with that body, say.
+    If surfaces depend on each other, Filippov's combination has no unique equivalent signs, although the motion may be
+    unique. The two guards of a contact's sliding (each field points at its surface) then become the ends of a hold
+    zone, and the contact is decided like a contact with static friction. Surfaces that are only multiples of one
+    surface are one contact for :func:`henon_ref.modes.sliding.filippov_sliding` and are not changed here. A stop on
+    which a body rests may be part of a loop, for example with the contacts of a block with a wall and with that body.
     """
     acting = [i for i, s in enumerate(system.signs) if i in system.overrides or system.normal_velocity(i).has(s)]
     if not relations(system.velocities, tuple(acting)):
@@ -88,7 +88,7 @@ def with_held_loops(system: FilippovSystem) -> FilippovSystem:
         if whole.can_slide(frozenset(surfaces)):
             own |= more
             continue
-        # Drives that part from each other do not hold together; some of the loops beside them may.
+        # Contacts between drives of different speeds do not hold together; the remaining loops may.
         for circuit in circuits(found[k]):
             if not more.keys().isdisjoint(circuit) and whole.can_slide(frozenset(circuit)):
                 own |= {i: more[i] for i in circuit if i in more}
@@ -96,7 +96,7 @@ def with_held_loops(system: FilippovSystem) -> FilippovSystem:
 
 
 def _held(system: FilippovSystem, index: int) -> SlidingOverride | None:
-    """A contact without static friction as one that is held; None where its surface cannot be slid on by itself."""
+    """Return the override that holds a contact without static friction; None if it cannot slide on its own."""
     try:
         field, guards, _ = filippov_sliding(system, (index,))
     except ModelError:

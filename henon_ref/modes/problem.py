@@ -13,20 +13,20 @@ from henon_ref.modes.mode import Mode
 from henon_ref.modes.system import FilippovSystem
 
 ArrayFunction = Callable[[float, NDArray[np.float64]], NDArray[np.float64]]
-"""``f(t, x)``: a time [s] and a state, shape (n,), in; an array out, NaN where it has no value."""
+"""``f(t, x)``: time [s] and state, shape (n,), -> array, NaN without a value."""
 
 
 @dataclass(frozen=True)
 class Problem:
-    """One initial-value problem of a Filippov system, in exact numbers.
+    """Initial-value problem of a Filippov system, in exact numbers.
 
     Every number is an exact SymPy number (``Rational(1, 10)``, ``sqrt(3)/9``); a solver rounds it once.
 
-    :meth:`right_hand_side`, :meth:`guards` and :meth:`jacobian` are the smooth equations of one mode as functions of
-    arrays, parameters put in; :meth:`reset` is a jump of the state. A mode has one entry a surface, in the order of
-    ``system.surfaces``: -1 or +1 in slip, 0 in sliding; ModelError is raised where it has no equations. These four are
-    unstable: their names and shapes may change until scenes have a numeric form of their own. Derive them once a mode,
-    not once a step: each call derives and compiles anew.
+    :meth:`right_hand_side`, :meth:`guards` and :meth:`jacobian` return the smooth equations of one mode as functions of
+    arrays, with parameters substituted; :meth:`reset` returns a jump of the state. A mode has one entry per surface, in
+    the order of ``system.surfaces``: -1 or +1 in slip, 0 in sliding; a mode without equations raises ModelError. These
+    four methods are unstable: their names and shapes may change until scenes have a numeric form of their own. Call
+    them once per mode, not once per step: each call derives and compiles anew.
 
     Examples
     --------
@@ -59,9 +59,9 @@ class Problem:
     initial: tuple[sp.Expr, ...]
     """Initial state, in the order of ``system.states``."""
     until: sp.Expr
-    """Horizon: the run ends here [s]."""
+    """Horizon: end of the run [s]."""
     initial_mode: Mapping[int, int] = field(default_factory=dict)
-    """Surface index -> -1, 0 or +1, for a start on a surface that the fields leave open."""
+    """Surface index -> -1, 0 or +1, for a start on a surface at which the fields do not decide the mode."""
 
     def right_hand_side(self, mode: Mode) -> ArrayFunction:
         """``f(t, x)`` -> x', shape (n,), in the order of ``system.states`` [unit of the state / s] (unstable)."""
@@ -70,17 +70,17 @@ class Problem:
     def guards(self, mode: Mode) -> ArrayFunction:
         """``g(t, x)`` -> the functions that end the mode, shape (m,), in the order of its equations' guards (unstable).
 
-        ``system.equations(mode).guards`` says of each what it is. All are positive inside the mode, and it ends where
-        one falls through zero: the distance from a surface in slip [unit of the surface], the distance of the
-        equivalent sign from -1 or +1 in a slide (or that times something positive). One that starts at zero, since its
-        surface has just been left, does not end the mode there.
+        ``system.equations(mode).guards`` describes each function. All are positive inside the mode, and the mode ends
+        when one falls through zero. A function is the distance from a surface in slip [unit of the surface], or the
+        distance of the equivalent sign from -1 or +1 in sliding (possibly times a positive factor). A function that
+        starts at zero, because its surface has just been left, does not end the mode there.
         """
         return self._functions([guard.expression for guard in self.system.equations(mode).guards])
 
     def jacobian(self, mode: Mode) -> ArrayFunction:
         """``J(t, x)`` -> shape (n, n), row i the derivative of ``x'[i]`` in every state (unstable).
 
-        Entries that are identically zero are zero where others have no value.
+        Entries that are identically zero are zero even if other entries have no value.
         """
         from henon_ref.modes.callables import Jacobian
 
@@ -92,6 +92,6 @@ class Problem:
         return self._functions([own.get(x, x) for x in self.system.states])
 
     def _functions(self, expressions: Sequence[sp.Expr]) -> ArrayFunction:
-        from henon_ref.modes.callables import vector  # the library's own runs have no use for it
+        from henon_ref.modes.callables import vector  # imported here: runs of the library do not use it
 
         return vector(self.system.states, [self.system.numeric(e) for e in expressions])

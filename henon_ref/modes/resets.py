@@ -1,19 +1,19 @@
-"""Jumps of the state, the impacts among them, the limit of impacts that accumulate, and the rest that they lead to.
+"""Jumps of the state (resets), impacts, the limit of accumulating impacts, and the rest that follows it.
 
-Where a surface falls through zero, a map gives the state anew. All right-hand sides of a map use the state before the
-jump; states that it does not name stay. Which maps are applied at one instant is told by
-:mod:`henon_ref.modes.cascade`. After a jump the mode is decided as at a start: a surface whose function the map leaves
-as it is, and that was at zero, is where the state is.
-See Goebel, Sanfelice and Teel, *Hybrid Dynamical Systems* (2012), and Brogliato, *Nonsmooth Mechanics* (2016), Ch. 1.
+A reset map gives the new state when a surface falls through zero. All right-hand sides of a map use the state before
+the jump; states that the map does not name keep their values. :mod:`henon_ref.modes.cascade` decides which maps are
+applied at one instant. After a jump the mode is decided as at a start. If a surface was at zero and the map leaves its
+function unchanged, the state is on this surface. See Goebel, Sanfelice and Teel, *Hybrid Dynamical Systems* (2012), and
+Brogliato, *Nonsmooth Mechanics* (2016), Ch. 1.
 
-A body that a surface h throws back ever more weakly comes to rest on it in a finite time: with the speed v of h just
-after an impact, its acceleration -a < 0 between impacts, and the ratio r < 1 of the speeds after and before an impact,
-all later flights together last ``2 v / (a (1 - r))``. Where friction turns round at the height of each flight it is -a
-on the way up and -b on the way down: a flight ends with the speed ``q v``, q = sqrt(b/a), and all of them together
-last ``v (1 + 1/q) / (a (1 - q r))``. That neglects how a and b change meanwhile, so that it is wrong by about the
-square of that time: it is used once the time is below :data:`REMAINING` of the run. Impacts are told of up to there;
-then the body rests on the surface, a one-sided constraint (Brogliato, *Nonsmooth Mechanics*, 2016, Ch. 5): the force of
-the surface acts along the jumps of the state and keeps h'' at zero, as long as it does not have to pull.
+A body that bounces on a surface h with decreasing speed comes to rest in finite time. With the speed v of h just after
+an impact, the acceleration -a < 0 between impacts, and the ratio r < 1 of the speeds after and before an impact, all
+later flights together last ``2 v / (a (1 - r))``. If friction reverses at the apex of each flight, the acceleration is
+-a on the way up and -b on the way down: a flight ends with the speed ``q v``, q = sqrt(b/a), and all flights last
+``v (1 + 1/q) / (a (1 - q r))``. Both formulas neglect changes of a and b, an error of about the square of that time, so
+they are used once the time is below :data:`REMAINING` of the run. The impacts until then are recorded; afterwards the
+body rests on the surface, a one-sided constraint (Brogliato, *Nonsmooth Mechanics*, 2016, Ch. 5): the force of the
+surface acts along the jumps of the state and keeps h'' at zero while it does not have to pull.
 """
 
 from __future__ import annotations
@@ -34,25 +34,25 @@ from henon_ref.taylor.tape import TIME
 from henon_ref.text import listed
 
 REMAINING = 2.0**-26
-"""Part of the run that all later flights together may last where impacts have come to their limit."""
+"""Largest duration of all later flights, as a part of the run, at which accumulating impacts are replaced by rest."""
 
 
 @dataclass(frozen=True, eq=False)
 class Jump:
-    """What the reset of a surface does."""
+    """Reset of a surface."""
 
     states: tuple[sp.Expr, ...]
-    """The state after, in time and the state before, shape (n,)."""
+    """State after the jump, in time and the state before, shape (n,)."""
     moved: tuple[int, ...]
     """States that get a new value."""
     guards: tuple[sp.Expr, ...]
-    """All surfaces at the state after, in time and the state before."""
+    """All surfaces at the state after the jump, in time and the state before."""
     kept: Collection[int]
-    """Surfaces whose function is the same before and after."""
+    """Surfaces whose function has the same value before and after."""
 
 
 def resetting(system: FilippovSystem, mode: Mode, hits: Sequence[Guard]) -> tuple[int, ...]:
-    """Surfaces that reset the state where guards of a mode fall; none where one of the guards ends the run."""
+    """Return the surfaces that reset the state when guards of a mode fall; none if one of the guards ends the run."""
     if not system.resets or any(guard.ends for guard in hits):
         return ()
     found = {g.index for g in hits if g.kind == "surface" and g.index in system.resets and mode[g.index] > 0}
@@ -61,7 +61,7 @@ def resetting(system: FilippovSystem, mode: Mode, hits: Sequence[Guard]) -> tupl
 
 @lru_cache(maxsize=256)
 def jump_of(system: FilippovSystem, index: int) -> Jump:
-    """What the reset of a surface does."""
+    """Return the reset of a surface."""
     own = {x: value for x, value in system.resets[index].map.items() if x != value}
     guards = tuple(h.xreplace(own) for h in system.surfaces)
     kept = {i for i, h in enumerate(system.surfaces) if sp.expand(guards[i] - h) == 0}
@@ -72,10 +72,10 @@ def jump_of(system: FilippovSystem, index: int) -> Jump:
 
 
 def rows_at(before: Mode, after: Mode, applied: Sequence[int]) -> list[tuple[int, int | None]]:
-    """What is told of an instant at which the maps of surfaces have been applied, one after the other.
+    """Return the rows recorded for an instant at which the maps of ``applied`` surfaces were applied in this order.
 
-    A surface, and the place of the application that the row tells of; None for a surface that changes its side with
-    them. In the order of the surfaces, all applications at the place of the first.
+    A row is a surface and the index of its application, None for a surface that only changes sides. Rows are in the
+    order of the surfaces, with all applications at the position of the first.
     """
     changed = [i for i, (old, new) in enumerate(zip(before, after, strict=True)) if old != new and i not in applied]
     rows: list[tuple[int, int | None]] = [(i, None) for i in changed if i < applied[0]]
@@ -85,29 +85,29 @@ def rows_at(before: Mode, after: Mode, applied: Sequence[int]) -> list[tuple[int
 
 @dataclass(frozen=True, eq=False)
 class Impact:
-    """A jump that leaves the surface's function h as it is; expressions in time, states and signs of other surfaces."""
+    """Jump that does not change the surface's function h; expressions in time, states and signs of other surfaces."""
 
     speed: sp.Expr
     """h' [unit of the surface / s]."""
     acceleration: sp.Expr
-    """h'' where no force of the surface acts."""
+    """h'' without a force of the surface."""
     refusal: str
-    """Why it is not told how a body rests on the surface; empty where it is, and then the rest is there."""
+    """Reason why rest on the surface cannot be derived; if empty, the fields below describe the rest."""
     idle: bool = False
-    """Whether nothing but a jump moves a state off the surface where h' is zero: it needs no force to stay there."""
+    """Whether a state with h = h' = 0 stays on the surface without a force, unless a jump moves it."""
     ratio: sp.Expr = sp.S.Zero
     """h' after the impact over h' before it."""
     push: tuple[sp.Expr, ...] = ()
-    """Change of the state by a force of the surface that changes h' by 1, shape (n,)."""
+    """Change of the state per unit change of h' by a force of the surface, shape (n,)."""
     field: tuple[sp.Expr, ...] = ()
     """x' at rest, shape (n,)."""
 
 
 @lru_cache(maxsize=64)
 def impact_of(system: FilippovSystem, index: int) -> Impact | None:
-    """How a surface that resets the state throws it back; None where the map leads off the surface.
+    """Return the impact on a surface that resets the state; None if the map moves the state off the surface.
 
-    A body can rest on the surface where the jumps are impacts of a body: the state changes in proportion to h'.
+    A body can rest on the surface if the jump is an impact of a body: the state changes in proportion to h'.
     """
     jump, surface = jump_of(system, index), system.surfaces[index]
     if index not in jump.kept:
@@ -120,7 +120,7 @@ def impact_of(system: FilippovSystem, index: int) -> Impact | None:
     idle = sp.expand(acceleration.xreplace(on).xreplace(settled_state(fast, system.states))) == 0
     if speed.has(*system.signs):
         names = listed([s.name for s in system.signs if speed.has(s)])
-        return Impact(speed, acceleration, f"how fast the surface is reached depends on the sign of {names}", idle)
+        return Impact(speed, acceleration, f"the speed of the impact depends on the sign of {names}", idle)
     moving = set(system.states)
     changes = {k: (jump.states[k] - system.states[k]).xreplace(on) for k in jump.moved}
     shares = {k: sp.Integer(0) if fast == 0 else sp.cancel(change / fast) for k, change in changes.items()}
@@ -135,12 +135,12 @@ def impact_of(system: FilippovSystem, index: int) -> Impact | None:
 
 
 def into_surface(name: str, time: str) -> str:
-    """Why a run ends whose state is on a surface that resets it and moves into it."""
+    """Return the message for a start on a surface that resets the state, with motion into the surface."""
     return f"at t = {time} the state is on {name}, which resets it, and moves into it"
 
 
 def settled_state(surface: sp.Expr, states: Collection[sp.Symbol]) -> dict[sp.Symbol, sp.Expr]:
-    """A state that the surface settles, where it is linear in one with a constant factor."""
+    """Return a state in which the surface is linear with a constant factor, solved for; empty if there is none."""
     for x in states:
         slope = sp.diff(surface, x)
         if slope != 0 and not slope.free_symbols & {TIME, *states}:
@@ -149,9 +149,9 @@ def settled_state(surface: sp.Expr, states: Collection[sp.Symbol]) -> dict[sp.Sy
 
 
 def with_resting(system: FilippovSystem) -> FilippovSystem:
-    """The system with the sliding of bodies that rest on surfaces which reset the state.
+    """Return the system with overrides for bodies that rest on surfaces which reset the state.
 
-    Where nothing could press a body on, there is none: it stays on the surface by itself.
+    A surface without an acceleration towards it gets none: the state stays on it without a force.
     """
     own = {
         i: SlidingOverride(impact.field, (Release(impact.acceleration, "rising", 1),), "resting", push=impact.push)
@@ -163,7 +163,7 @@ def with_resting(system: FilippovSystem) -> FilippovSystem:
 
 @lru_cache(maxsize=64)
 def turning_in_flight(system: FilippovSystem, index: int) -> frozenset[int]:
-    """Surfaces whose functions are multiples of h': their signs change at the height of each flight, and at impacts."""
+    """Return surfaces that are multiples of h': their signs change at the apex of each flight and at impacts."""
     impact = impact_of(system, index)
     if impact is None or impact.speed.has(*system.signs):
         return frozenset()
@@ -173,17 +173,17 @@ def turning_in_flight(system: FilippovSystem, index: int) -> frozenset[int]:
 
 
 def time_to_rest(before: Any, after: Any, acceleration: Any, most: Any, falling: Any = None) -> Any:
-    """How long all later flights last together; None where they last longer than ``most`` [s], or there is no rest.
+    """Return the duration of all later flights; None if above ``most`` [s], or if the body does not come to rest.
 
-    ``before``, ``after``: h' before and after the impact; ``acceleration``: h'' after it, ``falling``: on the way back,
-    where that is another one.
+    ``before``, ``after``: h' before and after the impact; ``acceleration``: h'' after it; ``falling``: h'' on the way
+    back, if different.
     """
     if not acceleration < 0 or after < 0 or not before < 0:
         return None
     fall = 1 if falling is None else falling / acceleration
     if not fall > 0:
         return None
-    part = fall**0.5  # of the speed that a flight begins with: with that it ends
+    part = fall**0.5  # speed at the end of a flight over speed at its start
     lost = 1 + part * after / before
     if not lost > 0:
         return None

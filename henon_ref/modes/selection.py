@@ -1,13 +1,14 @@
-"""The mode that follows an event, or a run starts in: the one whose own field keeps it, found by trying the candidates.
+"""Selection of the mode at the start of a run and after each event: the candidate that its own field keeps.
 
-One consistent mode (:mod:`henon_ref.modes.consistency`): the future is unique. Several: it is not (repelling
-sliding, a spontaneous switch), and we say so. See Filippov (1988), Sec. 2.10, and Dieci and Lopez, *J. Comput. Appl.
-Math.* 236 (2012) 3967-3991. Several surfaces at once some of which are held by static friction are decided by
-:mod:`henon_ref.modes.held_groups`.
+The active surfaces are those on which the state is and whose mode entries are open. Each candidate for these entries is
+tested for consistency (:mod:`henon_ref.modes.consistency`). One consistent candidate: the future is unique. Several
+(repelling sliding, a spontaneous switch): it is not unique, and the run ends with this status. See Filippov (1988),
+Sec. 2.10, and Dieci and Lopez, *J. Comput. Appl. Math.* 236 (2012) 3967-3991. If static friction holds some of several
+active surfaces, :mod:`henon_ref.modes.held_groups` decides.
 
-The rule is written once, over points of any arithmetic (:mod:`henon_ref.modes.arithmetic`): the reference decides in
-doubles and in balls, the multiprecision truth in balls of its own series. :mod:`henon_ref.enclosure` shares nothing of
-it. :func:`sign_after` is its case of one surface and two velocities that are clearly no zeros.
+The selection is written once, over points of any arithmetic (:mod:`henon_ref.modes.arithmetic`): the reference decides
+in doubles and in balls, the multiprecision truth in balls of its own series. :mod:`henon_ref.enclosure` shares no code
+with it. :func:`sign_after` is the special case of one surface and two velocities that are clearly not zero.
 """
 
 from __future__ import annotations
@@ -41,24 +42,24 @@ from henon_ref.taylor.tape import TIME
 from henon_ref.text import listed
 
 PLAIN = 1e-3
-"""Part of the jump of a surface's rate between its sides from which on a rate is plainly no zero."""
+"""Smallest rate, as a part of the jump of the surface's rate between its sides, that is clearly not zero."""
 
 
 class ExactStart(Protocol):
-    """Modes of a system at points, exact ones among them."""
+    """Modes of a system at points that may be given by exact numbers."""
 
     @property
     def system(self) -> FilippovSystem: ...
 
     def exactly(self, start: sp.Expr, initial: Sequence[sp.Expr]) -> Point:
-        """A point of exact numbers."""
+        """Return the point with these exact numbers."""
 
 
 def sign_after(below: float, above: float) -> int | None:
-    """-1 or +1: the side on which a surface is left; 0: it is slid on; None where two signs do not decide.
+    """Return the side on which a trajectory leaves a surface (-1, +1), 0 for sliding, None if two signs do not decide.
 
-    A surface that is reached from one side is left on the other where both fields point there, and slid on where each
-    points at it (Filippov 1988, Sec. 4).
+    A trajectory that reaches the surface from one side crosses it if both fields point to the other side, and slides if
+    both fields point at the surface (Filippov 1988, Sec. 4).
 
     Parameters
     ----------
@@ -79,7 +80,7 @@ def sign_after(below: float, above: float) -> int | None:
 
 
 def signs_at(system: FilippovSystem, start: sp.Expr, initial: Sequence[sp.Expr]) -> tuple[list[int], list[int]]:
-    """Signs of the surfaces, and of the ``valid`` expressions, at a point in exact numbers."""
+    """Return the signs of the surfaces and of the ``valid`` expressions at a point given by exact numbers."""
     at = {TIME: start, **dict(zip(system.states, initial, strict=True))}
     surfaces, valid = (
         [exact_sign(system.numeric(e).xreplace(at)) for e in expressions]
@@ -91,7 +92,7 @@ def signs_at(system: FilippovSystem, start: sp.Expr, initial: Sequence[sp.Expr])
 def initial_mode(
     modes: ExactStart, start: sp.Expr, initial: Sequence[sp.Expr], given: Mapping[int, int] | None = None
 ) -> Decision:
-    """Mode at the start, decided from exact numbers; ``given``: entries of surfaces that it lies on, taken as is."""
+    """Decide the mode at the start from exact numbers; ``given``: prescribed entries of surfaces on which it lies."""
     return mode_by_signs(modes.exactly(start, initial), *signs_at(modes.system, start, initial), given or {})
 
 
@@ -102,7 +103,7 @@ def mode_by_signs(
     given: Mapping[int, int] | None = None,
     where: str = "at the start",
 ) -> Decision:
-    """Mode at a point where the surfaces, and the ``valid`` expressions, have these signs; ``where``: for messages."""
+    """Decide the mode at a point from the signs of surfaces and ``valid`` expressions; ``where``: for messages."""
     system, given = at.system, given or {}
     for i, sign in enumerate(surfaces):
         if i in given and sign not in (0, given[i]):
@@ -127,7 +128,7 @@ def mode_by_signs(
 
 
 def _rising(at: Point, mode: Mode, edges: Sequence[int], where: str) -> Decision | None:
-    """Why a run in a mode cannot begin where some ``valid`` expressions are zero; None where they all rise."""
+    """Return the refusal of a start at which ``valid`` expressions are zero; None if all of them rise."""
     system = at.system
     try:
         orders = contact_orders(at, mode, (), edges)
@@ -140,9 +141,9 @@ def _rising(at: Point, mode: Mode, edges: Sequence[int], where: str) -> Decision
 
 
 def after_event(at: Point, mode: Mode, hits: Sequence[Guard], *, touched: bool = False) -> Decision:
-    """Mode after guards of a mode fell to zero at a point, or ``touched`` it and turned.
+    """Decide the mode after guards of a mode fell to zero at a point or, if ``touched``, reached zero and turned back.
 
-    The states of the surfaces hit are taken to be on them, whatever rounding says.
+    The surfaces of these guards count as exactly zero at the point; their computed values may differ by rounding.
     """
     system = at.system
     refused = ended(system, mode, hits, at.when)
@@ -151,18 +152,17 @@ def after_event(at: Point, mode: Mode, hits: Sequence[Guard], *, touched: bool =
     sliding = [i for i, s in enumerate(mode) if s == 0]
     alone = len(hits) == 1 and hits[0].kind == "release" and not touched
     if alone and not system.decided_together(hits[0], sliding):
-        # The equivalent sign reaches +-1 continuously, so the field does not jump and nothing else changes.
+        # The equivalent sign reaches +-1 continuously: the field does not jump, and no other entry changes.
         return _attracting(at, Decision("unique", replaced(mode, hits[0].index, hits[0].to_sign)))
     active = system.in_play([g.index for g in hits], sliding)
     return _decided(at, mode, tuple(sorted(active)), () if touched else slipped_by(system, hits))
 
 
 def contact_orders(at: Point, mode: Mode, active: Iterable[int], edges: Iterable[int] = ()) -> list[int]:
-    """Known zeros of each guard of a mode at a point: how often the surfaces in ``active`` are touched.
+    """Return, for each guard of a mode, the multiplicity of its zero at a point on the ``active`` surfaces.
 
-    For a surface just left: 1 where it is left with a speed, 2 where tangentially, and so on; 0 for
-    guards of other surfaces and where nothing is zero. The same for the ``valid`` expressions in ``edges``,
-    which are zero at the start; 0 for one that falls, or stays zero.
+    For a surface just left: 1 if with non-zero speed, 2 if tangentially, and so on; 0 for all other guards. Likewise
+    for the ``valid`` expressions in ``edges``, which are zero at the start; 0 for one that falls or stays zero.
     """
     guards = at.system.guards(mode) if at.system.has_equations(mode) else ()
     active, edges = set(active), set(edges)
@@ -179,7 +179,7 @@ def contact_orders(at: Point, mode: Mode, active: Iterable[int], edges: Iterable
 
 
 def _known_zeros(at: Point, mode: Mode, place: int, guard: Guard) -> int:
-    """Known zeros of a guard; where that is plain from its first derivative, further ones are not worked out."""
+    """Return the multiplicity of a guard's zero; from the first derivative alone if that is clearly not zero."""
     slides = [i for i, s in enumerate(mode) if s == 0]
     first = 0 if guard.kind == "release" else 1
     number: Any
@@ -189,7 +189,7 @@ def _known_zeros(at: Point, mode: Mode, place: int, guard: Guard) -> int:
             number, size = at.first_order(mode)[place][0], abs(above) + abs(below)
         else:
             number, size = above if mode[guard.index] > 0 else -below, abs(above - below)
-            if len(at.system.together(guard.index, slides)) > 1:  # the signs of slides are others than 0
+            if len(at.system.together(guard.index, slides)) > 1:  # the equivalent signs of the slides are not 0
                 number = at.first_order(mode)[place][1]
         if number > PLAIN * size > 0:
             return first
@@ -200,7 +200,7 @@ def _known_zeros(at: Point, mode: Mode, place: int, guard: Guard) -> int:
 
 
 def _decided(at: Point, mode: Mode, active: tuple[int, ...], slipped: Collection[int] = ()) -> Decision:
-    """Try with what rounding may have made of a zero first; then, where no mode fits, with more and with less."""
+    """Decide with the first relative size below which a derivative is zero; if no mode is consistent, try the next."""
     system = at.system
     one_of = _in_groups if by_groups(system, active) or system.shared is not None else _of_all
     for level in at.levels:
@@ -213,7 +213,7 @@ def _decided(at: Point, mode: Mode, active: tuple[int, ...], slipped: Collection
 
 
 def _attracting(at: Point, decision: Decision) -> Decision:
-    """A decision for a mode, unless that slides on an intersection which is not sure to attract."""
+    """Return a decision unless its mode slides on an intersection that may not attract; then the refusal."""
     mode, system = decision.mode, at.system
     if mode is None or not system.has_equations(mode):
         return decision
@@ -224,15 +224,15 @@ def _attracting(at: Point, decision: Decision) -> Decision:
 
 
 def _of_all(at: Point, mode: Mode, active: tuple[int, ...], slipped: Collection[int], zero: float) -> Decision:
-    """The one consistent mode of all that surfaces in play allow.
+    """Return the one consistent mode among all candidates for the active surfaces.
 
-    No pivoting here: fields need not be those of friction, and only where all principal minors of the slopes of their
-    normal velocities are positive (:mod:`henon_ref.modes.sliding`) is the first mode found the only one.
+    All are tried, without pivoting, since the fields need not be those of friction: the first consistent mode is the
+    only one only if the slopes of the normal velocities are a P-matrix (:mod:`henon_ref.modes.sliding`).
     """
     found = [own for own in _candidates(at, mode, active) if broken_guards(at, own, active, zero, alone=True) == []]
     if len(found) > 1:
-        # Where slip leaves, and the gradient vanishes on the surface ((x - 1)^3 in place of x - 1), both fields lead
-        # the same way through it: no mean of them is tangent to it, and there is no slide (Filippov 1988, Sec. 4).
+        # If a slip leaves a surface on which the gradient vanishes ((x - 1)^3 instead of x - 1), both fields cross the
+        # surface in one direction. No convex combination is tangent to it, so there is no sliding (Filippov 1988).
         left = [i for i in active if any(own[i] for own in found)]
         found = [own for own in found if not any(not own[i] and indeterminate(at, own, i, zero) for i in left)]
     if len(found) == 1:
@@ -243,28 +243,26 @@ def _of_all(at: Point, mode: Mode, active: tuple[int, ...], slipped: Collection[
 
 
 def _candidates(at: Point, mode: Mode, active: tuple[int, ...]) -> Iterator[Mode]:
-    """All modes that surfaces in play allow."""
     entries = product(*(at.system.entries_from(mode[i], i) for i in active))
     return (with_entries(mode, active, choice) for choice in entries)
 
 
 def _staying_mode(at: Point, mode: Mode, active: tuple[int, ...]) -> Decision | None:
-    """What follows where no mode leaves some surfaces, as at rest exactly on a kink; None where something else is it.
+    """Decide the mode if no candidate leaves some surfaces, as at rest exactly on a kink; None if this does not apply.
 
-    Where the slips that stay have the same motion, to all derivatives that are looked at, it is the run's, in either of
-    them: no transition; the sign of a surface that the run stays on is kept, +1 where it has none. Where they have not,
-    so that the field jumps along the motion, every mean of the two sides is one as well (Filippov, 1988, Sec. 4), and
-    the future is not unique.
+    If all slips that stay on the surfaces have the same motion, in all computed derivatives, this motion is the run's,
+    without a transition; a surface keeps its entry, or gets +1 instead of 0. If their motions differ, every convex
+    combination of the fields is also a solution (Filippov, 1988, Sec. 4), and the future is not unique.
     """
     system, stay, found = at.system, set[int](), list[Mode]()
     tied = [relation for relation in relations(system, active) if _unsettled(system, relation)]
     if tied:
         names = listed([system.sign_names[i] for i in sorted(tied[0])])
         reason = f"no mode is consistent at t = {at.when}: the surfaces of {names} depend on each other, and "
-        return Decision("none", None, reason + "their signs do not act on them as forces and counterforces do")
+        return Decision("none", None, reason + "their signs do not act as action and reaction")
     for candidate in _candidates(at, mode, active):
         broken = broken_guards(at, candidate, active, at.levels[0], alone=True) or []
-        surfaces = {guard.index for guard, _ in broken}  # a body on a surface that it does not leave rests: a mode
+        surfaces = {guard.index for guard, _ in broken}  # a body that does not leave its stop rests: another candidate
         if surfaces and all(order == IDENTICALLY_ZERO for _, order in broken) and not any(map(system.rests, surfaces)):
             stay |= surfaces
             found.append(candidate)
@@ -277,16 +275,12 @@ def _staying_mode(at: Point, mode: Mode, active: tuple[int, ...]) -> Decision | 
 
 
 def _unsettled(system: FilippovSystem, relation: Relation) -> bool:
-    """Whether surfaces that depend on each other are no loop of contacts, and more than one surface written twice.
-
-    A continuous kink cannot be slid on by itself.
-    """
+    """Check whether dependent surfaces, none a lone continuous kink, are neither a loop of contacts nor multiples."""
     plain = [i for i in relation if i not in system.overrides]
     return len(relation) > 2 and bool(plain) and all(system.can_slide(frozenset((i,))) for i in plain)
 
 
 def _in_groups(at: Point, mode: Mode, active: tuple[int, ...], slipped: Collection[int], zero: float) -> Decision:
-    """The mode of Gauss's principle with Coulomb's friction."""
     broken = partial(broken_guards, at, zero=zero, alone=False)
     numbers = Numbers(at.values, at.arithmetic.negative, broken, at.same_motion, at.when)
     try:

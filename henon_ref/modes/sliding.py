@@ -1,18 +1,19 @@
-"""Filippov's sliding: the convex combination of the fields beside the surfaces, and where it ends.
+"""Filippov sliding: the convex combination of the fields on both sides of the surfaces, and the guards that end it.
 
-On one surface ``f = (1 + s)/2 f(+1) + (1 - s)/2 f(-1)``, s in [-1, 1] such that ``h' = slope s + rest = 0``: the
-equivalent sign ``s = -rest / slope`` (Filippov, 1988, Sec. 4). On several the combination is the multi-affine one
-(blending: Alexander and Seidman, *Houston J. Math.* 24, 1998), and ``slope`` a matrix.
+On one surface ``f = (1 + s)/2 f(+1) + (1 - s)/2 f(-1)``. The equivalent sign s in [-1, 1] keeps the rate
+``h' = slope s + rest`` at zero: ``s = -rest / slope`` (Filippov, 1988, Sec. 4). On several surfaces the combination is
+multi-affine (blending: Alexander and Seidman, *Houston J. Math.* 24, 1998), and ``slope`` is a matrix.
 
 **Attraction.** With the normal velocities v = a - M s in the signs s, the modes that are consistent at a point solve a
-complementarity problem on the box [-1, 1]^m. It has one solution whatever a is just where all principal minors of M are
-positive, M is a P-matrix (Robinson, *Math. Oper. Res.* 17 (1992) 691-714). On two surfaces sliding then attracts, for
-there are positive d_i with the sum of d_i (abs(h_i) - u_i h_i) falling (Cross, *Linear Algebra Appl.* 20 (1978)
-253-263). Where det M < 0 sliding is one of several modes: the signs of the determinants of all of them add up to 1.
+complementarity problem on the box [-1, 1]^m. The problem has exactly one solution for every a if and only if all
+principal minors of M are positive: M is a P-matrix (Robinson, *Math. Oper. Res.* 17 (1992) 691-714). On two surfaces
+sliding then attracts, because positive d_i exist for which the sum of d_i (abs(h_i) - u_i h_i) decreases (Cross,
+*Linear Algebra Appl.* 20 (1978) 253-263). If det M < 0, sliding is one of several modes: the signs of the determinants
+of all modes add up to 1.
 
-What is done to an expression here is linear in its size, or is begun only where it is known to be little
-(:mod:`henon_ref.modes.algebra`): equations are derived from a stranger's text, also in a process that has
-no deadline. Equations that would be too large are refused.
+The work on an expression is linear in its size, or is done only for expressions known to be small
+(:mod:`henon_ref.modes.algebra`), because equations are derived from untrusted text, also in processes without a
+deadline. Equations that would be too large are refused.
 """
 
 from __future__ import annotations
@@ -43,13 +44,13 @@ from henon_ref.taylor.tape import TIME
 from henon_ref.text import listed
 
 MAX_CORNERS = 16
-"""Combinations of signs at which an expression that is not linear in them is taken."""
+"""Largest number of sign combinations at which an expression that is not linear in the signs is evaluated."""
 EXHAUSTIVE = 4
-"""Of more surfaces that act on each other only the diagonal and the determinant are looked at."""
+"""Largest number of coupled surfaces of which all principal minors are checked, not only diagonal and determinant."""
 
 
 def _interpolated(expression: sp.Expr, signs: tuple[sp.Symbol, ...]) -> sp.Expr:
-    """The multi-affine interpolation of an expression between the signs -1 and +1 (for one sign: Filippov's)."""
+    """Return the multi-affine interpolation of an expression between the signs -1 and +1 (Filippov's for one sign)."""
     free = expression.free_symbols
     used = [s for s in signs if s in free]
     if coefficients(expression, used) is not None:
@@ -58,8 +59,8 @@ def _interpolated(expression: sp.Expr, signs: tuple[sp.Symbol, ...]) -> sp.Expr:
         if expression.is_Add:
             return sp.Add(*(_interpolated(term, signs) for term in expression.args))
         raise ModelError(
-            f"{len(used)} signs of surfaces that slide at once stand together in a term that is not linear in each of "
-            "them; write the field so that each sign stands alone"
+            f"a term that is not linear in its signs contains the signs of {len(used)} surfaces that slide together; "
+            "write the field so that each sign is in a term of its own"
         )
     total = sp.Integer(0)
     for corner in product((-1, 1), repeat=len(used)):
@@ -71,12 +72,12 @@ def _interpolated(expression: sp.Expr, signs: tuple[sp.Symbol, ...]) -> sp.Expr:
 def filippov_sliding(
     system: SwitchedField, sliding: tuple[int, ...], kept: Collection[int] = ()
 ) -> tuple[tuple[sp.Expr, ...], tuple[Guard, ...], dict[int, sp.Expr]]:
-    """Filippov's convex combination on the intersection of the sliding surfaces.
+    """Return the field of Filippov's combination on the intersection of the surfaces, its guards and equivalent signs.
 
-    ``kept``: states that are at rest whatever the signs are.
+    ``kept``: states that are at rest for all values of the signs.
 
-    Surfaces that are one another's multiples are one contact: there are but two fields beside it, and their signs stay
-    equal (or opposite) in the combination of these.
+    Surfaces that are multiples of each other are one contact: only two fields meet there, and their signs stay equal
+    (or opposite) in the combination.
     """
     tied = {j: found for j, found in system.multiples.items() if j in sliding and found[0] in sliding}
     if tied:
@@ -99,7 +100,7 @@ def filippov_sliding(
         raise _too_large(signs)
     result = [f.xreplace(equivalent) for f in rhs]
     for i, k in solved.items():
-        # x_k = r(t, others) on the surface: its derivative needs no friction force, and keeps the surface exactly.
+        # On the surface x_k = r(t, other states): its derivative contains no friction and keeps the surface exactly.
         h = system.surfaces[i]
         rates = [sp.S.Zero if j == k else rate for j, rate in enumerate(result)]
         others = along(h, system.states, tuple(rates))
@@ -114,7 +115,7 @@ Matrix = list[list[sp.Expr]]
 def _normal_velocities(
     system: SwitchedField, sliding: tuple[int, ...], rhs: Sequence[sp.Expr], on_surface: Mapping[sp.Symbol, sp.Expr]
 ) -> tuple[Matrix, list[sp.Expr], list[sp.Expr]]:
-    """``(slope, rest, normal)`` with ``normal = h' = slope s + rest`` on the surfaces, a row a surface."""
+    """Return ``(slope, rest, normal)`` with ``normal = h' = slope s + rest`` on the surfaces, one row per surface."""
     signs = tuple(system.signs[i] for i in sliding)
     normal = [expanded(put(along(system.surfaces[i], system.states, tuple(rhs)), on_surface)) for i in sliding]
     _small(normal, signs)
@@ -128,7 +129,7 @@ def _normal_velocities(
         raise ModelError(
             "signs that multiply each other on the intersection of "
             + listed([s.name for s in signs])
-            + ": Filippov's combination is not unique there; write the field so that each sign stands alone"
+            + ": Filippov's combination is not unique there; write the field so that each sign is in a term of its own"
         )
     none = {s: sp.Integer(0) for s in signs}
     return slope, [n.xreplace(none) for n in normal], normal
@@ -137,14 +138,14 @@ def _normal_velocities(
 def _equivalent_signs(
     system: SwitchedField, sliding: tuple[int, ...], slope: Matrix, rest: list[sp.Expr], normal: list[sp.Expr]
 ) -> tuple[dict[sp.Symbol, sp.Expr], list[Guard]]:
-    """The signs that keep the state on the surfaces, and what ends that."""
+    """Return the signs that keep the state on the surfaces, and the guards that end the sliding."""
     signs = tuple(system.signs[i] for i in sliding)
     guards: list[Guard] = []
     names = listed([s.name for s in signs])
     if any(slope[i][j] != 0 for i in range(len(signs)) for j in range(len(signs)) if i != j):
         found = solution(system, slope, [-r for r in rest])
         if found is None:
-            raise ModelError(f"the field does not settle the signs of the surfaces it should slide on: {names}")
+            raise ModelError(f"the field does not determine the signs of the surfaces it should slide on: {names}")
         equivalent = dict(zip(signs, found, strict=True))
         for i, s in zip(sliding, signs, strict=True):
             guards.append(Guard("release", i, 1, 1 - equivalent[s]))
@@ -153,17 +154,17 @@ def _equivalent_signs(
     if any(slope[i][i] == 0 for i in range(len(signs))):
         raise ModelError(f"the field does not depend on the sign of a surface it should slide on: {signs}")
     for n, i, s in zip(normal, sliding, signs, strict=True):
-        # Sliding attracts while dh/dt < 0 beyond and > 0 before; it ends where either reaches 0 (tangent points).
+        # Sliding attracts while dh/dt < 0 above and > 0 below; it ends when either reaches 0 (tangent points).
         guards.append(Guard("release", i, 1, -n.xreplace({s: sp.Integer(1)})))
         guards.append(Guard("release", i, -1, n.xreplace({s: sp.Integer(-1)})))
     return {s: -rest[i] / slope[i][i] for i, s in enumerate(signs)}, guards
 
 
 def attraction_guards(system: SwitchedField, sliding: Sequence[int], slopes: sp.Matrix) -> list[Guard]:
-    """Principal minors of M that may not be positive; those that follow from smaller ones are left out.
+    """Return the principal minors of M that may become non-positive, without those implied by smaller minors.
 
-    ``slopes``, shape (m, m), is -M. A minor of all surfaces that act on each other ends a run as ``nonunique`` where
-    it falls, for the determinant falls with it; beyond another one it is not told whether sliding still attracts.
+    ``slopes``, shape (m, m), is -M. If the minor of all surfaces that act on each other falls through zero, the run
+    ends ``nonunique``, since the determinant falls too; after any other minor it is undecided whether sliding attracts.
     """
     matrix = -slopes
     edges = [(i, j) for i in range(matrix.rows) for j in range(matrix.cols) if matrix[i, j] != 0]
@@ -179,20 +180,19 @@ def attraction_guards(system: SwitchedField, sliding: Sequence[int], slopes: sp.
 
 
 def _determinant(system: SwitchedField, matrix: sp.Matrix) -> sp.Expr:
-    """The determinant of a matrix; of a large one that is constant in numbers."""
+    """Return the determinant of a matrix; a large constant matrix is evaluated in numbers."""
     if matrix.rows > EXPLICIT and not matrix.free_symbols & {TIME, *system.states, *system.signs}:
         return sp.QQ.to_sympy(rational(system, matrix.tolist()).det())
     return determinant(matrix)
 
 
 def _joined(chosen: Sequence[int], edges: Iterable[tuple[int, int]]) -> bool:
-    """Whether surfaces act on each other without the help of others; else their minor is a product of smaller ones."""
+    """Check whether surfaces are coupled without other surfaces; if not, their minor is a product of smaller ones."""
     inside = [(i, j) for i, j in edges if i in chosen and j in chosen]
     return len(strongly_connected_components((chosen, inside))) == 1
 
 
 def _small(expressions: Sequence[sp.Expr], signs: Sequence[sp.Symbol]) -> Sequence[sp.Expr]:
-    """Expressions of equations that are not too large to go on with."""
     if total_size(expressions, MAX_SIZE) > MAX_SIZE:
         raise _too_large(signs)
     return expressions
@@ -204,5 +204,4 @@ def _too_large(signs: Sequence[sp.Symbol]) -> ModelError:
 
 
 def _occurrences(expression: sp.Expr, symbols: set[sp.Symbol]) -> int:
-    """How often symbols are written in an expression."""
     return sum(part in symbols for part in sp.preorder_traversal(expression))

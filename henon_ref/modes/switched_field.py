@@ -1,7 +1,6 @@
-"""Systems as data: a field with sign symbols, the surfaces whose signs these are, and what is done its own way on them.
+"""Systems as data: a field with sign symbols, the surfaces of these signs, sliding overrides, and resets.
 
-Sliding that is not Filippov's is an override, a jump of the state a reset. Modes are derived from it by
-:mod:`henon_ref.modes.system`.
+An override replaces Filippov's sliding, a reset is a jump of the state. :mod:`henon_ref.modes.system` derives modes.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ Method = TypeVar("Method", bound=Callable[..., Any])
 
 
 def kept(method: Method) -> Method:
-    """A method whose results are kept with its object, by its arguments (given by place)."""
+    """Decorate a method so that each object caches its results, by positional arguments."""
 
     @wraps(method)
     def of(self: Any, *arguments: Hashable) -> Any:
@@ -37,7 +36,7 @@ def kept(method: Method) -> Method:
 
 @dataclass(frozen=True)
 class Release:
-    """One way out of an overridden sliding mode: where ``when`` crosses zero in ``direction``."""
+    """End of an overridden sliding mode: ``when`` crosses zero in ``direction``."""
 
     when: sp.Expr
     direction: Literal["rising", "falling"]
@@ -46,36 +45,35 @@ class Release:
 
 @dataclass(frozen=True)
 class SlidingOverride:
-    """Sliding that a source does in its own way, in place of Filippov's convex combination."""
+    """Sliding given by the source instead of Filippov's convex combination."""
 
     field: tuple[sp.Expr, ...]
     release: tuple[Release, ...]
     entry: Literal["attracting", "inside", "resting"] = "attracting"
-    """When a trajectory that reaches the surface (or starts on it) sticks.
+    """Condition under which a trajectory that reaches the surface, or starts on it, sticks.
 
-    ``attracting``: where both slip fields point at the surface, as in Filippov's sliding. ``inside``: where
-    every release guard is positive, or zero and about to rise or to stay, whatever the slip fields do; this is
-    static friction, which holds a load that kinetic friction could not (between Fk and Fs both slip fields
-    point the same way, and a block that comes to rest on the belt sticks all the same). ``resting``: where h' is
-    zero, too, and the first derivative of h that is not, the slip field being in force, is negative; a one-sided
-    constraint on a surface that resets the state (:mod:`henon_ref.modes.resets`).
+    ``attracting``: both slip fields point at the surface, as in Filippov's sliding. ``inside``: every release guard is
+    positive, or zero and not about to fall, whatever the slip fields are. This is static friction, which holds a load
+    that kinetic friction could not hold (between Fk and Fs both slip fields point the same way, and a block that comes
+    to rest on the belt still sticks). ``resting``: h' is also zero, and the first non-zero derivative of h in the slip
+    field is negative; a one-sided constraint on a surface that resets the state (:mod:`henon_ref.modes.resets`).
     """
     inertia: sp.Expr | None = None
-    """How much the load, in the unit of the ends of the hold zone, grows with the acceleration of the surface by
-    forces that these ends do not know: of a body on a wall its mass. None where that is not known."""
+    """Slope of the load, in the unit of the ends of the hold zone, in an acceleration of the surface by forces that
+    these ends do not contain: the mass of a body on a wall. None if unknown."""
     push: tuple[sp.Expr, ...] = ()
-    """Change of x' by the force of the contact, shape (n,): of a body at rest by a reaction of the surface that changes
-    h'' by 1, of a contact that is held by a load of 1. Empty where that is not known."""
+    """Change of x' by the force of the contact, shape (n,): for a body at rest, by the reaction that changes h'' by 1;
+    for a held contact, by a load of 1. Empty if unknown."""
 
 
 @dataclass(frozen=True)
 class Reset:
-    """A jump of the state where a surface falls through zero; the other way it is crossed."""
+    """Jump of the state when a surface falls through zero; a rising surface is crossed without a jump."""
 
     map: Mapping[sp.Symbol, sp.Expr]
-    """State -> its value after the jump, in time, the states before it, and parameters; the other states stay."""
+    """State -> its value after the jump, in time, the states before it, and parameters; other states stay."""
     priority: float = 0.0
-    """Of several that are due at one instant the lowest goes first."""
+    """Of several resets due at one instant, the one with the lowest priority is applied first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,21 +82,21 @@ class SwitchedField:
 
     states: tuple[sp.Symbol, ...]
     signs: tuple[sp.Symbol, ...]
-    """Sign symbols, one a surface, in the order of ``surfaces``."""
+    """Sign symbols, one per surface, in the order of ``surfaces``."""
     surfaces: tuple[sp.Expr, ...]
     """h_i, in time, states and parameters."""
     field: tuple[sp.Expr, ...]
-    """f, in time, states, signs and parameters; smooth as text: no sign, Abs or Piecewise."""
+    """f, in time, states, signs and parameters; smooth as written: no sign, Abs or Piecewise."""
     parameters: Mapping[sp.Symbol, sp.Expr] = dataclass_field(default_factory=dict)
     """Parameter symbol -> its exact number."""
     valid: tuple[sp.Expr, ...] = ()
-    """The model holds while these are > 0."""
+    """The model is valid while these are positive."""
     overrides: Mapping[int, SlidingOverride] = dataclass_field(default_factory=dict)
-    """Surface index -> its own sliding."""
+    """Surface index -> its sliding override."""
     resets: Mapping[int, Reset] = dataclass_field(default_factory=dict)
-    """Surface index -> the jump of the state where it falls through zero."""
+    """Surface index -> its reset."""
     open_kinks: frozenset[int] = frozenset()
-    """Kinks of a branch that is not in use at the start of a run, without a value there: their signs stay open."""
+    """Kinks of a branch that is not used at the start and that have no value there: their signs are undecided."""
 
     @property
     def sign_names(self) -> tuple[str, ...]:
@@ -113,7 +111,7 @@ class SwitchedField:
         return expression.xreplace(dict(self.parameters)) if self.parameters else expression
 
     def slip_signs(self, mode: Mode) -> dict[sp.Symbol, sp.Expr]:
-        """What a mode puts for the signs of its surfaces in slip."""
+        """Signs of the surfaces in slip, as a substitution."""
         return {self.signs[i]: sp.Integer(s) for i, s in enumerate(mode) if s}
 
     def normal_velocity(self, index: int) -> sp.Expr:
@@ -125,18 +123,18 @@ class SwitchedField:
         return tuple(along(h, self.states, self.field) for h in self.surfaces)
 
     def held_inside(self, index: int) -> bool:
-        """Whether arrival at a surface is decided by the hold zone of its override, not by the slip fields."""
+        """Check whether the hold zone of its override, not the slip fields, decides sticking on a surface."""
         return index in self.overrides and self.overrides[index].entry == "inside"
 
     def rests(self, index: int) -> bool:
-        """Whether a body can rest on a surface that resets the state."""
+        """Check whether a body can rest on this surface, which resets the state."""
         return index in self.overrides and self.overrides[index].entry == "resting"
 
     @kept
     def hold_guards(self, index: int, mode: Mode = ()) -> tuple[Guard, ...]:
-        """The release guards of a surface's override: its hold zone is where all are positive.
+        """Return the release guards of a surface's override; its hold zone is the set on which all are positive.
 
-        A load may depend on how other surfaces slip: the signs of the mode's slips are put in.
+        A load may depend on the direction in which other surfaces slip: the mode's slip signs are substituted.
         """
         slip = {s: side for s, side in self.slip_signs(mode).items() if s != self.signs[index]}
         ends = ((r, r.when if r.direction == "falling" else -r.when) for r in self.overrides[index].release)
@@ -144,7 +142,7 @@ class SwitchedField:
 
     @cached_property
     def multiples(self) -> dict[int, tuple[int, int]]:
-        """Surfaces that are an earlier one times a number, as they are written: which one, and the number's sign."""
+        """Surface that is a number times an earlier one, as written -> (the earlier surface, sign of the number)."""
         found: dict[int, tuple[int, int]] = {}
         first: dict[sp.Expr, tuple[int, int]] = {}
         for j, surface in enumerate(self.surfaces):
@@ -156,7 +154,7 @@ class SwitchedField:
 
 
 def up_to_a_number(expression: sp.Expr) -> tuple[sp.Expr, int]:
-    """The expression without its numerical factor, and that factor's sign; nothing is expanded."""
+    """Return the expression without its numerical factor, and the sign of this factor; nothing is expanded."""
     number, rest = expression.as_independent(*expression.free_symbols, as_Add=False)
     _, form = rest.as_content_primitive()
     turned = form.could_extract_minus_sign()

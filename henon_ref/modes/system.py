@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from henon_ref.modes.decoupled_contacts import SwitchedEquations
 
 FEW = 3
-"""With more surfaces than these one set of equations serves all modes, where the contacts allow it."""
+"""Largest number of surfaces for which each mode has its own equations; above it, modes share one set."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,22 +41,21 @@ class FilippovSystem(SwitchedField):
     Raises
     ------
     ModelError
-        From :meth:`equations`, where a mode has no equations (signs that multiply each other on an
-        intersection, contacts held together that act on each other).
+        From :meth:`equations`, if a mode has no equations (signs that multiply each other on an intersection, held
+        contacts that act on each other without a solution).
     """
 
     written: Mapping[sp.Symbol, str] = dataclass_field(default_factory=dict)
-    """State or sign -> the text of its rate or surface, as the case file has it (empty for a scene)."""
+    """State or sign -> the text of its rate or surface in the case file (empty for a scene)."""
     kinks: frozenset[int] = frozenset()
-    """Surfaces that stand for a kink or jump written as such in the field (``abs``, ``piecewise`` ...)."""
+    """Surfaces of kinks or jumps written as such in the field (``abs``, ``piecewise`` ...)."""
     sections: tuple[sp.Expr, ...] = ()
-    """Signs of surfaces whose own text has kinks, written in the signs of their branches (``abs(x) - 1``): a branch's
-    sign that one of these holds is in use, though the field may not hold it."""
+    """Signs of surfaces whose text has kinks (``abs(x) - 1``), in the signs of its branches, which are then in use."""
     effects: tuple[str, ...] = ()
-    """Names of the effects a scene was built from (empty for a plain system)."""
+    """Names of the effects of a scene (empty for a plain system)."""
 
     def equations(self, mode: Mode) -> ModeEquations:
-        """Equations of one mode, signs of the surfaces in slip put in as -1 or +1."""
+        """Return the equations of one mode, with the signs of surfaces in slip replaced by -1 or +1."""
         return self.shared.equations(mode) if self.shared is not None else self._equations(mode)
 
     @kept
@@ -70,23 +69,21 @@ class FilippovSystem(SwitchedField):
                 equivalent_signs={i: put(e, slip) for i, e in shared.equivalent_signs.items()},
             )
             if any(e.has(sp.zoo, sp.nan) for e in (*made.field, *(g.expression for g in made.guards))):
-                raise ModelError("a contact that slides has no load in this mode, and no sign that keeps it there")
+                raise ModelError("a contact that slides has no load in this mode, so no sign keeps it on its surface")
             return made
 
     def has_equations(self, mode: Mode) -> bool:
-        """Whether a mode has equations."""
         try:
             return self.switched is not None or bool(self.equations(mode))
         except ModelError:
             return False
 
     def guards(self, mode: Mode) -> tuple[Guard, ...]:
-        """Guards of the equations of a mode."""
         return self.switched.own_guards(mode) if self.switched is not None else self.equations(mode).guards
 
     @kept
     def hides(self, index: int, mode: Mode) -> bool:
-        """Whether field, other guards and sections of a mode lack the sign of a surface; never of one slid on."""
+        """Check whether field, other guards and sections of a mode lack the sign of a surface in slip."""
         if not mode[index]:
             return False
         if self.switched is not None:
@@ -101,7 +98,7 @@ class FilippovSystem(SwitchedField):
 
     @kept
     def _hides_in_all(self, index: int, sides: Mode) -> bool:
-        """The same by the sides of the surfaces on which nothing slides, contacts being as they may."""
+        """Apply :meth:`hides` to the shared equations, given the sides of the surfaces on which nothing slides."""
         made = self.switched
         assert made is not None
         if index not in made.crossed:
@@ -113,13 +110,13 @@ class FilippovSystem(SwitchedField):
 
     @kept
     def unused_kinks(self, mode: Mode) -> frozenset[int]:
-        """Kinks of branches that a mode does not use, which are open, or have no real value anywhere in the mode."""
+        """Return the kinks of branches that a mode does not use and that are open or have no real value in it."""
         positive = [s * self.numeric(h) for h, s in zip(self.surfaces, mode, strict=True) if s and self.kinks]
         found = {i for i in self.kinks - self.open_kinks if has_no_value(self.numeric(self.surfaces[i]), positive)}
         return frozenset(i for i in found | self.open_kinks if self.hides(i, mode))
 
     def _in_mode(self, guard: Guard, mode: Mode, slip: Mapping[sp.Symbol, sp.Expr]) -> Guard:
-        """A guard of shared equations in one mode. A run ends where kinks get a value, since their signs are open."""
+        """Return a shared guard in one mode; it ends the run if undecided kinks come into use beyond it."""
         if guard.kind != "surface":
             return replace(guard, expression=put(guard.expression, slip))
         unused, beyond = self.unused_kinks(mode), replaced(mode, guard.index, -mode[guard.index])
@@ -130,11 +127,11 @@ class FilippovSystem(SwitchedField):
 
     @kept
     def common_equations(self, mode: Mode) -> tuple[Mode | frozenset[int], ModeEquations]:
-        """Equations that a mode may have in common with others, and what they go by.
+        """Return the equations that a mode shares with other modes, with their key.
 
-        These are the shared ones of its sliding surfaces, with symbols for the signs in slip. Where they, normal
-        velocities beside its surfaces, or kinks, hold operations of branches that the mode does not use, they are its
-        own.
+        They are the shared equations of its sliding surfaces, with symbols for the slip signs. If these equations,
+        normal velocities or kinks contain operations of branches that the mode does not use, they are the mode's own
+        equations.
         """
         sliding = frozenset(i for i, s in enumerate(mode) if s == 0)
         shared = self.shared_equations(sliding)
@@ -147,7 +144,7 @@ class FilippovSystem(SwitchedField):
 
     @cached_property
     def switched(self) -> SwitchedEquations | None:
-        """One set of equations for all modes of many contacts."""
+        """One set of equations for all modes of many contacts; None for few surfaces or other systems."""
         if len(self.surfaces) <= FEW:
             return None
         from henon_ref.modes.coupled_contacts import coupled_equations  # few systems have many contacts
@@ -157,14 +154,14 @@ class FilippovSystem(SwitchedField):
 
     @property
     def shared(self) -> SwitchedEquations | None:
-        """The same where contacts do not act on each other: a mode's own equations are put together from it."""
+        """:attr:`switched` if its contacts do not act on each other, so that it gives a mode's own equations."""
         return None if self.switched is None or self.switched.coupled else self.switched
 
     @kept
     def shared_equations(self, sliding: frozenset[int]) -> ModeEquations:
-        """Equations that all modes with this set of sliding surfaces share, slip signs kept as symbols.
+        """Return the equations that all modes with this set of sliding surfaces share, with symbols for slip signs.
 
-        A ``surface`` guard is then ``s_i h_i``; its ``to_sign``, ``-s_i``, is known in a mode only, and 0 here.
+        A ``surface`` guard is then ``s_i h_i``; its ``to_sign``, ``-s_i``, depends on the mode and is 0 here.
         """
         overridden = sliding & set(self.overrides)
         releases: tuple[Guard, ...] = ()
@@ -183,7 +180,6 @@ class FilippovSystem(SwitchedField):
         return ModeEquations(tuple(rhs), surfaces + releases + valid, signs)
 
     def can_slide(self, surfaces: frozenset[int]) -> bool:
-        """Whether surfaces can all be slid on at once."""
         try:
             self.shared_equations(surfaces)
         except ModelError:
@@ -193,7 +189,7 @@ class FilippovSystem(SwitchedField):
     def _held(
         self, overridden: frozenset[int], sliding: frozenset[int]
     ) -> tuple[tuple[sp.Expr, ...], tuple[Guard, ...], dict[int, sp.Expr]]:
-        """Equations of sliding where some of it is overridden: field, what ends it, and equivalent signs."""
+        """Return the equations of sliding with overrides: field, guards that end it, and equivalent signs."""
         if len(sliding) == 1:
             (i,) = sliding
             return self.overrides[i].field, self.hold_guards(i), {}
@@ -204,9 +200,7 @@ class FilippovSystem(SwitchedField):
         signs = {i: made.signs[self.signs[i]] for i in sorted(made.decided - overridden)}
         if others:
             if any(self.multiples[j][0] not in others for j in others if j in self.multiples):
-                raise ModelError(
-                    "a surface that is a multiple of one with a sliding of its own does not slide beside it"
-                )
+                raise ModelError("a surface that is a multiple of one with a 'sliding' override cannot slide with it")
             rested = [self.overrides[i].field for i in overridden if self.rests(i)]
             still = {k for own in rested for k, rate in enumerate(own) if rate != self.field[k]}
             field, ends, found = filippov_sliding(replace(self, field=field), others, still)
@@ -217,22 +211,22 @@ class FilippovSystem(SwitchedField):
 
     @cached_property
     def resting(self) -> frozenset[int]:
-        """Surfaces that a body can rest on."""
+        """Surfaces on which a body can rest."""
         return frozenset(i for i in self.overrides if self.rests(i))
 
     @cached_property
     def reacting(self) -> frozenset[int]:
-        """Surfaces whose forces act at rest alone: reactions, and the loads of contacts without friction in sliding."""
+        """Surfaces whose forces act only at rest: reactions, and loads of held contacts without kinetic friction."""
         acting = set().union(*(rate.free_symbols for rate in self.field))
         held = {i for i, own in self.overrides.items() if self.held_inside(i) and own.push}
         return self.resting | {i for i in held if self.signs[i] not in acting}
 
     @kept
     def with_reactions(self, surfaces: frozenset[int]) -> SwitchedField:
-        """The field with the forces of some surfaces' contacts as their signs.
+        """Return the field with the forces of these surfaces' contacts as their signs.
 
-        Where a body can rest the surface is then its velocity h', and the sign stands for the reaction, an acceleration
-        of h; elsewhere it stands for the load.
+        A surface on which a body can rest becomes its velocity h', and its sign the reaction, as an acceleration of h;
+        the sign of any other surface becomes its load.
         """
         if not surfaces:
             return self
@@ -248,31 +242,31 @@ class FilippovSystem(SwitchedField):
 
     @property
     def velocities(self) -> SwitchedField:
-        """The same with all bodies that can rest, whose contacts have velocities for surfaces."""
+        """The field with all bodies that can rest as contacts, whose surfaces are velocities."""
         return self.with_reactions(self.resting)
 
     def together(self, index: int, sliding: Iterable[int]) -> frozenset[int]:
-        """The surfaces of ``sliding`` that act on a surface while it changes its side, or that it acts on, and itself.
+        """Return the surface and those of ``sliding`` that act on it, or on which it acts, also through each other.
 
-        They act through the signs in each other's normal velocities, and in the loads of contacts that are held,
-        directly or by way of each other; a surface that attracts by an override of its own acts on everything.
+        Surfaces act through the signs in each other's normal velocities and in the loads of held contacts. A surface
+        with an ``attracting`` override acts on every surface.
         """
         found, left, more = {index}, set(sliding), {index}
         while more:
             left -= more
-            more = left.intersection(chain.from_iterable(self._beside[i] for i in more))
+            more = left.intersection(chain.from_iterable(self._coupled[i] for i in more))
             found |= more
         return frozenset(found)
 
     def decided_together(self, guard: Guard, sliding: Iterable[int]) -> bool:
-        """Whether what follows a guard depends on other surfaces that slide.
+        """Check whether the mode after a guard depends on other sliding surfaces.
 
-        Where an equivalent sign reaches -1 or +1 no force jumps; where static friction lets go, it does. A body that
-        rests on a surface may leave it with that sign.
+        No force jumps when an equivalent sign reaches -1 or +1, but a force jumps when static friction ends. A body
+        that rests on a surface may leave it with this jump.
         """
         if guard.kind not in ("surface", "release"):
             return False
-        if self._beside[guard.index] <= {guard.index} and not self.has_loops:
+        if self._coupled[guard.index] <= {guard.index} and not self.has_loops:
             return False
         others = self.in_play([guard.index], sliding) - {guard.index}
         return bool(others) and (
@@ -280,15 +274,15 @@ class FilippovSystem(SwitchedField):
         )
 
     def in_play(self, hit: Iterable[int], sliding: Iterable[int]) -> frozenset[int]:
-        """Surfaces whose entries of the mode are open where some are hit: these, and what acts on them."""
+        """Return the surfaces whose entries are open when some are hit: these, and those that act on them."""
         hit, sliding = set(hit), set(sliding)
         zero = self.closed(hit, sliding)
         return frozenset(j for i in hit | (zero - sliding) for j in self.together(i, zero))
 
     def closed(self, hit: Collection[int], sliding: Collection[int]) -> frozenset[int]:
-        """Surfaces that are hit or slid on, with those in loops of contacts that are zero wherever these are.
+        """Return the surfaces that are hit or slide, with those in loops of contacts that are then zero as well.
 
-        A surface that is hit with a speed keeps no contact at rest.
+        A surface that is hit with non-zero speed keeps no contact at rest.
         """
         zero = frozenset((*hit, *sliding))
         still = frozenset(i for i in zero if i in sliding or not self.rests(i))
@@ -296,7 +290,7 @@ class FilippovSystem(SwitchedField):
 
     @property
     def has_loops(self) -> bool:
-        """Whether surfaces of contacts that are held depend on each other, or on rests."""
+        """Whether surfaces of held contacts depend on each other or on rests."""
         return bool(self._in_loops)
 
     @cached_property
@@ -306,8 +300,8 @@ class FilippovSystem(SwitchedField):
         return tuple(sorted(i for i in found if self.held_inside(i)))
 
     @cached_property
-    def _beside(self) -> tuple[frozenset[int], ...]:
-        """For each surface those that act on it, or that it acts on."""
+    def _coupled(self) -> tuple[frozenset[int], ...]:
+        """For each surface, the surfaces that act on it or on which it acts."""
         places = {s: i for i, s in enumerate(self.signs)}
         beside: list[set[int]] = [set() for _ in places]
         unslid = self.with_reactions(self.reacting - self.resting)
@@ -321,7 +315,7 @@ class FilippovSystem(SwitchedField):
         return tuple(map(frozenset, beside))
 
     def entries_from(self, entry: int, index: int) -> tuple[int, ...]:
-        """What may become of a surface's entry in the mode: a body that rests on one does not go through it."""
+        """Return the possible next entries of a surface; a body does not pass through its stop."""
         if self.switched is not None and index in self.switched.crossed:
             return (-1, 1)
         return (0, 1) if entry >= 0 and self.rests(index) else (-1, 0, 1)

@@ -1,7 +1,7 @@
-"""Bernstein coefficients of a guard on a step, and what their signs tell, as machine code of one order.
+"""Machine code for the Bernstein coefficients of a guard on a step, and for the number of roots by their signs.
 
-By Descartes' rule of signs a polynomial has as many roots on the step as its Bernstein coefficients change their sign,
-or fewer by an even number (Mourrain and Pavone, *J. Symbolic Comput.* 44, 2009): none and one leave nothing open.
+By Descartes' rule of signs the number of roots on the step is the number of sign changes of the Bernstein coefficients,
+or less by an even number (Mourrain and Pavone, *J. Symbolic Comput.* 44, 2009): no or one sign change is decisive.
 """
 
 from __future__ import annotations
@@ -18,9 +18,8 @@ def bernstein_ir(order: int, name: str) -> str:
     """LLVM IR of ``i64 name(double* q, double* powers, i64 degree, double* a, double* b)``.
 
     ``a`` receives q_k powers_k up to ``degree``, then zeros; ``b`` the Bernstein coefficients of degree ``order`` of
-    that polynomial on [0, 1]; both have room for whole vectors. The value (``enum roots_outcome`` of ``kernel.h``) is
-    ROOT where it falls through one root there, NO_ROOT where it falls through none, and SUBDIVIDE where the signs leave
-    that open.
+    this polynomial on [0, 1]; both arrays hold whole vectors. The value (``enum roots_outcome`` of ``kernel.h``) is
+    ROOT if the polynomial falls through exactly one root there, NO_ROOT if through none, and SUBDIVIDE if undecided.
     """
     w = IRWriter()
     blocks = row_length(order) // LANES
@@ -62,12 +61,11 @@ def bernstein_ir(order: int, name: str) -> str:
 
 
 def _weight(order: int, k: int, i: int) -> float:
-    """What coefficient k of the powers adds to Bernstein coefficient i."""
+    """Weight of power coefficient k in Bernstein coefficient i."""
     return comb(i, k) / comb(order, k) if i <= order else 0.0
 
 
 def _gathered(w: IRWriter, mask: str, comparison: str, block: int) -> str:
-    """A mask with the bits of one more block."""
     bits = w.emit(f"bitcast <{LANES} x i1> {w.emit(comparison)} to i{LANES}")
     wide = w.emit(f"shl i64 {w.emit(f'zext i{LANES} {bits} to i64')}, {block * LANES}")
     return w.emit(f"or i64 {mask}, {wide}")

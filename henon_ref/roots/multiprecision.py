@@ -1,7 +1,7 @@
-"""Roots of polynomials in fixed point of 220 bits: the first one through which a guard falls, and touches before it.
+"""Roots of polynomials in fixed point with 220 bits: the first root through which a guard falls, and earlier touches.
 
-A number v stands as the integer v 2^220; the polynomial's size is 1 and its variable runs from 0 to 1. Roots are
-isolated as in the compiled ``henon_ref/kernel/roots.c``.
+A number v is the integer v 2^220; the polynomial's size is 1 and its variable is in [0, 1]. Roots are isolated as in
+the compiled ``henon_ref/kernel/roots.c``.
 """
 
 from __future__ import annotations
@@ -17,64 +17,64 @@ from henon_ref.kernel.shared import EPS
 from henon_ref.precision import working_precision
 
 BITS = 220
-"""Bits after the point of a polynomial's coefficients, its size on the step being 1, and of places on the step."""
+"""Fractional bits of coefficients (the polynomial's size on the step is 1) and of positions on the step."""
 ONE = 1 << BITS
 RELATIVE_ZERO = 2.0**-166
-"""What counts as zero: 1e-50 of the polynomial's size."""
+"""Largest value that counts as zero: 1e-50 of the polynomial's size."""
 FLAT_STEPS = 20
-"""Steps of Newton's method after which it is not found."""
+"""Largest number of steps of Newton's method."""
 ZERO = int(ONE * RELATIVE_ZERO)
-"""The same in fixed point."""
+""":data:`RELATIVE_ZERO` in fixed point."""
 CLEARANCE = 4
-"""A piece no larger than so many times what counts as zero is a touch, one larger than that is none."""
+"""Largest size of a piece that is a touch, in units of :data:`ZERO`."""
 SAME_PLACE = 2 ** (BITS - 160)
-"""Places closer to each other than 1e-48 of the step are one."""
+"""Distance up to which two positions are equal: 1e-48 of the step."""
 SAME_MINIMUM = int(ONE * 1e-10)
-"""Minima closer to each other are one and the same."""
+"""Distance up to which two minima are equal."""
 FLAT_RANGE = int(ONE * 1e-6)
-"""A place where all is next to nothing lies no farther from where the slope vanishes."""
+"""Largest distance of a nearly zero position from a zero of the slope."""
 HIGHEST = 16
-"""Highest order of a root that is told."""
+"""Highest order of a root that is recognized."""
 POINT = ONE >> 200
-"""What is left of the step when it counts as a point."""
+"""Width of a piece that counts as a point."""
 NEGLIGIBLE = ZERO >> 20
-"""Coefficients that do not count."""
+"""Largest coefficient that is dropped."""
 CUT_PIECES = 64
-"""Pieces looked at after which they are only halved."""
+"""Number of pieces after which a piece is only halved, not cut at a minimum."""
 NEWTON_STEPS = 12
-"""Steps of Newton's method towards the minimum of a piece."""
+"""Largest number of steps of Newton's method to the minimum of a piece."""
 CUT_LEAST, CUT_MOST = 2.0**-20, 2.0**-3
-"""What is cut out around a minimum: at least the one and at most the other of its piece, to either side."""
+"""Least and largest distance of the cuts from a minimum, as a part of its piece."""
 SMALL = ONE >> 40
-"""A value that is no touch if it is larger."""
+"""Smallest value that cannot be a touch."""
 TOUCH_BITS = 80
-"""Around a touch so much less than its piece is cut out at first."""
+"""First distance of the cuts from a touch: the piece's width over 2 to this power."""
 What = Literal["root", "touch", "miss"]
 Fixed = Sequence[int]
 """Coefficients, each times 2^220."""
 
 
 def fixed_point(number: arb) -> int:
-    """A number's middle times 2^220, rounded down."""
+    """Return the midpoint of a number times 2^220, rounded down."""
     mantissa, exponent = number.mid().man_exp()
     shift = int(exponent) + BITS
     return int(mantissa) << shift if shift >= 0 else int(mantissa) >> -shift
 
 
 def fixed(series: Sequence[arb]) -> list[int]:
-    """A polynomial over its size, the sum of its coefficients' sizes."""
+    """Return a polynomial divided by its size, the sum of the absolute values of its coefficients."""
     size = sum((abs(c) for c in series), arb(0)).mid()
     return [fixed_point(c / size) for c in series] if size != 0 else [0] * len(series)
 
 
 def first_event_of(q: Fixed, zeros: int, suspect: int) -> tuple[What, bool, int]:
-    """What q tau^zeros does on (0, 1] up to its minimum near a point: (what, at a minimum, where)."""
+    """Return the first event of q tau^zeros on (0, 1] up to its minimum near a point: (kind, at minimum, place)."""
     outcome, low, high = first_falling_root(q)
     whole = [0] * zeros + list(q)
     bottom = _minimum(whole, suspect)
     middle = (low + high) // 2
-    if outcome == "touch" or (outcome == "root" and low == high):  # all is next to nothing there
-        crossed = outcome == "root" or _falls_behind(q, low, high)
+    if outcome == "touch" or (outcome == "root" and low == high):  # the polynomial is nearly zero there
+        crossed = outcome == "root" or _falls_after(q, low, high)
         if crossed and (bottom is None or bottom >= low):
             return "root", False, _flat_root(q, middle, 1, exact=outcome == "root")
     if outcome == "touch":
@@ -82,13 +82,13 @@ def first_event_of(q: Fixed, zeros: int, suspect: int) -> tuple[What, bool, int]
         touched = middle if touched is None else touched
         if bottom is None or touched <= bottom + SAME_MINIMUM:
             return "touch", True, _flat_root(whole, touched, 0, exact=True)
-    if outcome != "root" or (bottom is not None and low > bottom):  # what lies behind a minimum has to wait
+    if outcome != "root" or (bottom is not None and low > bottom):  # the minimum is the first event
         return "miss", bottom is not None, suspect if bottom is None else bottom
     return "root", False, rising_root([-c for c in q], low, high)
 
 
-def _falls_behind(q: Fixed, low: int, high: int) -> bool:
-    """Whether a polynomial that is next to nothing between two places is below zero where it is so no more."""
+def _falls_after(q: Fixed, low: int, high: int) -> bool:
+    """Check whether a polynomial is negative at its first clear value after a nearly zero interval."""
     distance = max(high - low, SAME_PLACE)
     while high + distance <= ONE:
         value = horner(q, high + distance)
@@ -99,10 +99,10 @@ def _falls_behind(q: Fixed, low: int, high: int) -> bool:
 
 
 def _flat_root(q: Fixed, place: int, parity: int, *, exact: bool) -> int:
-    """The root of even or odd order that all is next to nothing about, or the mean of several that are told as one.
+    """Return the root of even or odd order in a nearly zero neighbourhood, or the mean of roots that count as one.
 
-    Its order is that of the term that lifts the polynomial from there. A root of order m is one of order 1 of
-    derivative m - 1, which tells where it is. ``exact``: it is at the place, which else is next to it.
+    The order is that of the term that dominates away from the root. A root of order m is a simple root of the
+    derivative m-1, which determines its position. ``exact``: the root is at ``place``; otherwise it is only near.
     """
     derivatives = [list(q)]
     for _ in range(HIGHEST):
@@ -117,7 +117,7 @@ def _flat_root(q: Fixed, place: int, parity: int, *, exact: bool) -> int:
 
 
 def _exactly_flat(derivatives: Sequence[Fixed], place: int) -> int:
-    """Where the slope vanishes near a place: Newton's method on the slope over its derivative while it converges."""
+    """Return the zero of the slope near a position, by Newton's method on the slope over its derivative."""
     found, longest = place, FLAT_RANGE
     for _ in range(FLAT_STEPS):
         slope, bend, twist = (horner(d, found) for d in derivatives[1:4])
@@ -135,9 +135,9 @@ def _exactly_flat(derivatives: Sequence[Fixed], place: int) -> int:
 
 
 def leading_term(local: Sequence[float], level: float) -> tuple[float, int]:
-    """How far from a place a polynomial stays within ``level`` of its value there, and the order of what lifts it.
+    """Return the distance up to which a polynomial stays within ``level``, and the order of the dominant term.
 
-    ``local`` are its Taylor coefficients at the place.
+    ``local``: Taylor coefficients at the position.
     """
     return min((((level / abs(c)) ** (1 / k), k) for k, c in enumerate(local) if k and c), default=(1.0, 0))
 
@@ -145,8 +145,7 @@ def leading_term(local: Sequence[float], level: float) -> tuple[float, int]:
 def first_falling_root(q: Fixed) -> tuple[Literal["none", "root", "touch"], int, int]:
     """Isolate the first root on (0, 1] through which a polynomial falls: (outcome, low, high).
 
-    Descartes' rule of signs on Bernstein coefficients, as in the compiled
-    ``first_falling_root`` of ``henon_ref/kernel/roots.c``.
+    Descartes' rule of signs on Bernstein coefficients, as ``first_falling_root`` in ``henon_ref/kernel/roots.c``.
     """
     with working_precision(BITS):
         whole = arb_poly([arb(c) / ONE for c in q])
@@ -161,7 +160,7 @@ def first_falling_root(q: Fixed) -> tuple[Literal["none", "root", "touch"], int,
             changes = sum(x != y for x, y in pairwise(signs))
             if max(map(abs, b)) <= CLEARANCE * ZERO or high - low <= POINT:
                 return "touch", low, high
-            if before and abs(b[0]) <= ZERO:  # zero where the step was cut: what comes next decides
+            if before and abs(b[0]) <= ZERO:  # zero at the cut: the values after it decide
                 if changes == 0:
                     return ("root" if not signs[0] else "touch"), low, low
             elif before and not signs[0]:
@@ -177,12 +176,12 @@ def first_falling_root(q: Fixed) -> tuple[Literal["none", "root", "touch"], int,
 
 
 def bernstein_on(q: Fixed, low: int, high: int) -> list[int]:
-    """Coefficients of a polynomial on [low, high] in Bernstein's basis."""
+    """Return the Bernstein coefficients of a polynomial on [low, high]."""
     return bernstein(_piece(arb_poly([arb(c) / ONE for c in q]), low, high))
 
 
 def _piece(whole: arb_poly, low: int, high: int) -> list[int]:
-    """Coefficients on [low, high], of a variable from 0 to 1 there, without last ones that count for nothing."""
+    """Return the coefficients on [low, high] in a variable from 0 to 1, without negligible last coefficients."""
     series = whole(arb_poly([arb(low) / ONE, arb(high - low) / ONE])).coeffs()
     found = [fixed_point(c) for c in series] or [0]
     while len(found) > 1 and abs(found[-1]) <= NEGLIGIBLE:
@@ -191,13 +190,13 @@ def _piece(whole: arb_poly, low: int, high: int) -> list[int]:
 
 
 def _middle(q: Fixed, low: int, high: int) -> int:
-    """A place about half way that is clear of zero, where there is one."""
+    """Return a position near the middle whose value is clear of zero, if there is one."""
     places = [low + (high - low) * part // 16 for part in (8, 7, 9, 6, 10)]
     return next((at for at in places if abs(horner(q, at)) > CLEARANCE * ZERO), places[0])
 
 
 def _around_minimum(q: Fixed, piece: Fixed, low: int, high: int) -> list[int]:
-    """Two places on a piece, one on each side of a minimum (or a flat root), next to it and clear of zero, or none."""
+    """Return two positions next to a minimum (or flat root) of a piece, one on each side and clear of zero; or none."""
     found = _roughly_flat(piece)
     if found is None:
         return []
@@ -216,10 +215,10 @@ def _around_minimum(q: Fixed, piece: Fixed, low: int, high: int) -> list[int]:
 
 
 def _roughly_flat(piece: Fixed) -> tuple[float, float] | None:
-    """A minimum of a piece, or a place where slope and value vanish, and how far from it to cut; None without one.
+    """Return a minimum of a piece, or a position with zero slope and value, and a distance for the cuts; None if none.
 
-    As in the compiled ``henon_ref/kernel/roots.c``, on the slope over its derivative; doubles do, for what is cut
-    out is looked at again.
+    As in the compiled ``henon_ref/kernel/roots.c``: Newton's method on the slope over its derivative, in doubles, which
+    suffice because the piece that is cut out is examined again.
     """
     size = max(map(abs, piece))
     c = [x / size for x in piece]
@@ -249,7 +248,7 @@ def _roughly_flat(piece: Fixed) -> tuple[float, float] | None:
 
 
 def bernstein(q: Fixed) -> list[int]:
-    """Coefficients of a polynomial on [0, 1] in Bernstein's basis, each off by one at most."""
+    """Return the Bernstein coefficients of a polynomial on [0, 1], each with an error of at most 1."""
     degree = len(q) - 1
     found: list[int] = []  # sums of products with binomial coefficients, as in Pascal's triangle
     for k in range(degree, -1, -1):
@@ -258,19 +257,19 @@ def bernstein(q: Fixed) -> list[int]:
 
 
 def signs_of(b: Sequence[int]) -> list[bool]:
-    """For each coefficient that is not next to nothing whether it is positive."""
+    """Return whether each coefficient is positive, without nearly zero coefficients."""
     return [c > 0 for c in b if abs(c) > ZERO]
 
 
 def _unclear(b: Sequence[int]) -> bool:
-    """True where rounding may have hidden roots of even number; the ends are looked at where pieces meet."""
+    """Check whether rounding may hide an even number of roots; the ends are examined where pieces meet."""
     return b[0] > ZERO and len(b) > 2 and min(b[1:-1]) <= ZERO
 
 
 def rising_root(rising: Fixed, low: int, high: int) -> int:
-    """The root of a polynomial that rises through zero between two places: Newton's method in a bracket.
+    """Return the root of a polynomial that rises through zero between two positions, by Newton's method in a bracket.
 
-    Where a step leaves the bracket, or two in a row have not halved it, it is halved.
+    The bracket is halved if a step leaves it, or if the last steps have not halved it.
     """
     slope = _derivative(rising)
     tau, slow = (low + high) >> 1, 0
@@ -289,7 +288,7 @@ def rising_root(rising: Fixed, low: int, high: int) -> int:
 
 
 def _minimum(series: Fixed, suspect: int) -> int | None:
-    """The minimum of a polynomial on [0, 1] that a point lies next to; None if there is none."""
+    """Return the minimum of a polynomial on [0, 1] next to a point; None if there is none."""
     slope = _derivative(series)
     width = max(suspect >> 50, 1)
     low, high = suspect - width, suspect + width
@@ -307,7 +306,6 @@ def _minimum(series: Fixed, suspect: int) -> int | None:
 
 
 def horner(series: Fixed, place: int) -> int:
-    """Value of a polynomial at a place."""
     total = 0
     for c in reversed(series):
         total = (total * place >> BITS) + c

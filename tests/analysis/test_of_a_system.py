@@ -71,7 +71,7 @@ def test_the_multipliers_of_a_shaken_block_are_those_of_its_turns() -> None:
         (lambda: hr.tangent_points(BELT, surface="q"), "no surface"),
         (lambda: hr.tangent_points(BELT, along="q"), "unknown name"),
         (lambda: hr.tangent_points(BELT, parameters={"q": 1}), "no parameter"),
-        (lambda: hr.tangent_points(hr.System(["x"], {}, {"s": "x"}, ["s"])), "along which coordinate"),
+        (lambda: hr.tangent_points(hr.System(["x"], {}, {"s": "x"}, ["s"])), "give the coordinate along it"),
     ],
 )
 def test_what_cannot_be_meant_is_refused(call: object, says: str) -> None:
@@ -97,5 +97,5 @@ def test_tangent_points_of_two_dozen_ordinary_terms(term: str) -> None:
 )
 def test_what_has_no_closed_form_is_refused_at_once(terms: str) -> None:
     system = hr.System(["x", "v"], {"F": 1}, {"s": "v"}, ["v", f"-x - F*s + {terms}"])
-    with pytest.raises(hr.HenonRefError, match="no closed form of the tangent points is looked for"):
+    with pytest.raises(hr.HenonRefError, match="no closed form of the tangent points of"):
         hr.tangent_points(system)

@@ -174,7 +174,7 @@ FALLS = (V, sp.Integer(-10))
                 resets={0: Reset({V: -V / 2})},
             ),
             (1, 0),
-            "how fast the surface is reached depends on the sign of u",
+            "the speed of the impact depends on the sign of u",
         ),
         (
             FilippovSystem(
@@ -190,7 +190,7 @@ FALLS = (V, sp.Integer(-10))
                 (X, V), (S, U), (X, V + sp.Rational(1, 10**9)), (V, -10 - U), resets={0: Reset({V: -V / 2})}
             ),
             (1, 0),
-            "the force that presses the body on changes with the sign of u in flight",
+            "the force towards the surface changes with the sign of u in flight",
         ),
     ],
 )  # fmt: skip

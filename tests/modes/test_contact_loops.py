@@ -306,7 +306,7 @@ def test_kinks_that_depend_on_each_other_are_no_contacts() -> None:
 def test_signs_that_are_no_force_and_counterforce_are_refused_with_their_surfaces() -> None:
     """u pushes v and not w: no friction of one body on another."""
     problem = parse_case(HEAD + SYSTEM.format(surface="v - w", fields='"t - s - u", "-r"')).readings[0].problem
-    words = r"the surfaces of s, r, u depend on each other, and their signs do not act on them as forces"
+    words = r"the surfaces of s, r, u depend on each other, and their signs do not act as action and reaction"
     truth = simulate(problem, 256)
     for run in [*(solver(name).prepare(problem, **options)() for name, options, _ in LIBRARIES), truth]:
         assert run.status == "failed", (run.status, run.reason)

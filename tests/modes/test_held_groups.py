@@ -208,7 +208,7 @@ def test_an_override_that_is_no_balance_of_forces_does_not_hold_beside_others() 
         return FilippovSystem((v, w), (s, u), (v, w - v), field, overrides=dict(enumerate(own)))
 
     assert held(sp.Integer(0)).equations((0, 0)).field == (0, 0)
-    with pytest.raises(ModelError, match="not what keeps its surface"):
+    with pytest.raises(ModelError, match="contradicts the balance of forces"):
         held(sp.Integer(2)).equations((0, 0))
 
 

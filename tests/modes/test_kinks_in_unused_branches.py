@@ -50,7 +50,7 @@ def test_the_fall_is_free_and_the_run_says_why_it_ends(force: str) -> None:
     assert before.transitions.empty
     behind = hr.simulate(system, {"x": 1, "v": 0}, until=2)
     assert (behind.status, behind.t[-1]) == ("failed", pytest.approx(LAND, abs=1e-15))
-    assert "a kink is in use whose sign it leaves open" in behind.message
+    assert "the field uses a kink whose sign is undecided" in behind.message
 
 
 @pytest.mark.parametrize("force", [FORCES[0], BRANCH])
@@ -68,7 +68,7 @@ def test_the_truth_reaches_the_contact_and_says_why_it_ends() -> None:
     case = parse_case(CASE.format(force=FORCES[0], until=2))
     truth = compute(case, case.readings[0])
     assert (truth.status, truth.transitions) == ("failed", ())
-    assert f"a kink is in use whose sign it leaves open: it has no value before t = {str(LAND)[:15]}" in truth.reason
+    assert f"the field uses a kink whose sign is undecided: it has no value before t = {str(LAND)[:15]}" in truth.reason
     pytest.importorskip("heyoka")  # the proof alone says it in other words
     case = parse_case(CASE.format(force=BRANCH, until=2))
     truth = compute(case, case.readings[0])
@@ -155,7 +155,7 @@ def test_a_start_without_the_value_of_a_kink_beyond_is_accepted(force: str, spee
     assert (before.status, before.transitions.empty) == ("ok", True)
     assert before.y[0, -1] == pytest.approx(1 + speed * 0.9 * land - (0.9 * land) ** 2 / 2, abs=1e-14)
     assert (behind.status, behind.t[-1]) == ("failed", pytest.approx(land, abs=1e-14))
-    assert "a kink is in use whose sign it leaves open: it had no value at the start" in behind.message
+    assert "the field uses a kink whose sign is undecided: it had no value at the start" in behind.message
 
 
 def test_a_start_with_the_value_goes_on_through_the_surface() -> None:
