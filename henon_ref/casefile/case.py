@@ -12,7 +12,7 @@ import hashlib
 import json
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -297,14 +297,15 @@ def _mathematics(problem: Problem) -> dict[str, Any]:
         expressions += [*override.field, *(release.when for release in override.release)]
     for reset in system.resets.values():
         expressions += reset.map.values()
+    text = cache(str)  # the contacts of a chain have nearly all equations of their sliding in common
     used = set().union(*(e.free_symbols for e in expressions))
     found = {
         "states": list(system.state_names),
-        "surfaces": [[name, str(h)] for name, h in zip(names, system.surfaces, strict=True)],
-        "field": [str(f) for f in system.field],
+        "surfaces": [[name, text(h)] for name, h in zip(names, system.surfaces, strict=True)],
+        "field": [text(f) for f in system.field],
         "valid": [str(v) for v in system.valid],
         "parameters": {p.name: str(v) for p, v in sorted(system.parameters.items(), key=str) if p in used},
-        "sliding": {names[i]: _override_text(o) for i, o in sorted(system.overrides.items())},
+        "sliding": {names[i]: _override_text(o, text) for i, o in sorted(system.overrides.items())},
         "start": str(problem.start),
         "initial": [str(x) for x in problem.initial],
         "until": str(problem.until),
@@ -319,11 +320,11 @@ def _mathematics(problem: Problem) -> dict[str, Any]:
     return found
 
 
-def _override_text(override: SlidingOverride) -> dict[str, Any]:
-    text: dict[str, Any] = {
-        "field": [str(f) for f in override.field],
-        "release": [[str(r.when), r.direction, r.to] for r in override.release],
+def _override_text(override: SlidingOverride, text: Callable[[Any], str]) -> dict[str, Any]:
+    found: dict[str, Any] = {
+        "field": [text(f) for f in override.field],
+        "release": [[text(r.when), r.direction, r.to] for r in override.release],
     }
     if override.entry != "attracting":
-        text["entry"] = override.entry
-    return text
+        found["entry"] = override.entry
+    return found

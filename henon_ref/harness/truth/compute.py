@@ -190,6 +190,7 @@ def compute(
     # Imported here: these libraries take half a second, which reading a stored truth does not need.
     from henon_ref.harness.truth.closed_forms import with_closed_forms
     from henon_ref.harness.truth.conditioning import conditioning
+    from henon_ref.harness.truth.multiprecision.numbers import with_short_state
     from henon_ref.harness.truth.proofs import prove
 
     problem, seconds, computed = reading.problem, proof_seconds, None
@@ -217,7 +218,9 @@ def compute(
     except TruthError as error:
         raise TruthError(f"{where}: {error}") from None
     numbers = conditioning(problem, transitions)
-    transitions = tuple(replace(t, conditioning=c) for t, c in zip(transitions, numbers, strict=True))
+    transitions = tuple(
+        replace(with_short_state(t), conditioning=c) for t, c in zip(transitions, numbers, strict=True)
+    )
     return replace(truth, transitions=transitions)
 
 

@@ -9,7 +9,7 @@ import flint
 from flint import arb
 
 from henon_ref.enclosure.run import CertifiedRun, Ended, certify
-from henon_ref.harness.truth.multiprecision.numbers import GUARD_BITS, ball_text, in_digits
+from henon_ref.harness.truth.multiprecision.numbers import GUARD_BITS, ball_text, in_digits, written_radius
 from henon_ref.harness.truth.reference import Route
 from henon_ref.modes.problem import Problem
 from henon_ref.precision import working_precision
@@ -71,6 +71,5 @@ def _route(run: CertifiedRun) -> Route:
 
 
 def _radius(*balls: arb) -> float:
-    """Radius around the written digits that contains every ball: two digits, rounded up with a margin."""
-    widest = max(float(ball.rad()) for ball in balls)
-    return float(f"{1.1 * max(widest, SMALLEST):.1e}")
+    """Radius around the written digits that contains every ball."""
+    return written_radius(max(SMALLEST, *(float(ball.rad()) for ball in balls)))

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import sys
+from dataclasses import replace
 from decimal import Decimal, localcontext
 from functools import lru_cache
 from typing import Any
@@ -16,6 +18,8 @@ from henon_ref.harness.truth.reference import ReferenceTransition
 
 GUARD_BITS = 32
 """Bits by which ball arithmetic exceeds heyoka's precision, so that its rounding does not matter."""
+STATE_DIGITS = 25
+"""Significant digits of a state in a truth, eight more than a double has: states are compared as doubles."""
 
 
 def decimal_digits(bits: int) -> int:
@@ -69,8 +73,37 @@ def ball_text(value: arb, radius: float) -> str:
     with localcontext() as context:
         context.prec = 1000
         digits = Decimal(value.mid().str(max(places, 0) + 330, radius=False))
-        rounded = digits.quantize(Decimal(1).scaleb(-places))
-        return format(rounded + 0, "f" if -6 < rounded.adjusted() < 30 or not rounded else "e")
+        return _decimal_text(digits.quantize(Decimal(1).scaleb(-places)) + 0)
+
+
+def _decimal_text(value: Decimal) -> str:
+    return format(value, "f" if -6 < value.adjusted() < 30 or not value else "e")
+
+
+def written_radius(bound: float) -> float:
+    """A radius of two digits that is above a bound, and above 0.
+
+    Examples
+    --------
+    >>> written_radius(9.99e-31)
+    1.1e-30
+    """
+    return float(f"{1.1 * max(bound, sys.float_info.min):.1e}")
+
+
+def with_short_state(transition: ReferenceTransition) -> ReferenceTransition:
+    """Round the state of a transition to `STATE_DIGITS` significant digits and add the rounding to its radius.
+
+    Trailing zeros are dropped. A state that has no more digits keeps its radius.
+    """
+    exact = [Decimal(digits) for digits in transition.state]
+    with localcontext(prec=STATE_DIGITS):
+        short = [(+value).normalize() for value in exact]
+    with localcontext(prec=1000):
+        lost = max((abs(a - b) for a, b in zip(exact, short, strict=True)), default=Decimal(0))
+        bound = float(Decimal(transition.state_radius) + lost)
+    radius = written_radius(bound) if lost else transition.state_radius
+    return replace(transition, state=tuple(map(_decimal_text, short)), state_radius=radius)
 
 
 def in_digits(

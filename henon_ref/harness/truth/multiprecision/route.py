@@ -9,14 +9,13 @@ doubled.
 from __future__ import annotations
 
 import logging
-import sys
 from itertools import takewhile
 from time import perf_counter, process_time
 
 import heyoka as hy
 from flint import arb
 
-from henon_ref.harness.truth.multiprecision.numbers import GUARD_BITS, ball_text, exact_ball, in_digits
+from henon_ref.harness.truth.multiprecision.numbers import GUARD_BITS, ball_text, exact_ball, in_digits, written_radius
 from henon_ref.harness.truth.multiprecision.run import Instant, Progress, Run, simulate
 from henon_ref.harness.truth.reference import ReferenceTransition, Route
 from henon_ref.modes.problem import Problem
@@ -116,8 +115,8 @@ def _agreed(problem: Problem, high: Run, low: Run, *, seconds: float) -> Route:
 
 
 def _radius(a: arb, b: arb, least: float) -> float:
-    """Twice the difference of two numbers, but at least ``least``; two digits, rounded up."""
-    return float(f"{1.1 * max(2 * abs(float(a - b)), least, sys.float_info.min):.1e}")
+    """Twice the difference of two numbers, but at least ``least``."""
+    return written_radius(max(2 * abs(float(a - b)), least))
 
 
 def _time_radius(high: Instant, low: Instant, least: float) -> float:

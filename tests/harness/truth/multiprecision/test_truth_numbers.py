@@ -12,8 +12,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from henon_ref.errors import ModelError
-from henon_ref.harness.truth.multiprecision.numbers import ball_text, exact_ball, exact_text, to_ball
-from henon_ref.harness.truth.reference import split_double
+from henon_ref.harness.truth.multiprecision.numbers import (
+    STATE_DIGITS,
+    ball_text,
+    exact_ball,
+    exact_text,
+    to_ball,
+    with_short_state,
+)
+from henon_ref.harness.truth.reference import ReferenceTransition, split_double
 
 
 def test_exact_text_has_the_digits_of_the_exact_number() -> None:
@@ -55,6 +62,42 @@ def test_no_double_is_on_the_way_of_a_tenth() -> None:
 def test_digits_are_written_as_far_as_the_radius_goes(number: str, radius: float, text: str) -> None:
     with ctx.workprec(200):
         assert ball_text(exact_ball(sp.Rational(number), 128), radius) == text
+
+
+def _with_state(*state: str, radius: float) -> ReferenceTransition:
+    return ReferenceTransition("release", 0, (0,), (1,), "1", 1e-50, state, radius)
+
+
+@pytest.mark.parametrize(
+    ("state", "short"),
+    [
+        ("-0.024" + "0" * 60, "-0.024"),
+        ("-0." + "0" * 64, "0"),
+        ("12" + "0" * 40, "1.2e+41"),
+        ("1200.00", "1200"),
+        ("0." + "9" * 64, "1"),
+        ("0." + "6" * 64, "0.6666666666666666666666667"),
+        ("6." + "6" * 30 + "e-40", "6.666666666666666666666667e-40"),
+    ],
+)
+def test_a_state_is_kept_in_digits_that_a_double_can_use(state: str, short: str) -> None:
+    assert with_short_state(_with_state(state, radius=1e-63)).state == (short,)
+
+
+DECIMALS = st.builds(
+    lambda digits, exponent: f"{digits}e{exponent}", st.integers(-(10**70), 10**70), st.integers(-400, 200)
+)
+
+
+@given(st.lists(DECIMALS, min_size=1, max_size=3), st.integers(-308, 0))
+def test_the_radius_of_a_short_state_holds_what_the_radius_of_the_whole_one_held(state: list[str], power: int) -> None:
+    whole = _with_state(*state, radius=10.0**power)
+    short = with_short_state(whole)
+    lost = max(abs(Fraction(a) - Fraction(b)) for a, b in zip(short.state, state, strict=True))
+    assert Fraction(whole.state_radius) + lost <= Fraction(short.state_radius)
+    assert all(len(Decimal(value).as_tuple().digits) <= STATE_DIGITS for value in short.state)
+    assert (short.state_radius == whole.state_radius) == (lost == 0)
+    assert with_short_state(short) == short
 
 
 @given(st.decimals(min_value=-1e12, max_value=1e12, allow_nan=False, places=40))
