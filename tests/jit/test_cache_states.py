@@ -27,10 +27,12 @@ exact: {transition_times: ["1"]}
 tolerances: [1e-6]
 """
 SAME = ("status", "status_reason", "found_transitions", "matched", "max_time_error_s", "steps", "rhs_evaluations")
+PROGRESS = ("1 of 1: ", "computing what is not stored: ")
+"""How lines begin that tell of the run, and of the truth where the machine has other things to do."""
 COMMAND = [sys.executable, "-m", "henon_ref.compare"]
 
 Seen = tuple[dict[str, str], list[str]]
-"""The row of the case, and the lines on standard error but for the one of its run."""
+"""The row of the case, and the lines on standard error but for :data:`PROGRESS`."""
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +72,7 @@ def compared(place: Path) -> Seen:
     )
     with (place / "out" / "leaving" / "runs.csv").open(newline="") as file:
         (row,) = csv.DictReader(file)
-    told = [line for line in done.stderr.splitlines() if not line.startswith("1 of 1: ")]
+    told = [line for line in done.stderr.splitlines() if not line.startswith(PROGRESS)]
     return {key: row[key] for key in SAME}, told
 
 

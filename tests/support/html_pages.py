@@ -149,3 +149,20 @@ def serious(page: Any) -> list[tuple[str, str]]:
 def sideways(page: Any) -> int:
     """Pixels by which a page is wider than its window."""
     return int(page.evaluate("document.documentElement.scrollWidth - window.innerWidth"))
+
+
+def set_value(page: Any, name: str, value: object, event: str = "change") -> None:
+    """Give a control a value, as a reader's hand does."""
+    page.locator(f"#{name}").evaluate(
+        "(node, [value, event]) => { node.value = value; node.dispatchEvent(new Event(event, {bubbles: true})); }",
+        [str(value), event],
+    )
+
+
+def texts(page: Any, selector: str) -> list[str]:
+    return [text.strip() for text in page.locator(selector).all_inner_texts()]
+
+
+def titled(page: Any, words: str) -> None:
+    """Wait until a run is shown."""
+    page.wait_for_function("words => document.getElementById('run-title').innerText === words", arg=words)

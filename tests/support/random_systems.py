@@ -4,7 +4,7 @@ A system has 1-3 surfaces and 2-6 states; its field is made of linear and cubic 
 states, harmonic drives and signs (some of them times a state); cubic damping keeps it bounded. It is written as a
 case file, so that what is found is a case already. As a script::
 
-    python tests/random_systems.py DRAWS SEED
+    python tests/support/random_systems.py DRAWS SEED
 
 prints every disagreement as a case file, with what heyoka in 256 bits says of it, and what was drawn.
 """

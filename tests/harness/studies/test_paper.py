@@ -1,4 +1,4 @@
-"""Every claim of the paper's page that can be checked is checked, and none fails."""
+"""Claims of the paper's page hold; .ci/slow makes the page, with all sections, which fails where one does not."""
 
 from __future__ import annotations
 
@@ -72,22 +72,11 @@ def test_section_3_holds_and_sticks_do_occur_in_fig_4() -> None:
     assert all(section3.fan_findings(made).holds.values())
 
 
-@pytest.mark.slow  # daily: section 2, by the same analysis, and Fig. 8
-def test_section_4_holds() -> None:
-    assert checked("section_4")["Eq. (17)"].verdict == "corrected"
-
-
 def test_fig_8_holds_in_all_readings() -> None:
     how = checked("fig_8")["Fig. 8, Sec. 4.2"].how
     assert "1.17460 and 0.41610" in how
     assert "1.1743004676" in how
     assert "0.3500047649 and 0.9327451920" in how
-
-
-@pytest.mark.slow  # daily: tests/analysis/test_lyapunov.py, and the moving belt below
-def test_section_5_holds() -> None:
-    places = {"Eq. (27)", "Eq. (28)", "Eqs. (25), (26)", "Fig. 9", "Fig. 10", "Fig. 11", "Fig. 12", "Sec. 6"}
-    assert places <= set(checked("section_5"))
 
 
 def test_the_moving_belt_settles_on_its_orbit() -> None:

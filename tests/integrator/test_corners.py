@@ -1,0 +1,116 @@
+"""Any corner of surfaces, with any numbers: where machine code decides it, it decides as Python does."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import product
+from typing import Any
+
+import numpy as np
+import pytest
+from often import daily
+from test_mode_selection import straight
+
+from henon_ref.integrator.integrator import Integrator
+from henon_ref.integrator.records import HENON
+from henon_ref.integrator.run import Run
+from henon_ref.integrator.start import Start
+from henon_ref.kernel.shared import kernel
+from henon_ref.modes.mode import Mode
+from henon_ref.modes.selection import after_event
+
+CORNERS = [(2, False), (3, False), (2, True), (3, True)]
+
+
+class Corner:
+    """A point on the surfaces x_i = 0, with x' = a + B s for any numbers a and B: they are states that rest.
+
+    Parameters
+    ----------
+    acts : sequence of (int, int)
+        Which surface's velocity has which one's sign in it.
+    """
+
+    def __init__(self, surfaces: int, acts: Sequence[tuple[int, int]]) -> None:
+        self.surfaces, self.acts = surfaces, acts
+        names = [f"x{i}" for i in range(surfaces)] + [f"a{i}" for i in range(surfaces)]
+        names += [f"b{i}_{j}" for i, j in acts]
+        field = [f"a{i}" + "".join(f" + b{i}_{j}*s{j}" for k, j in acts if k == i) for i in range(surfaces)]
+        field += ["0"] * (len(names) - surfaces)
+        names.append("z")  # moved by all: signs that act on one state each are decided each by itself
+        field.append(" + ".join(f"s{i}" for i in range(surfaces)))
+        problem = straight(names, field, [f"{name}: 1" for name in names], surfaces, 1)
+        self.integrator = Integrator(problem.system, 8)
+        for mode in product((-1, 0, 1), repeat=surfaces):
+            self.integrator.mode_table.row(mode)
+        self.constants = self.integrator.constants(
+            tuple(problem.system.parameters[p] for p in self.integrator.parameters)
+        )
+
+    def both(self, numbers: Sequence[float], mode: Mode, hit: Sequence[int]) -> tuple[Mode | None, Any]:
+        """What machine code makes of it (None: left to Python), and what Python does.
+
+        Parameters
+        ----------
+        numbers : sequence of float
+            a, then the entries of B as in ``acts``.
+        mode : tuple of int
+            Before the surfaces ``hit`` were.
+        """
+        compiled = self.integrator.mode_table
+        x = [0.0] * self.surfaces + [float(v) for v in numbers] + [0.0]
+        row, guards = compiled.index[mode], compiled.guards(mode)
+        at_zero = [g.kind == "surface" and g.index in hit for g in guards]
+        hits = np.zeros(compiled.most_guards, dtype=np.int64)
+        hits[: len(guards)] = at_zero
+        start = Start(
+            time=(0.0, 0.0), until=(1.0, 0.0), x=tuple((v, 0.0) for v in x), refused=None, row=row,
+            zeros=self.constants.no_zeros, order=8, tolerance=1e-6, landing=HENON, constants=self.constants,
+        )  # fmt: skip
+        run = Run(self.integrator, start)
+        run.hits[: len(hits)] = hits
+        found = kernel.test_select_mode(run.workspace.run, self.constants.update().tables)
+        asked = [g for g, zero in zip(guards, at_zero, strict=True) if zero]
+        theirs = after_event(self.constants.in_doubles.at(0.0, x), mode, asked)
+        return compiled.modes[found] if found >= 0 else None, theirs
+
+
+@pytest.mark.parametrize(
+    ("surfaces", "coupled"),
+    # 243 and 729 modes, whose equations take as long as all the rest; daily: up to three.
+    daily([*CORNERS, (5, False), (6, False)], some=CORNERS[1:3]),
+)
+def test_any_corner_is_decided_as_in_python(surfaces: int, coupled: bool) -> None:
+    every = range(surfaces)
+    acts = [(i, j) for i in every for j in every if coupled or i == j]
+    corner, random = Corner(surfaces, acts), np.random.default_rng(surfaces)
+    clear = 0
+    for _ in range(200):
+        numbers = [*random.integers(-6, 7, surfaces) / 2, *random.integers(-4, 2, len(acts))]  # ties are frequent
+        mode = tuple(int(s) for s in random.choice([-1, 0, 1], surfaces, p=[0.4, 0.2, 0.4]))
+        hit = [i for i in every if mode[i] and random.random() < 0.8]
+        if not hit:
+            continue
+        ours, theirs = corner.both(numbers, mode, hit)
+        if ours is not None:
+            clear += 1
+            assert (theirs.status, theirs.mode) == ("unique", ours), (numbers, mode, hit)
+    assert clear >= 40
+
+
+def test_a_section_beside_contacts_that_act_on_each_other_is_crossed() -> None:
+    """Its sign is in no velocity, but theirs are in its own: no candidate slides on it."""
+    corner, random = Corner(3, [(0, 0), (0, 1), (1, 0), (1, 1), (2, 0), (2, 1)]), np.random.default_rng(3)
+    clear = 0
+    for _ in range(200):
+        numbers = [*random.integers(-6, 7, 3) / 2, *random.integers(-4, 2, 6)]
+        mode = tuple(int(s) for s in random.choice([-1, 0, 1], 3, p=[0.4, 0.2, 0.4]))
+        hit = [i for i in range(3) if mode[i] and (i == 2 or random.random() < 0.8)]
+        if 2 not in hit:
+            continue
+        ours, theirs = corner.both(numbers, mode, hit)
+        if ours is not None:
+            clear += 1
+            assert ours[2] != 0
+            assert (theirs.status, theirs.mode) == ("unique", ours), (numbers, mode, hit)
+    assert clear >= 40
