@@ -1,8 +1,8 @@
-"""The case file's form: which keys there are, what they hold, and what is said where they do not.
+"""Form of a case file: its keys, the values that they hold, and the messages for other values.
 
-Forms only check form; what the expressions in them mean is checked where they are read
-(:mod:`henon_ref.casefile.problem`, :mod:`henon_ref.casefile.expected`). A system is built of the tree, not of them;
-what a reading keeps of its own is a dataclass besides.
+Forms only check the form; the meaning of expressions is checked where they are read
+(:mod:`henon_ref.casefile.problem`, :mod:`henon_ref.casefile.expected`). A system is built from the tree of the file,
+not from its form. Forms that are kept in a reading are also dataclasses.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from henon_ref.casefile.tree import MappingNode
 from henon_ref.text import shortened
 
 MAX_NAME = 64
-"""Characters the name of a case or of a reading may have: files are called after both."""
+"""Largest number of characters of the name of a case or a reading, which becomes a file name."""
 NAME_PATTERN = f"^[a-z0-9_]{{1,{MAX_NAME}}}$"
 _DATE = re.compile(r"[0-9]{4}-[0-9]{1,2}-[0-9]{1,2}")
-"""What YAML 1.1 takes for one."""
+"""Text that YAML 1.1 reads as a date."""
 _CONTROLS = ("Cc", "Zl", "Zp", "Cs")
-"""Control characters, separators of lines and paragraphs, and halves of surrogate pairs, which no file can hold."""
+"""Unicode categories of control characters, line and paragraph separators, and surrogates."""
 
 ExpectedVerdict = Literal["ill-conditioned"]
 ExpectedStatus = Literal["ok", "diverged", "nonunique", "invalid", "failed"]
@@ -44,7 +44,7 @@ def _expression(value: Any) -> str:
     if isinstance(value, Decimal) and not value.is_finite():
         raise ValueError("must be a finite number or an expression")
     if isinstance(value, str) and _DATE.fullmatch(value.strip()):
-        raise ValueError(f"{value.strip()} is a date; a difference is written with blanks, as in 3 - 2 - 1")
+        raise ValueError(f"{value.strip()} is a date; write a difference with spaces, as in 3 - 2 - 1")
     return str(value)
 
 
@@ -74,7 +74,7 @@ def _tolerance(value: Any) -> float:
 
 def _text(value: Any) -> str:
     if not isinstance(value, str) or not value.strip():
-        raise ValueError("must be text (a number or a word such as true stands in quotes)")
+        raise ValueError("must be text (put quotes around a number or a word such as true)")
     for character in value:
         if character not in "\t\n" and unicodedata.category(character) in _CONTROLS:
             raise ValueError(f"the control character U+{ord(character):04X} is not allowed in text")
@@ -82,14 +82,14 @@ def _text(value: Any) -> str:
 
 
 def one_line(value: Any) -> str:
-    """Text that reports set in one line: line breaks and runs of blanks become one blank."""
+    """Return text in one line: line breaks and runs of spaces become one space."""
     return re.sub(r"[ \t\n]+", " ", _text(value)).strip()
 
 
 def file_name(value: Any) -> str:
-    """The name of a case or a reading, which files and folders are called after."""
+    """Return the name of a case or a reading, after checking that it can be a file name."""
     if not isinstance(value, str) or not re.fullmatch(r"[a-z0-9_]+", value):
-        shown = shortened(value) if isinstance(value, str) else f"{value} (a number alone stands in quotes)"
+        shown = shortened(value) if isinstance(value, str) else f"{value} (put quotes around a number)"
         raise ValueError(f"a name is made of a-z, 0-9 and _ only, not {shown}")
     if len(value) > MAX_NAME:
         raise ValueError(f"a name has at most {MAX_NAME} characters, not {len(value)}")
@@ -103,7 +103,7 @@ def _solver(value: Any) -> str:
 
 
 def whole_number(message: str, *values: int, schema: Mapping[str, Any] | None = None) -> Scalar:
-    """One of some whole numbers; true, 1.0 and text are none."""
+    """Return the kind of a whole number of the given values; true, 1.0 and text are refused."""
 
     def read(value: Any) -> int:
         if type(value) is not int or value not in values:
@@ -116,7 +116,7 @@ def whole_number(message: str, *values: int, schema: Mapping[str, Any] | None = 
 _NUMBER = {"type": "number"}
 _ABOVE_ZERO = _NUMBER | {"exclusiveMinimum": 0}
 Expression = Annotated[Any, Scalar(_expression, {"type": ["number", "string"]})]
-"""Read as text; a number once it has been worked out (:mod:`henon_ref.casefile.expected`)."""
+"""Read as text; evaluated later (:mod:`henon_ref.casefile.expected`)."""
 Digits = Annotated[Decimal, Scalar(_decimal, _NUMBER)]
 PositiveDigits = Annotated[Decimal, Scalar(_positive, _ABOVE_ZERO)]
 Positive = Annotated[float, Scalar(lambda value: float(_positive(value)), _ABOVE_ZERO)]
@@ -215,10 +215,10 @@ class Published(Form):
     """Figures of the source, scored apart from the truth; their last digit is taken to be rounded."""
 
     stick_durations: Annotated[tuple[PositiveDigits, ...], "[s]"] = ()
-    # A source that prints fewer than there are sticks means them to repeat in this order.
+    # If the source prints fewer lengths than there are sticks, they repeat in this order.
     stick_lengths: tuple[Digits, ...] = ()
     transition_times: Annotated[tuple[Digits, ...], "[s], of any of the transitions"] = ()
-    # Each stands beside the exact one that is nearest.
+    # Each is compared with the nearest exact transition time.
 
 
 @dataclass(frozen=True)
@@ -288,7 +288,7 @@ class CaseForm(Form):
     orbit: Orbit | None = None
     solvers: Annotated[Annotated[tuple[SolverName, ...], Size(1)] | None, "all if left out"] = None
     tolerances: Annotated[tuple[Tolerance, ...], Size(1)] = (1e-6, 1e-9, 1e-12)
-    # A coarse, a usual and a tight one: enough for a work-precision line.
+    # A coarse, a usual and a tight tolerance: enough for a work-precision line.
     steps: Annotated[tuple[Positive, ...], Size(1), "for fixed-step solvers [s]"] = (1e-3,)
     gate: Mapping[SolverName, Gate] = NONE
     expect: Expect | None = None
@@ -299,5 +299,5 @@ READING_KEYS = frozenset(CaseForm.__annotations__) - {"schema", "name"}
 
 
 def check_form(tree: MappingNode) -> None:
-    """Check the form of a model from Python, which has some of a case file's keys and may be larger."""
+    """Check the form of a model from Python, which has some of the keys of a case file and may be larger."""
     read_form(CaseForm, Source(tree, most_states=MOST_STATES), partial=True)

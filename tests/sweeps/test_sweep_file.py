@@ -78,7 +78,7 @@ def test_a_scene_may_stand_in_place_of_a_system(tmp_path: Path) -> None:
         ("rtol: 1e-9", "rtol: 0", 19, 7, "tolerance"),
         ("until: 50", "until: -1", 11, 8, "later than the start"),
         ("until: 50", "until: soon", 11, 8, "soon"),
-        ("v: 0}", "w: 0}", 10, 25, "'w' is no state"),
+        ("v: 0}", "w: 0}", 10, 25, "'w' is not a state"),
         ("    vb: {from", "    speed: {from", 14, 5, "'speed' is neither a parameter nor a state"),
         ("[-1, 0, 1.5]", "[-1, .nan]", 15, 13, "nan is no finite number"),
         ("[-1, 0, 1.5]", "[]", 15, 8, "empty"),
