@@ -242,32 +242,32 @@ def _stop(link: Link) -> None:
 KINDS: Mapping[str, Kind] = {
     "damper": Kind(
         _damper,
-        "resists a relative velocity: force -coefficient (v_p - v_q) on the first",
+        "opposes the relative velocity: force -coefficient (v_p - v_q) on the first body",
         (Key("coefficient", "N s/m", "N m s/rad", "force over relative velocity"),),
     ),
     "force": Kind(
         _load,
-        "a force from outside, along the body's coordinate",
-        (Key("value", "N", "N", "of the force, in t and parameters", of="time"),),
+        "external force along the body's coordinate",
+        (Key("value", "N", "N", "force, in t and parameters", of="time"),),
         on="mass",
     ),
     "friction": Kind(
         _friction,
-        "dry friction: it opposes the relative velocity, and holds while there is none",
+        "dry friction: opposes the relative velocity, and holds the bodies together while it is zero",
         (
             Key("law", "", "", "how friction depends on the relative velocity", words=tuple(LAWS)),
-            Key("force", "N", "N m", "of friction in sliding; with 'normal' its coefficient [1]", False, "nonnegative"),
+            Key("force", "N", "N m", "sliding friction; with 'normal': its coefficient [1]", False, "nonnegative"),
             Key("slope", "s/m", "s/rad", "how fast friction falls with speed", True, "nonnegative"),
-            Key("velocity", "m/s", "rad/s", "where friction has fallen by 1 - 1/e", True, "positive"),
-            Key("viscous", "N s/m", "N m s/rad", "of a viscous part besides", True, "nonnegative"),
-            Key("static", "N", "N m", "that it holds; with 'normal' a coefficient [1]", True, "nonnegative"),
-            Key("normal", "N", "N m", "load on the contact, in t and states; 0 below 0", True, of="states"),
+            Key("velocity", "m/s", "rad/s", "at which friction has fallen by 1 - 1/e", True, "positive"),
+            Key("viscous", "N s/m", "N m s/rad", "coefficient of additional viscous friction", True, "nonnegative"),
+            Key("static", "N", "N m", "static friction; with 'normal': its coefficient [1]", True, "nonnegative"),
+            Key("normal", "N", "N m", "load on the contact, in t and states; 0 if negative", True, of="states"),
         ),
         between_given=True,
     ),
     "spring": Kind(
         _spring,
-        "pulls its bodies together: force -(stiffness d + cubic d^3) on the first, d = x_p - x_q",
+        "pulls its bodies together: force -(stiffness d + cubic d^3) on the first body, d = x_p - x_q",
         (
             Key("stiffness", "N/m", "N m/rad", "of the linear part; may be negative", True),
             Key("cubic", "N/m^3", "N m/rad^3", "of the cubic part; negative: a softening spring", True),
@@ -275,18 +275,18 @@ KINDS: Mapping[str, Kind] = {
     ),
     "stop": Kind(
         _stop,
-        "keeps x_p - x_q at or above the gap: throws back, or pushes by stiffness times what it falls short",
+        "keeps x_p - x_q at or above the gap, by impacts (hard), or by stiffness times the depth (elastic)",
         (
             Key("gap", "m", "rad", "least value of x_p - x_q"),
             Key("stiffness", "N/m", "N m/rad", "of an elastic stop", True, "positive"),
-            Key("damping", "N s/m", "N m s/rad", "of an elastic stop, besides", True, "nonnegative"),
-            Key("restitution", "1", "1", "of a hard stop: speed after an impact over that before", True, "fraction"),
+            Key("damping", "N s/m", "N m s/rad", "of an elastic stop", True, "nonnegative"),
+            Key("restitution", "1", "1", "of a hard stop: speed after over speed before an impact", True, "fraction"),
         ),
     ),
     "torque": Kind(
         _load,
-        "a torque from outside, along the rotor's angle",
-        (Key("value", "N m", "N m", "of the torque, in t and parameters", of="time"),),
+        "external torque along the rotor's angle",
+        (Key("value", "N m", "N m", "torque, in t and parameters", of="time"),),
         on="rotor",
     ),
 }

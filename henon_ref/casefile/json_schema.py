@@ -33,7 +33,7 @@ def case_schema() -> _Schema:
     overrides = {key: _override(value) for key, value in whole["properties"].items() if key in READING_KEYS}
     whole["properties"]["readings"] = {
         "type": "object",
-        "description": "name: overrides of the keys above; mappings merge, anything else replaces, null removes",
+        "description": "name: overrides of the keys above; mappings merge, other values replace, null removes",
         "additionalProperties": {"type": "object", "properties": overrides, "additionalProperties": False},
         "propertyNames": {"pattern": NAME_PATTERN},
     }
@@ -133,7 +133,7 @@ def _connection(name: str) -> _Schema:
     )
     required = [*properties, *(key.name for key in kind.keys if not key.optional)]
     properties |= {key.name: _of_connection(key) for key in kind.keys}
-    properties["name"] = _NAME | {"description": "the symbol of its sign, in place of one made of the bodies' names"}
+    properties["name"] = _NAME | {"description": "symbol of its sign; default: made of the bodies' names"}
     return _mapping({name: _mapping(properties, required) | {"description": kind.meaning}}, [name])
 
 

@@ -174,7 +174,7 @@ def _sendable(error: Exception) -> Exception:
 
 
 def _by_workers(function: Callable[..., Any], tasks: Iterator[Task], jobs: int) -> Iterator[tuple[int, Any]]:
-    """Do tasks in processes of our own. One whose worker has ended is done again by another one."""
+    """Execute tasks in worker processes; a task whose worker dies is repeated by a new worker."""
     results: deque[tuple[int, Any]] = deque()
 
     def sequence() -> Jobs:

@@ -114,7 +114,7 @@ def test_a_connection_that_cannot_be_built_is_refused_with_its_place(connection:
         ("{mass: 1, states: [y]}", "7:26", "must be two names, as in [x1, x2]"),
         ("{mass: 1, states: [y, k]}", "7:30", "'k' is already a parameter"),
         ("{mass: 1, states: [y, y]}", "7:30", "'y' is already"),
-        ("{mass: 1, states: [y, kind]}", "7:30", "a column of transitions.csv"),
+        ("{mass: 1, states: [y, kind]}", "7:30", "another column of transitions.csv"),
         ("{mass: 1, states: [y, pi]}", "7:30", "is reserved"),
         ("{velocity: 1, states: [y, z]}", "7:22", "has no states"),
     ],
