@@ -51,7 +51,6 @@ class Connection:
     ends: tuple[str, ...]
     """Names of the bodies, in the order of ``between``."""
     name: str | None
-    """Name given in the file."""
     pushes: tuple[tuple[str, sp.Expr], ...]
     """Pairs of a body's name and the force [N] or torque [N m] on it."""
     surfaces: tuple[Surface, ...]
@@ -71,7 +70,6 @@ class Scene:
     bodies: Mapping[str, Body]
     connections: tuple[Connection, ...]
     parameters: Mapping[sp.Symbol, sp.Expr]
-    """Parameter -> exact value."""
 
     def without(self, numbers: Collection[int]) -> Scene:
         """Return the scene without the connections of the given indices."""

@@ -100,7 +100,6 @@ class Case:
     title: str
     source: str | None
     readings: tuple[Reading, ...]
-    """Readings in the order of the file."""
     path: Path | None = None
 
     def __repr__(self) -> str:

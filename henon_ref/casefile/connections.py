@@ -21,8 +21,6 @@ from henon_ref.taylor.tape import TIME
 
 @dataclass(frozen=True)
 class Key:
-    """Key of a connection."""
-
     name: str
     unit: str
     """Unit between masses."""
@@ -47,15 +45,10 @@ class Link:
     """Bodies of ``between``, in its order, or the body of ``on``."""
     source: Source
     path: Path
-    """Path to the connection's keys in the file."""
     name: str | None
-    """Name given in the file."""
     kinks: Kinks
-    """Kinks of the scene so far."""
     values: dict[str, sp.Expr] = field(default_factory=dict)
-    """Keys with expressions."""
     words: dict[str, str] = field(default_factory=dict)
-    """Keys with words."""
     kinked_values: dict[str, list[sp.Expr]] = field(default_factory=dict)
     """Key that may hold states -> arguments of the kinks of its value, which have no symbols yet."""
     pushes: list[tuple[str, sp.Expr]] = field(default_factory=list)
@@ -128,8 +121,6 @@ class Link:
 
 @dataclass(frozen=True)
 class Kind:
-    """Kind of connection."""
-
     add: Callable[[Link], None]
     """Adds the terms of the kind to a connection under construction."""
     meaning: str

@@ -31,7 +31,6 @@ from henon_ref.modes.bounds import (
 )
 
 Written: TypeAlias = "str | sp.Expr"
-"""Expression as given."""
 KINKED = (sp.Abs, sp.sign, sp.Max, sp.Min, sp.Piecewise, sp.Heaviside)
 """SymPy's functions with kinks or jumps."""
 SMOOTH = dict.fromkeys(FUNCTIONS, 1)
@@ -198,7 +197,6 @@ class Walk:
         self.names, self.work, self.kinked = names, work, kinked
 
     def value(self, operation: Operation) -> sp.Expr:
-        """Return the value of an operation."""
         try:
             return self._of(operation, 0)
         except (RecursionError, MemoryError):

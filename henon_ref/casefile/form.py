@@ -48,12 +48,9 @@ class Form:
 
 @dataclass(frozen=True, eq=False)
 class Scalar:
-    """Kind of a scalar."""
-
     read: Callable[[Any], Any]
     """Converts a value of the file; raises ValueError with the fault."""
     schema: Mapping[str, Any]
-    """JSON Schema of the scalar."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +74,6 @@ class Kind:
     optional: bool = False
     """Whether the value may be null."""
     description: str = ""
-    """Meaning of the key."""
     default: Any = None
     """Value if the key is omitted; ``MISSING`` if it is required."""
 

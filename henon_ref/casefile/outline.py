@@ -17,16 +17,14 @@ CONTACTS = ("friction", "stop")
 
 @dataclass(frozen=True)
 class Outline:
-    """Outline of a case."""
+    """Outline of a case; ``states`` and ``surfaces`` are their numbers in each reading."""
 
     name: str
     title: str
     tags: tuple[str, ...]
     readings: int
     states: tuple[int, ...]
-    """Number of states of each reading."""
     surfaces: tuple[int, ...]
-    """Number of surfaces of each reading."""
 
 
 def outline(path: Path) -> Outline:

@@ -46,8 +46,6 @@ def parsed(text: str, names: Collection[str], functions: Mapping[str, int]) -> O
 
 @dataclass(frozen=True, slots=True)
 class _Token:
-    """Token of an expression."""
-
     kind: str
     """``number``, ``name``, ``operator``, ``bracket`` or ``comparison``."""
     text: str

@@ -52,8 +52,6 @@ def _read(source: Source) -> tuple[_Reader, tuple[Scene, Names]]:
 
 
 class _Reader:
-    """Reader of one scene."""
-
     def __init__(self, source: Source) -> None:
         self.source = source
         self.quantities = Quantities(source)

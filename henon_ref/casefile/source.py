@@ -47,7 +47,6 @@ class Source:
     work: Work = field(default_factory=Work, compare=False)
     """Cache and cost of the expressions of the file, shared by all readings."""
     most_states: int = MAX_STATES
-    """Largest number of states, and of surfaces."""
 
     def error(self, path: Path, message: str, *, key: bool = False) -> CaseError:
         """Return an error at the value that a path leads to (``key``: at its key)."""

@@ -37,8 +37,6 @@ def spelled_out(expression: sp.Expr) -> str:
 
 
 class _Reader:
-    """Reader of one expression."""
-
     def of(self, e: sp.Basic, depth: int) -> Operation:
         if depth > MAX_DEPTH:
             raise ExpressionError(f"nested deeper than {MAX_DEPTH}")

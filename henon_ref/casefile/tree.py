@@ -62,7 +62,6 @@ class MappingNode:
     entries: Mapping[str, Node]
     keys: Mapping[str, Place]
     size: int
-    """Number of nodes in it, aliases expanded."""
 
 
 Node = ScalarNode | SequenceNode | MappingNode

@@ -64,7 +64,6 @@ def _text(error: BaseException, name: str, arguments: Sequence[str]) -> str:
 
 
 def _packages() -> list[str]:
-    """Return all installed packages with versions."""
     try:
         return sorted({f"{found.name} {found.version}" for found in metadata.distributions()})
     except Exception as error:  # noqa: BLE001 - the traceback matters more than a broken package

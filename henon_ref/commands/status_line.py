@@ -5,7 +5,6 @@ from __future__ import annotations
 from henon_ref.terminal import Line
 
 _line = Line()
-"""Status line of the terminal, shared by all commands."""
 show = _line.show
 """Show a text on the status line, in place of the previous one; nothing outside a terminal."""
 clear = _line.end

@@ -114,7 +114,6 @@ def _cluster(address: str | None) -> Iterator[Any]:
 
 
 def _draw(place: SweepFolder) -> None:
-    """Draw a finished sweep into its folder ``figures``."""
     from henon_ref.atomic_write import replace_file
     from henon_ref.figures import style
     from henon_ref.figures.sweeps import HEIGHT

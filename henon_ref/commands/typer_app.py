@@ -13,7 +13,6 @@ FLAG = ""
 Cases = Annotated[
     list[Path], typer.Argument(help="Case files, or folders of them.", show_default=False, metavar="CASE")
 ]
-"""Argument of subcommands: case files."""
 
 
 def application() -> typer.Typer:

@@ -32,7 +32,6 @@ def description_of(figure: Figure) -> tuple[str, str]:
 
 
 def _title(axes: Axes) -> str:
-    """Return a panel's title, in any of the three positions."""
     return next((own for place in ("left", "center", "right") if (own := axes.get_title(loc=place))), "")
 
 

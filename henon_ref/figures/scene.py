@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 TITLE = "Bodies and what connects them"
 MOST_BODIES = 12
-"""Largest number of bodies in a figure."""
 HALF = 0.24
 """Half the side of a body, relative to the distance of two bodies."""
 SIDEWAYS = 0.13
@@ -117,7 +116,6 @@ def places_of(scene: Scene) -> Mapping[str, Place]:
 
 
 def _half_size(body: Body) -> Place:
-    """Return half the width and half the height of a body."""
     return HALF * np.array([1.0, 1.0] if body.inertia is not None else [1.6, 0.5])
 
 

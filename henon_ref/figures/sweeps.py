@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 HEIGHT = 4.4
 """Height of a figure [in]."""
 BINS = 60
-"""Largest number of bins of a histogram."""
 MOST_BASINS = 12
 """Largest number of basins, which differ by colour."""
 _COLOURS = (

@@ -54,7 +54,6 @@ class Points:
         return len(self.values)
 
     def columns(self, rows: slice) -> dict[str, NDArray[Any]]:
-        """Return the columns of some rows, by name."""
         part = self.values[rows]
         own = {name: np.ascontiguousarray(part[:, k]) for k, name in enumerate(self.names)}
         return own | {name: column[rows] for name, column in self.labels.items()}

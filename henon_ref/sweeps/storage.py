@@ -38,7 +38,6 @@ _LOG = logging.getLogger(__name__)
 
 MANIFEST, SWEEP_FILE = "manifest.json", "sweep.yaml"
 PAGE = "index.html"
-"""Page of a finished sweep."""
 KEY = "henon_ref_sweep"
 """Key of the manifest with the names that belong to the sweep."""
 KEPT = "finished chunks are kept: --resume (resume=True) continues from them"
@@ -54,7 +53,6 @@ class Owned:
     chunks: int
     """Number of files of each table: 000000.parquet and so on."""
     tables: tuple[str, ...]
-    """Names of the tables' folders."""
     files: tuple[str, ...]
     """Names of other files, and of the folder of figures."""
 

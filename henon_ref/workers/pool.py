@@ -62,7 +62,6 @@ class _Task:
         """Token of the job sent to the worker; ``NO_TOKEN`` if there is none."""
 
     def begin(self, worker: WorkerProcess) -> None:
-        """Start the clock of the job."""
         self.began, self.used_before = worker.clock, worker.used
         self.compiled = 0.0
         self.compiling_since: tuple[float, float] | None = None
@@ -83,7 +82,6 @@ class _Task:
             self.compiling_since = self.compiling_since[0] + seconds, self.compiling_since[1]
 
     def is_late(self, worker: WorkerProcess) -> bool:
-        """Check whether the job is past its deadline."""
         if self.job is None or self.job.seconds == math.inf:
             return False
         used, now = worker.used, worker.clock
@@ -214,7 +212,6 @@ class WorkerPool:
         task.worker.channel.send(task.token, pickled)
 
     def _receive(self, task: _Task) -> None:
-        """Process the messages of a worker about its job."""
         worker, result = task.worker, None
         if worker is None or task.token == NO_TOKEN:
             return
