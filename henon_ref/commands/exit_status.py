@@ -100,8 +100,8 @@ def writing_into(folder: Path, *, kept: str = "") -> Iterator[None]:
         inside = place is not None and Path(place).absolute().is_relative_to(folder.absolute())
         if not inside and error.errno not in FULL:
             raise
-        told = f"cannot write{f' {place}' if place else ''}: {error.strerror or error}"
-        raise CaseError("; ".join(part for part in (told, kept) if part)) from error
+        reason = f"cannot write{f' {place}' if place else ''}: {error.strerror or error}"
+        raise CaseError("; ".join(part for part in (reason, kept) if part)) from error
 
 
 def say(words: str) -> None:

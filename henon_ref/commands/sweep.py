@@ -74,8 +74,8 @@ def main(
         place.begin(resume=resume, name=sweep.name, title=sweep.title, source=sweep.source, further=further)
         for _, tables in done(sweep.plan, place, jobs=jobs or processors(), executor=executor, quiet=quiet):
             ended.update(tables.points["status"].tolist())
-        told = ", ".join(f"{count} {status}" for status, count in sorted(ended.items()))
-        print(f"{folder}: {len(sweep.plan.points)} points, {told}")
+        counts = ", ".join(f"{count} {status}" for status, count in sorted(ended.items()))
+        print(f"{folder}: {len(sweep.plan.points)} points, {counts}")
         if plot:
             _draw(place)
     return DONE

@@ -24,7 +24,7 @@ ALONE, AMONG_OTHERS = 0.45, 0.22
 """Largest drawn displacement of one free mass, and of several, relative to the distance of two bodies."""
 MARKS = 4
 """Number of lines on a body of prescribed motion that show its movement."""
-MOST_WORDS = 4
+MOST_NAMED = 4
 """Largest number of contacts whose state is named in the title."""
 Vector = NDArray[np.float64]
 
@@ -68,7 +68,7 @@ def animated(axes: Axes, scene: Scene, system: FilippovSystem, motion: Motion, f
         for body in scene.bodies.values():
             draw_body(axes, body, at[body.name])
             _draw_marks(axes, body, at[body.name], float(moved[body.name][frame]), scale)
-        signs = [sign.name for sign in system.signs[:MOST_WORDS]]
+        signs = [sign.name for sign in system.signs[:MOST_NAMED]]
         words = [f"{name}: {'stick' if name in held else 'slip'}" for name in signs]
         axes.set_title(f"t = {motion.times[frame]:.2f} s   {'   '.join(words)}", loc="left", x=0.02)
         return ()

@@ -314,10 +314,10 @@ def mark_transitions(axes: Axes, points: NDArray[np.float64], kinds: Sequence[st
     centre = np.mean([axes.get_xlim(), axes.get_ylim()], axis=1)
     halo = [Stroke(linewidth=2.0, foreground="white"), Normal()]
     for kind, point, own in places:
-        told = ", ".join(f"{time:.4g}" for time in own[:MOST_TIMES]) + (", ..." if len(own) > MOST_TIMES else "")
+        shown = ", ".join(f"{time:.4g}" for time in own[:MOST_TIMES]) + (", ..." if len(own) > MOST_TIMES else "")
         right, above = point > centre  # labels extend towards the centre, where there is space
         axes.annotate(
-            f"{kind} {told} s", tuple(point), xytext=(-3 if right else 3, -4 if above else 4),
+            f"{kind} {shown} s", tuple(point), xytext=(-3 if right else 3, -4 if above else 4),
             textcoords="offset points", rotation=SLOPE if right == above else -SLOPE, rotation_mode="anchor",
             ha="right" if right else "left", va="top" if above else "bottom", fontsize=7, zorder=6, path_effects=halo,
         )  # fmt: skip

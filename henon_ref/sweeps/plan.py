@@ -67,7 +67,7 @@ class Plan:
     def content(self) -> str:
         """SHA-256, in hexadecimal, of everything that determines the results and their files."""
         work, system = self.work, self.work.system
-        told = {
+        identity = {
             "system": repr(system.content),
             "initial": [str(system.number(work.initial[name])) for name in system.state],
             "time": [str(system.number(value)) for value in (work.start, work.until)],
@@ -81,7 +81,7 @@ class Plan:
             "chunk": self.chunk,
             "points": _digest(np.ascontiguousarray(self.points.values).data),
         }
-        return _digest(json.dumps(told, sort_keys=True).encode())
+        return _digest(json.dumps(identity, sort_keys=True).encode())
 
 
 def planned(

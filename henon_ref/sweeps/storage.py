@@ -222,8 +222,8 @@ def _foreign(path: Path) -> CaseError:
 
 
 def _unwritten(error: OSError, folder: Path, kept: str) -> CaseError:
-    told = f"cannot be written: {error.strerror or error}"
-    return CaseError("; ".join(part for part in (told, kept) if part), file=error.filename or str(folder))
+    reason = f"cannot be written: {error.strerror or error}"
+    return CaseError("; ".join(part for part in (reason, kept) if part), file=error.filename or str(folder))
 
 
 def _files(plan: Plan, name: str, title: str, source: str | None) -> dict[str, bytes]:
@@ -246,7 +246,7 @@ def _sweep_file(plan: Plan, name: str, title: str, source: str | None, table: st
     work, system = plan.work, plan.work.system
     initial = {state: written(work.initial[state], state) for state in system.state}
     mode = {"mode": {str(sign): int(side) for sign, side in work.mode.items()}} if work.mode else {}
-    told = {
+    entries = {
         "schema": 1,
         "name": re.sub("[^a-z0-9_]", "_", name.lower())[:64] or "sweep",
         "title": title,
@@ -260,7 +260,7 @@ def _sweep_file(plan: Plan, name: str, title: str, source: str | None, table: st
         "chunk": plan.chunk,
         "max_steps": work.max_steps,
     }
-    return {key: value for key, value in told.items() if value is not None}
+    return {key: value for key, value in entries.items() if value is not None}
 
 
 def _observation(observation: Observation) -> Mapping[str, Any]:

@@ -34,8 +34,8 @@ CSV, PARQUET = "points.csv", "points.parquet"
 def check_size(points: int, names: int, what: str) -> None:
     """Raise ArgumentError if points have more than ``MOST_NUMBERS`` values, before memory is allocated."""
     if points * names > MOST_NUMBERS:
-        told = "1 name" if names == 1 else f"{names} names"
-        raise ArgumentError(f"{what} has {points} points of {told}; at most {MOST_NUMBERS // names} are allowed")
+        width = "1 name" if names == 1 else f"{names} names"
+        raise ArgumentError(f"{what} has {points} points of {width}; at most {MOST_NUMBERS // names} are allowed")
 
 
 def check_arrow(what: str) -> None:
