@@ -40,14 +40,13 @@ WIDTH, HEIGHT = 10.0, 4.6
 def main(
     case: Annotated[Path, typer.Argument(help="A case file, or a case's name.", show_default=False, metavar="CASE")],
     reading: Annotated[
-        str | None, typer.Option(help="Its reading; the first one if left out.", metavar="NAME", show_default=False)
+        str | None,
+        typer.Option(help="The reading; the first one if left out.", metavar="NAME", show_default=False),
     ] = None,
-    until: Annotated[
-        str | None, typer.Option(help="Where the run ends; as in the case if left out.", metavar="TIME")
-    ] = None,
+    until: Annotated[str | None, typer.Option(help="Horizon [s]; as in the case if left out.", metavar="TIME")] = None,
     values: Annotated[
         list[str] | None,
-        typer.Option("--set", help="A parameter, or the initial value of a state; as often as needed.", metavar="N=V"),
+        typer.Option("--set", help="A parameter, or the initial value of a state; may be repeated.", metavar="N=V"),
     ] = None,
     rtol: Annotated[float, typer.Option(help="Tolerance, from 1e-16 to below 1.", metavar="NUMBER")] = 1e-10,
     plot: Annotated[
@@ -56,7 +55,7 @@ def main(
     csv: Annotated[
         Path | None,
         typer.Option(
-            help="Write the transitions as CSV, numbers in full, in place of printing them; - prints the CSV.",
+            help="Write the transitions as CSV with all digits instead of printing them; - prints the CSV.",
             metavar="FILE",
         ),
     ] = None,

@@ -40,19 +40,15 @@ Around = Callable[[Path], AbstractContextManager[None]]
 def main(
     context: typer.Context,
     file: Annotated[Path, typer.Argument(help="A sweep file (YAML).", show_default=False, metavar="SWEEP")],
-    out: Annotated[Path, typer.Option(help="Folder of the sweeps, each in one of its name.", metavar="FOLDER")] = Path(
-        "out"
-    ),
+    out: Annotated[Path, typer.Option(help="Folder for sweeps, a subfolder for each.", metavar="FOLDER")] = Path("out"),
     jobs: Annotated[
         int | None,
-        typer.Option(help="Worker processes; as many as there are processors if left out.", min=1, metavar="NUMBER"),
+        typer.Option(help="Worker processes; if left out, the number of processors.", min=1, metavar="NUMBER"),
     ] = None,
     dask: Annotated[
         str | None, typer.Option(help="Run on a Dask cluster: its scheduler's address.", metavar="ADDRESS")
     ] = None,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Keep chunks that are finished in the folder.", metavar=FLAG)
-    ] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Keep finished chunks in the folder.", metavar=FLAG)] = False,
     plot: Annotated[bool, typer.Option("--plot", help="Draw the results, as SVG.", metavar=FLAG)] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="Show no progress.", metavar=FLAG)] = False,
 ) -> int:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 REST = 1e-6
 """Largest extent of a stick that is drawn as a point, relative to the largest state."""
 BLOW_UP = 50.0
-"""A curve is cut off if it extends this many times beyond its 95 % quantile."""
+"""A curve is cut off if its largest value exceeds its 95 % quantile by this factor."""
 GRID = 121
 """Number of grid points per side for contours of a surface."""
 MOST_NAMED = 8

@@ -39,7 +39,7 @@ MOST_HALVINGS = 50
 NEWTON = 8
 """Number of steps of Newton's method, from the middle of a piece."""
 MOST_PIECES = 4096
-"""Largest number of pieces of one run that are halved at a time; exceeded only if rounding errors dominate."""
+"""Largest number of pieces of one run that are halved at a time; more occur only if rounding errors dominate."""
 MOST_NUMBERS = 1 << 22
 """Largest number of coefficients of steps in memory at one time; one run alone may exceed it."""
 _NAMES = {"asin": "arcsin", "acos": "arccos", "atan": "arctan"}

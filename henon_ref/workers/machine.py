@@ -78,8 +78,8 @@ def _linear_algebra() -> str:
     """Return the linear algebra libraries with their kernels (chosen by processor or setting) and their packages.
 
     The last digits of implicit methods depend on them, and may decide whether an event occurs before the horizon. The
-    builds in different wheels may choose different kernels. Builds of packages that are not loaded yet are loaded here
-    (without the package, which takes a hundredth of the time).
+    builds in different wheels may choose different kernels. Builds of packages that are not imported yet are loaded
+    without the package, in a hundredth of the time.
     """
     from threadpoolctl import threadpool_info
 

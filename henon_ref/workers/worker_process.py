@@ -117,7 +117,7 @@ class WorkerProcess:
     Attributes
     ----------
     ended : int or None
-        Exit status, set after the worker has ended and before its last messages are read.
+        Exit status, set when the worker has ended; all data that it has sent can then be read.
     began_with : int or None
         Memory of the worker at its start [bytes]; None until it has started.
     """
