@@ -80,7 +80,7 @@ def test_a_scene_may_stand_in_place_of_a_system(tmp_path: Path) -> None:
         ("until: 50", "until: soon", 11, 8, "soon"),
         ("v: 0}", "w: 0}", 10, 25, "'w' is not a state"),
         ("    vb: {from", "    speed: {from", 14, 5, "'speed' is neither a parameter nor a state"),
-        ("[-1, 0, 1.5]", "[-1, .nan]", 15, 13, "nan is no finite number"),
+        ("[-1, 0, 1.5]", "[-1, .nan]", 15, 13, "nan is not a finite number"),
         ("[-1, 0, 1.5]", "[]", 15, 8, "empty"),
         ("count: 5", "count: 5.5", 14, 9, "whole number"),
         ("  grid:", "  grit:", 13, 3, "did you mean 'grid'"),
