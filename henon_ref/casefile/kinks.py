@@ -158,10 +158,7 @@ def _called(name: str, arguments: Sequence[sp.Expr]) -> sp.Expr:
 
 
 def _check_on_surface(values: Sequence[sp.Expr], conditions: Sequence[sp.Expr], strict: Sequence[bool]) -> None:
-    """Raise ExpressionError if a ``piecewise`` with one surface has a value on it unlike both sides and their mean.
-
-    The last of ``values`` applies if no condition holds.
-    """
+    """Raise ExpressionError if a ``piecewise`` with one surface has a value on it unlike both sides and their mean."""
     signs = [sgn(condition) for condition in conditions]
     surfaces = set().union(*(sign.atoms(Sgn) for sign in signs))
     if len(surfaces) != 1:

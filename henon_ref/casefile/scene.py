@@ -30,10 +30,7 @@ def build_scene(source: Source) -> tuple[Scene, Names]:
 
 
 def conditions(source: Source) -> list[sp.Expr]:
-    """Return the conditions of a scene on its parameters: expressions in them that must be positive or nonnegative.
-
-    Parameter values for which all of them are positive are allowed.
-    """
+    """Return expressions in the parameters of a scene; parameter values that make all of them positive are allowed."""
     reader, _ = _read(source)
     return [*reader.quantities.wanted, *reader.kinks.conditions]
 

@@ -51,10 +51,7 @@ class Motion:
 
 
 def motion_of(samples: Samples, transitions: Sequence[Event]) -> Motion | None:
-    """Merge samples and transitions; None if the samples contain no motion.
-
-    Samples after an early end are NaN and are omitted.
-    """
+    """Merge samples (NaN after an early end) and transitions; None if the samples contain no motion."""
     good = np.nonzero(np.isfinite(samples.states).all(axis=1))[0]
     times, states = samples.times[good], samples.states[good]
     if len(times) < 2 or times[0] == times[-1]:

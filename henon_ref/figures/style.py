@@ -178,10 +178,7 @@ def figure(height: float, *, width: float = WIDTH) -> Iterator[Figure]:
 
 
 def image(figure: Figure, kind: str = "svg") -> bytes:
-    """Return a figure as the content of a file (SVG, PNG or PDF) that is the same in every run.
-
-    An SVG has the role of an image, a title and a description (see :mod:`henon_ref.figures.description`).
-    """
+    """Return a figure as a file (SVG with title and description, PNG or PDF) that is the same in every run."""
     buffer = io.BytesIO()
     metadata = {"Date": None, "Creator": None} if kind == "svg" else None
     with report_style():
@@ -223,10 +220,7 @@ def time_text(seconds: float) -> str:
 
 
 def decades(axis: Axis, text: Callable[[float], str] = power_of_ten) -> None:
-    """Label the decades of a logarithmic axis with set limits: at most nine labels, without slow mathtext.
-
-    ``text`` converts a value to its label.
-    """
+    """Label at most nine decades of a logarithmic axis with set limits by ``text``, without slow mathtext."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
     low, high = axis.get_view_interval()

@@ -261,10 +261,7 @@ def along_steps(system: System, text: str) -> AlongSteps:
 
 @dataclass(frozen=True)
 class Extremes(Observation):
-    """See :func:`henon_ref.sweeps.observe.extremes`.
-
-    Each run is repeated by itself with its dense output.
-    """
+    """See :func:`henon_ref.sweeps.observe.extremes`; each run is repeated by itself with its dense output."""
 
     of: str
     after: float | None = None

@@ -35,10 +35,7 @@ DISTRIBUTIONS = {"uniform": "its least and largest value", "normal": "its mean a
 
 @dataclass(frozen=True)
 class Points:
-    """Values of parameters and states, one row for each run.
-
-    ``values`` has shape (N, names).
-    """
+    """Values of parameters and states, shape (N, names): one row for each run."""
 
     names: tuple[str, ...]
     """Names of parameters and states, each once."""

@@ -106,10 +106,7 @@ class Observation:
 
 @dataclass(frozen=True)
 class Work:
-    """Everything that the runs of a sweep have in common.
-
-    Numbers are int, float, Fraction or text, as in :func:`henon_ref.simulate`.
-    """
+    """Everything that the runs of a sweep have in common; numbers as in :func:`henon_ref.simulate`."""
 
     system: System
     initial: Mapping[str, Any]
@@ -148,10 +145,7 @@ class Work:
         return {name: Number(expression) for name, expression in own.items()}
 
     def pairs(self, columns: Mapping[str, Vector], count: int) -> dict[str, Vector]:
-        """Return all numbers of some points, by name, as pairs of doubles (:mod:`henon_ref.integrator.pairs`).
-
-        A swept value means the decimal number that it prints as.
-        """
+        """Return all numbers of some points, by name, as pairs of doubles; a swept value is read as it prints."""
         found = {name: number.pairs(columns, count) for name, number in self.numbers.items() if name not in columns}
         return found | {name: decimal_pairs(values) for name, values in columns.items()}
 

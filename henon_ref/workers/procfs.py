@@ -23,10 +23,7 @@ _DEATH_SIGNAL, _SUBREAPER = 1, 36
 
 
 def family(pid: int) -> list[int]:
-    """Return a process and all its descendants, in any session, parents first.
-
-    Orphaned descendants are included if the process has called :func:`adopt_orphans`.
-    """
+    """Return a process and its descendants, parents first; orphans only if it has called :func:`adopt_orphans`."""
     found = [pid]
     for parent in found:
         found += children(parent)
