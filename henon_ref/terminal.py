@@ -1,4 +1,4 @@
-"""One line that says what is being done, at a terminal and in a notebook."""
+"""A progress line, in a terminal and in a notebook."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from typing import Any, TextIO
 from henon_ref.text import message
 
 _ERASED = "\r\x1b[2K"
-"""The cursor goes to the line's start, and what stands in the line goes away."""
+"""Moves the cursor to the start of the line and erases the line."""
 PATIENCE = 1.0
-"""Seconds after which the line is written."""
+"""Delay before a notice is written [s]."""
 
 
 @contextmanager
 def notice_if_slow(work: str) -> Iterator[None]:
-    """Say on standard error (in a notebook: standard output) what is being done, if it is not done within a second.
+    """Print on standard error (in a notebook: standard output) what is being done, if it takes more than a second.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ def notice_if_slow(work: str) -> Iterator[None]:
     if not is_watched():
         yield
         return
-    stream = sys.stdout if in_notebook() else sys.stderr  # which a notebook shows as if something were wrong
+    stream = sys.stdout if in_notebook() else sys.stderr  # a notebook shows standard error as an error
     timer = Timer(PATIENCE, lambda: print(f"henon_ref: {work}, once", file=stream, flush=True))
     timer.daemon = True
     timer.start()
@@ -38,40 +38,40 @@ def notice_if_slow(work: str) -> Iterator[None]:
         yield
     finally:
         timer.cancel()
-        timer.join()  # no thread is left: workers may be forked
+        timer.join()  # leave no thread behind, since workers may be forked
 
 
 def is_watched() -> bool:
-    """Whether somebody sees standard error: it is a terminal, or this is a notebook's kernel."""
+    """Check whether a user can see standard error: it is a terminal, or this is the kernel of a notebook."""
     return in_notebook() or (sys.stderr is not None and sys.stderr.isatty())
 
 
 def in_notebook() -> bool:
-    """Whether this is a notebook's kernel."""
+    """Check whether this is the kernel of a notebook."""
     shell = sys.modules.get("IPython")
     instance = shell.get_ipython() if shell is not None and hasattr(shell, "get_ipython") else None
     return getattr(instance, "kernel", None) is not None
 
 
 def is_terminal(stream: TextIO | None) -> bool:
-    """Whether a stream is a terminal on which a line can be taken back."""
+    """Check whether a stream is a terminal in which a line can be erased."""
     return stream is not None and stream.isatty() and os.environ.get("TERM") not in ("dumb", "unknown")
 
 
 class Line:
-    """A line that is written over, on a terminal or among a notebook's outputs; elsewhere nothing is shown.
+    """Line that is updated in place, in a terminal or in a notebook; elsewhere nothing is shown.
 
-    It needs no thread, so that workers can be forked, and in a notebook no widgets.
+    It uses no thread, so that workers can be forked, and no notebook widgets.
 
     Parameters
     ----------
     stream : TextIO, optional
-        None: standard error, as it is whenever something is shown.
+        None: the standard error stream at the time of each update.
 
     Attributes
     ----------
     shown : bool
-        Whether it stands there.
+        Whether the line is currently visible.
     """
 
     def __init__(self, stream: TextIO | None = None) -> None:
@@ -80,7 +80,7 @@ class Line:
         self.shown = False
 
     def show(self, words: str) -> None:
-        """Show what is being done, in the place of what was shown before."""
+        """Show what is being done in place of the previous text."""
         stream = self._stream or sys.stderr
         if in_notebook():
             if self._handle is None:
@@ -95,7 +95,7 @@ class Line:
             self.shown = True
 
     def end(self, words: str = "") -> None:
-        """Take the line back, or leave these words there."""
+        """Erase the line, or replace it by a final text."""
         if words:
             self.show(words)
         if self.shown:

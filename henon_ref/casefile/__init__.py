@@ -1,5 +1,5 @@
-"""What a case file may say: YAML, its form, expressions, scenes and their effects.
+"""Reading case files: YAML, keys and values, expressions, scenes.
 
-What cannot be used is told by a :class:`~henon_ref.errors.CaseError` with its line and column (by an
-:class:`~henon_ref.errors.ExpressionError` with its offset, where an expression stands in no file).
+A fault in a file raises :class:`~henon_ref.errors.CaseError` with its line and column; a fault in an expression that is
+in no file raises :class:`~henon_ref.errors.ExpressionError` with its offset in the text.
 """

@@ -1,4 +1,4 @@
-"""A scene put together: its bodies, its connections with their terms, and the Filippov system they add up to."""
+"""Scene of bodies and connections, assembled into a Filippov system."""
 
 from __future__ import annotations
 
@@ -16,69 +16,67 @@ from henon_ref.modes.system import FilippovSystem
 
 @dataclass(frozen=True)
 class Surface:
-    """A surface that a connection makes."""
+    """Surface that a connection creates."""
 
     sign: sp.Symbol
     expression: sp.Expr
     """In t, states and parameters."""
     kink: bool = False
-    """Whether it stands for a kink of an expression."""
+    """Whether the surface belongs to a kink of an expression."""
 
 
 @dataclass(frozen=True)
 class Hold:
-    """A contact that holds its two bodies together while the load on it is at most a limit."""
+    """Contact that holds its two bodies together up to a limit load."""
 
     sign: sp.Symbol
     limit: sp.Expr
-    """Largest force [N] or torque [N m] that it can hold."""
+    """Largest force [N] or torque [N m] that the contact can hold."""
 
 
 @dataclass(frozen=True)
 class Impact:
-    """A surface at which the two bodies throw each other back."""
+    """Surface at which two bodies collide and rebound."""
 
     sign: sp.Symbol
     restitution: sp.Expr
-    """Speed after over speed before [1]."""
+    """Relative speed after the impact divided by the relative speed before [1]."""
 
 
 @dataclass(frozen=True)
 class Connection:
-    """A connection with what it adds to the equations."""
+    """Connection between bodies, with its terms in the equations."""
 
     kind: str
     ends: tuple[str, ...]
-    """Names of the bodies it acts on, in the order of ``between``."""
+    """Names of the bodies, in the order of ``between``."""
     name: str | None
-    """The name that the file gives it."""
     pushes: tuple[tuple[str, sp.Expr], ...]
-    """Body and force [N] or torque [N m] on it."""
+    """Pairs of a body's name and the force [N] or torque [N m] on it."""
     surfaces: tuple[Surface, ...]
     holds: tuple[Hold, ...]
     impacts: tuple[Impact, ...] = ()
 
     @property
     def label(self) -> str:
-        """Kind and bodies, and its name where it has one: ``friction rub (block, belt)``."""
+        """Kind, name (if given) and bodies: ``friction rub (block, belt)``."""
         return f"{self.kind}{f' {self.name}' if self.name else ''} ({', '.join(self.ends)})"
 
 
 @dataclass(frozen=True)
 class Scene:
-    """Bodies and what connects them."""
+    """Bodies and the connections between them."""
 
     bodies: Mapping[str, Body]
     connections: tuple[Connection, ...]
     parameters: Mapping[sp.Symbol, sp.Expr]
-    """Parameter -> exact number."""
 
     def without(self, numbers: Collection[int]) -> Scene:
-        """The scene with some connections left out."""
+        """Return the scene without the connections of the given indices."""
         return replace(self, connections=tuple(c for i, c in enumerate(self.connections) if i not in numbers))
 
     def system(self) -> FilippovSystem:
-        """The Filippov system: states body by body, surfaces connection by connection."""
+        """Return the Filippov system: states in the order of the bodies, surfaces in that of the connections."""
         surfaces = list(dict.fromkeys(surface for each in self.connections for surface in each.surfaces))
         order = [surface.sign for surface in surfaces]
         system = FilippovSystem(
@@ -108,7 +106,7 @@ class Scene:
 
     @cached_property
     def _pushes(self) -> Mapping[str, list[tuple[int, sp.Expr]]]:
-        """Body -> the forces [N] or torques [N m] on it, each with the number of its connection."""
+        """Body -> forces [N] or torques [N m] on it, each with the index of its connection."""
         found: dict[str, list[tuple[int, sp.Expr]]] = {name: [] for name in self.bodies}
         for number, connection in enumerate(self.connections):
             for name, push in connection.pushes:
@@ -116,11 +114,11 @@ class Scene:
         return found
 
     def _force(self, body: Body, without: int | None = None) -> sp.Expr:
-        """Sum of the forces or torques on a body, those of one connection left out."""
+        """Return the sum of the forces or torques on a body, optionally without those of one connection."""
         return sp.Add(*(push for number, push in self._pushes[body.name] if number != without))
 
     def _field(self, on_surface: Mapping[sp.Symbol, sp.Expr], held: Mapping[str, sp.Expr]) -> tuple[sp.Expr, ...]:
-        """x' of all states, on a surface, some bodies' accelerations given."""
+        """Return x' of all states on a surface; ``held`` gives the acceleration of some bodies."""
         rates: list[sp.Expr] = []
         for name, own in self._rates.items():
             pair = (own[0], held[name]) if name in held else own
@@ -130,17 +128,17 @@ class Scene:
 
     @cached_property
     def _rates(self) -> Mapping[str, tuple[sp.Expr, sp.Expr]]:
-        """Body that moves -> its velocity and acceleration."""
+        """Free body -> its velocity and acceleration."""
         bodies = (body for body in self.bodies.values() if body.inertia is not None)
         return {body.name: (body.velocity, self._force(body) / body.inertia) for body in bodies}
 
     @cached_property
     def _moving(self) -> Mapping[str, Set[sp.Symbol]]:
-        """What stands in these."""
+        """Free body -> symbols in its velocity and acceleration."""
         return {name: velocity.free_symbols | rate.free_symbols for name, (velocity, rate) in self._rates.items()}
 
     def _held(self, number: int, connection: Connection, hold: Hold) -> SlidingOverride:
-        """The two bodies of a contact move as one, until the load on it is larger than the limit.
+        """Return the mode in which the two bodies of a contact move as one until the load exceeds the limit.
 
         The load is the force that the contact takes from the first body and gives to the second:
         ``m_p a = f_p - load``, ``m_q a = f_q + load``.
@@ -161,7 +159,7 @@ class Scene:
             on_surface = {q.velocity: p.velocity}
             load = q.inertia * p.acceleration - f_q
             held, inertia = {q.name: p.acceleration}, q.inertia
-        else:  # whose motion is given, at one velocity: nothing to carry
+        else:  # both motions are prescribed, with equal velocities: no load
             on_surface, load, held, inertia = {}, sp.Integer(0), {}, sp.Integer(0)
         load, limit = load.xreplace(on_surface), hold.limit.xreplace(on_surface)
         ends = {body.velocity: way / body.inertia for body, way in ((p, -1), (q, 1)) if body.inertia is not None}
@@ -175,16 +173,15 @@ class Scene:
 
 
 def thrown_back(p: Body, q: Body, restitution: sp.Expr) -> dict[sp.Symbol, sp.Expr]:
-    """Velocities after an impact, of those bodies that move freely.
+    """Return the velocities after an impact of the bodies that move freely.
 
-    The relative velocity v_p - v_q turns round and is multiplied by the restitution, the momentum of the two stays
-    (Brogliato, *Nonsmooth Mechanics*, 2016, Ch. 4); a body whose motion is given is not moved.
-
+    The relative velocity v_p - v_q is reversed and multiplied by the restitution; the total momentum is conserved
+    (Brogliato, *Nonsmooth Mechanics*, 2016, Ch. 4). A body whose motion is prescribed is unaffected.
     Parameters
     ----------
     p, q : Body
     restitution : Expr
-        Speed after over speed before, 0 to 1 [1].
+        Relative speed after the impact divided by the relative speed before, 0 to 1 [1].
     """
     change = (1 + restitution) * (p.velocity - q.velocity)
     if p.inertia is None:

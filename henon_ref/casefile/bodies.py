@@ -1,4 +1,4 @@
-"""Bodies of a scene: masses and rotors, which have states, and bodies whose motion is given."""
+"""Bodies of a scene: masses and rotors, which have states, and bodies whose motion is prescribed."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from henon_ref.text import did_you_mean, listed
 T = TypeVar("T")
 BodyKind = Literal["mass", "rotor", "prescribed", "fixed"]
 Range = Literal["any", "nonnegative", "positive", "fraction"]
-"""Of a value; ``fraction``: from 0 to 1."""
+"""Range of a value; ``fraction``: from 0 to 1."""
 
 KEYS: Mapping[str, tuple[BodyKind, str]] = {
     "mass": ("mass", "kg"),
@@ -28,54 +28,54 @@ KEYS: Mapping[str, tuple[BodyKind, str]] = {
     "velocity": ("prescribed", "m/s, or rad/s"),
     "fixed": ("fixed", "m, or rad"),
 }
-"""The key that says what a body is -> its kind, and the key's unit."""
+"""Key that defines a body -> kind of the body, unit of the key's value."""
 STATE_NAMES: Mapping[BodyKind, tuple[str, str]] = {"mass": ("x", "v"), "rotor": ("phi", "omega")}
-"""Before the body's name: position [m] and velocity [m/s], angle [rad] and angular velocity [rad/s]."""
+"""Prefixes of state names: position [m] and velocity [m/s], angle [rad] and angular velocity [rad/s]."""
 
 
 @dataclass(frozen=True)
 class Body:
-    """One body of a scene."""
+    """Body of a scene."""
 
     name: str
     kind: BodyKind
     position: sp.Expr | None
-    """Position [m] or angle [rad]: a state, or an expression in t and parameters; None: the velocity alone is given."""
+    """Position [m] or angle [rad]: a state, or an expression in t and parameters. None if only velocity is given."""
     velocity: sp.Expr
-    """Its rate [m/s or rad/s]."""
+    """Velocity [m/s] or angular velocity [rad/s]."""
     inertia: sp.Expr | None = None
-    """Mass [kg] or moment of inertia [kg m^2] of what moves freely; None: its motion is given."""
+    """Mass [kg] or moment of inertia [kg m^2]. None if the motion is prescribed."""
 
     @property
     def states(self) -> tuple[sp.Symbol, ...]:
-        """Its states, position first; none where its motion is given."""
+        """States, position first; empty if the motion is prescribed."""
         return () if self.inertia is None or self.position is None else (self.position, self.velocity)
 
     @property
     def acceleration(self) -> sp.Expr:
-        """The acceleration of a body whose motion is given [m/s^2 or rad/s^2]."""
+        """Acceleration of a body whose motion is prescribed [m/s^2 or rad/s^2]."""
         return sp.diff(self.velocity, TIME)
 
 
 class Quantities:
-    """Reads what bodies and connections of a scene are given, and collects what is wanted of its parameters."""
+    """Reader of the quantities of a scene; collects the conditions on its parameters."""
 
     def __init__(self, source: Source) -> None:
         self.source = source
         self.values = source.parameters(("scene", "parameters"))
-        """Parameter -> exact number."""
+        """Parameter -> exact value."""
         self.symbols = {name: sp.Symbol(name, real=True) for name in self.values}
         self.wanted: list[sp.Expr] = []
-        """Checked; where new values of the parameters make all of these larger than 0, the scene allows them."""
+        """Expressions in the parameters; the scene is valid for other parameter values if all are larger than 0."""
 
     def want(self, expression: sp.Expr, value: sp.Expr, path: Path, message: str, *, above: bool = False) -> None:
-        """Want an expression to be 0 or larger; with ``above`` larger than 0."""
+        """Require that an expression is 0 or larger (``above``: larger than 0); ``value`` is its present value."""
         if exact_sign(value) < above:
             raise self.source.error(path, message)
         self.wanted.append(expression)
 
     def constant(self, path: Path, what: str, allowed: Range) -> sp.Expr:
-        """An expression in the parameters, whose value is in a range."""
+        """Read an expression in the parameters and check the range of its value."""
         expression = self.source.expression(path, self.symbols)
         value = self.source.number(path, self.values)
         if allowed == "positive":
@@ -87,21 +87,21 @@ class Quantities:
         return expression
 
     def moving(self, read: Callable[..., T], path: Path, states: Mapping[str, sp.Expr] = MappingProxyType({})) -> T:
-        """What is read of an expression in time, parameters, and states; read with the parameters' values as well."""
+        """Read an expression in time, parameters and states; check it with the parameters' values, too."""
         found = read(path, {**self.symbols, "t": TIME, **states})
         read(path, {**self.values, "t": TIME, **states}, WITH_VALUES)
         return found
 
 
 def read_bodies(quantities: Quantities) -> dict[str, Body]:
-    """The bodies of a scene, by name."""
+    """Read the bodies of a scene, by name."""
     source = quantities.source
     bodies: dict[str, Body] = {}
     owners: dict[str, str] = dict.fromkeys(quantities.values, "a parameter")
     for name in source.keys(("scene", "bodies")):
         path = ("scene", "bodies", name)
         if not NAME.fullmatch(name):
-            message = f"'{name}' is no name of a body: a letter first, then letters, digits and underscores"
+            message = f"'{name}' cannot name a body: a name is a letter, then letters, digits and underscores"
             raise source.error(path, message, key=True)
         body = _read(quantities, path)
         for i, state in enumerate(body.states):
@@ -118,7 +118,7 @@ def _state_problem(name: str, owners: Mapping[str, str]) -> str:
     if not problem and name in owners:
         problem = f"'{name}' is already {owners[name]}; give other names by 'states'"
     if not problem and name in TAKEN:
-        problem = f"'{name}' is a column of transitions.csv, where states have theirs; give other names by 'states'"
+        problem = f"'{name}' is the name of another column of transitions.csv; give other names by 'states'"
     return problem
 
 
@@ -137,9 +137,9 @@ def _read(quantities: Quantities, path: Path) -> Body:
             raise source.error((*path, key), f"unknown key '{key}' of a body{meant}; {allowed}", key=True)
     given = [key for key in node.entries if key in KEYS]
     if not given:
-        raise source.error(path, f"'{name}' lacks what it is: {allowed}", key=True)
+        raise source.error(path, f"'{name}' has no key that defines the body: {allowed}", key=True)
     if len(given) > 1:
-        message = f"'{name}' has '{given[0]}' and '{given[1]}'; {allowed}, not two"
+        message = f"'{name}' has '{given[0]}' and '{given[1]}'; {allowed}, not two of them"
         raise source.error((*path, given[1]), message, key=True)
     (key,) = given
     kind = KEYS[key][0]
@@ -153,7 +153,7 @@ def _read(quantities: Quantities, path: Path) -> Body:
 
 
 def _moved(quantities: Quantities, path: Path, key: str) -> Body:
-    """A body whose motion is given."""
+    """Read a body whose motion is prescribed."""
     name, kind, source = str(path[-1]), KEYS[key][0], quantities.source
     if kind == "fixed":
         source.number((*path, key), quantities.values)
@@ -163,7 +163,7 @@ def _moved(quantities: Quantities, path: Path, key: str) -> Body:
 
 
 def _state_names(source: Source, path: Path, kind: BodyKind) -> tuple[str, str]:
-    """The names a body gives its states, or those made of its own."""
+    """Return the state names that a body gives, or the default ones made of its own name."""
     node = child(source.tree, (*path, "states"))
     if node is None:
         position, velocity = STATE_NAMES[kind]

@@ -1,9 +1,9 @@
-"""Case files: what is simulated, by whom, against which published and exact answers.
+"""Case files: the problem, the solvers to run, and the published and exact results to compare with.
 
-A case has one or more readings. ``readings: {name: overrides}`` lays overrides over the keys at the top:
-mappings merge key by key, anything else (numbers, text, lists) replaces, and ``null`` removes a key. So a
-reading that says ``system: {field: [...]}`` keeps the states and parameters of the case, and one that says
-``scene: null`` with a ``system`` of its own has no scene. Without ``readings`` there is one, ``default``.
+A case has one or more readings. ``readings: {name: overrides}`` applies overrides to the top-level keys:
+mappings merge key by key, any other value (number, text, list) replaces, and ``null`` removes a key. A reading
+with ``system: {field: [...]}`` keeps the states and parameters of the case; a reading with ``scene: null`` and
+its own ``system`` has no scene. A file without ``readings`` has one reading, ``default``.
 """
 
 from __future__ import annotations
@@ -45,12 +45,12 @@ from henon_ref.text import did_you_mean, listed, message
 
 DEFAULT_READING = "default"
 MAX_WRITTEN_OUT = 500_000
-"""Keys and values that all readings may have together, each with those of the case that it keeps."""
+"""Largest number of keys and values in all readings together, inherited ones counted in each reading."""
 
 
 @dataclass(frozen=True)
 class Reading:
-    """One run of a case: a problem in exact numbers, and what it is scored against."""
+    """One problem of a case in exact numbers, with the results to compare with."""
 
     name: str
     title: str
@@ -61,46 +61,45 @@ class Reading:
     steps: tuple[float, ...]
     """Steps of fixed-step solvers [s]."""
     measure_after: float
-    """Sticks that end before this time are left out [s]."""
+    """Sticks that end before this time are not measured [s]."""
     published: Published | None = None
     exact: Exact | None = None
     orbit: Orbit | None = None
     gate: Mapping[str, Gate] = field(default_factory=dict)
-    """Solver -> what it must reach."""
+    """Solver -> thresholds it must reach."""
     expect: Expect | None = None
-    """How a run has to end; None: at the horizon."""
+    """Expected end of the run; None: status ok at the horizon."""
     source: str | None = None
     story: str | None = None
     equations: str | None = None
     links: tuple[str, ...] = ()
     tags: tuple[str, ...] = ()
     scene: Scene | None = None
-    """Bodies and connections that the problem was built from; None: its equations are written out."""
+    """Bodies and connections of the model; None if the case gives equations."""
 
     @cached_property
     def mathematics(self) -> dict[str, Any]:
-        """Everything that decides the solution, and nothing else, as text fit for JSON.
+        """Return everything that determines the solution, and nothing else, as values for JSON.
 
-        Parameters that nothing uses are left out; so are titles, tolerances and the order of the file.
+        Titles, tolerances, unused parameters and the order of the file do not matter.
         """
         return _mathematics(self.problem)
 
     @cached_property
     def mathematics_hash(self) -> str:
-        """SHA-256 of :attr:`mathematics`, in hexadecimal: the key of a stored truth."""
+        """SHA-256 of :attr:`mathematics` in hexadecimal: the key of a stored truth."""
         text = json.dumps(self.mathematics, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()
 
 
 @dataclass(frozen=True)
 class Case:
-    """A case file, read and checked."""
+    """A case file that has been read and checked."""
 
     name: str
     title: str
     source: str | None
     readings: tuple[Reading, ...]
-    """In the order of the file."""
     path: Path | None = None
 
     def __repr__(self) -> str:
@@ -114,16 +113,16 @@ class Case:
         return "\n".join(map(message, lines))
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: the readings, and the equations as formulas."""
+        """HTML for a notebook: the readings, and the equations as formulas."""
         return case_html(self.name, self.title, {reading.name: reading.problem for reading in self.readings})
 
     def reading(self, name: str) -> Reading:
-        """The reading of this name.
+        """Return the reading with the given name.
 
         Raises
         ------
         CaseError
-            Where there is none.
+            If the case has no such reading.
         """
         for reading in self.readings:
             if reading.name == name:
@@ -141,17 +140,17 @@ def load_case(
     Parameters
     ----------
     path : str or Path
-        Of a case file; or the name of a case that comes with the package, such as ``fig8`` or ``hard/grazing``.
+        Path of a case file, or name of a case in the package, such as ``fig8`` or ``hard/grazing``.
     solvers : collection of str, optional
-        Solvers that exist; a name in the file that is not among them is refused. None: not checked.
+        Known solvers; any other solver name in the file raises an error. None: names are not checked.
     fixed_step : callable, optional
-        Tells of a solver's name whether it is driven by a step, so that no gate asks for its row at a tolerance.
-        None: not checked.
+        Returns True if the solver of a given name has a step instead of a tolerance; a gate cannot then ask for
+        its row at a tolerance. None: not checked.
 
     Raises
     ------
     CaseError
-        With file, line and column, what is wrong and what is allowed.
+        With file, line and column, the fault and the allowed values.
     """
     return case_and_tree(path, solvers, fixed_step)[0]
 
@@ -159,7 +158,7 @@ def load_case(
 def case_and_tree(
     path: str | Path, solvers: Collection[str] | None = None, fixed_step: Callable[[str], bool] | None = None
 ) -> tuple[Case, MappingNode]:
-    """The same with what the file says, as its nodes."""
+    """Read a case file and return the case together with its YAML tree (see :func:`load_case`)."""
     if not isinstance(path, str | Path):
         raise CaseError(f"path is {path!r}, wanted a str or a Path")
     path = located(path)
@@ -185,13 +184,13 @@ def _case(
     whole = Source(tree, file)
     name, title, source = (_line(whole, key) for key in ("name", "title", "source"))
     if title is None:
-        raise whole.error((), "the key 'title' is missing at the top (a reading may have its own besides)")
-    assert name is not None  # every reading has it and none may change it
+        raise whole.error((), "the key 'title' is missing at the top (a reading may have a title in addition)")
+    assert name is not None  # every reading has the name and none may change it
     return Case(name, title, source, readings)
 
 
 def _line(whole: Source, key: str) -> str | None:
-    """A text at the top of the file, in one line; None where there is none."""
+    """Return a top-level text of the file in one line; None if it is absent."""
     node = whole.tree.entries.get(key)
     if node is None or (isinstance(node, ScalarNode) and node.value is None):
         return None
@@ -206,7 +205,7 @@ def _checked(whole: Source, path: KeyPath, check: Callable[[object], str], value
 
 
 def reading_sources(tree: MappingNode, file: str | None) -> list[tuple[str, Source]]:
-    """Every reading's name and its tree, overrides laid over."""
+    """Return the name and the tree of every reading, with its overrides applied."""
     whole = Source(tree, file)
     if "readings" not in tree.entries:
         return [(DEFAULT_READING, whole)]
@@ -219,7 +218,8 @@ def reading_sources(tree: MappingNode, file: str | None) -> list[tuple[str, Sour
         path = ("readings", name)
         _checked(whole, path, file_name, name, key=True)
         if not isinstance(overrides, MappingNode):
-            raise whole.error(path, f"the reading '{name}' must be a mapping of the keys it changes, {{}} for none")
+            message = f"the reading '{name}' must be a mapping of the keys that it changes ({{}} if it changes none)"
+            raise whole.error(path, message)
         for key in overrides.entries:
             if key not in READING_KEYS:
                 message = f"a reading cannot change the key '{key}'{did_you_mean(key, READING_KEYS)}"
@@ -227,8 +227,8 @@ def reading_sources(tree: MappingNode, file: str | None) -> list[tuple[str, Sour
         source = Source(merged(base, overrides), file, f" [reading '{name}']", whole.work)
         size += source.tree.size
         if size > MAX_WRITTEN_OUT:
-            message = f"with this reading the readings, written out, hold more than {MAX_WRITTEN_OUT} keys and values"
-            raise whole.error(path, f"{message}; at most {MAX_WRITTEN_OUT} are allowed: give fewer readings", key=True)
+            message = f"with this reading, all readings together have more than {MAX_WRITTEN_OUT} keys and values"
+            raise whole.error(path, f"{message} (inherited ones included); give fewer readings", key=True)
         found.append((name, source))
     return found
 
@@ -268,18 +268,18 @@ def _reading(
 
 
 def check_surfaces(source: Source, form: CaseForm, problem: Problem) -> None:
-    """Refuse a case without a surface."""
+    """Raise CaseError if a case has no surface."""
     if problem.system.surfaces:
         return
     if form.scene is not None:
-        message = "without friction or a stop there is no surface, so no transition to find; name one"
+        message = "the scene has no surface, so there is no transition to find; add a friction or a stop"
         raise source.error(("scene", "connections"), message, key=True)
-    message = "without 'surfaces' and without kinks in 'field' there is no transition to find; name a surface"
+    message = "there is no transition to find: 'surfaces' is empty and 'field' has no kinks; add a surface"
     raise source.error(("system",), message, key=True)
 
 
 def check_model(source: Source, form: CaseForm) -> None:
-    """Refuse a file with two models or none."""
+    """Raise CaseError if a file has two models or none."""
     message = "give the model once: either 'system' or 'scene'"
     given = [key for key, model in (("system", form.system), ("scene", form.scene)) if model is not None]
     if not given:
@@ -290,7 +290,7 @@ def check_model(source: Source, form: CaseForm) -> None:
 
 
 def _mathematics(problem: Problem) -> dict[str, Any]:
-    """What is left out where it is not there, or the default, keeps what is stored without it valid."""
+    """Return the mathematics of a problem; absent and default keys are omitted, so that stored hashes stay valid."""
     system, names = problem.system, problem.system.sign_names
     expressions = [*system.surfaces, *system.field, *system.valid]
     for override in system.overrides.values():

@@ -1,6 +1,6 @@
-"""The kinds of connections of a scene: keys with units, and the terms that each adds to the bodies it acts on.
+"""Kinds of connections of a scene: their keys with units, and the terms that each kind adds to its bodies.
 
-A kind is an entry of ``KINDS``; what a scene does not name is not built.
+``KINDS`` lists them. Only the connections named in a scene become part of the equations.
 """
 
 from __future__ import annotations
@@ -21,57 +21,50 @@ from henon_ref.taylor.tape import TIME
 
 @dataclass(frozen=True)
 class Key:
-    """One key of a connection."""
-
     name: str
     unit: str
-    """Between masses."""
+    """Unit between masses."""
     angular: str
     """Unit between rotors."""
     meaning: str
     optional: bool = False
-    """Whether it may be left out, and is then not in the equations."""
+    """Whether the key may be omitted; its term is then absent from the equations."""
     range: Range = "any"
     of: Literal["parameters", "time", "states"] = "parameters"
-    """What it is an expression in: parameters; t besides; t and states besides."""
+    """Quantities allowed in the expression; "time" also allows parameters, "states" also time and parameters."""
     words: tuple[str, ...] = ()
-    """It is one of these words, not an expression."""
+    """Allowed words, if the value is a word instead of an expression."""
 
 
 @dataclass
 class Link:
-    """One connection under construction: what its kind reads, and what it adds."""
+    """Connection under construction: the values of its keys and the terms that they add."""
 
     kind: str
     ends: tuple[Body, ...]
-    """The bodies of ``between``, in its order, or that of ``on``."""
+    """Bodies of ``between``, in its order, or the body of ``on``."""
     source: Source
     path: Path
-    """To its keys in the file."""
     name: str | None
-    """The name that the file gives it."""
     kinks: Kinks
-    """Of the whole scene so far."""
     values: dict[str, sp.Expr] = field(default_factory=dict)
-    """Keys that are given as expressions."""
     words: dict[str, str] = field(default_factory=dict)
-    """Keys that are given as words."""
     kinked_values: dict[str, list[sp.Expr]] = field(default_factory=dict)
-    """Keys read in states -> what their values have kinks for, which have no symbols yet."""
+    """Key that may hold states -> arguments of the kinks of its value, which have no symbols yet."""
     pushes: list[tuple[str, sp.Expr]] = field(default_factory=list)
-    """Body and force [N] or torque [N m] on it, by this connection alone."""
+    """Pairs of a body's name and the force [N] or torque [N m] of this connection on it."""
     surfaces: list[Surface] = field(default_factory=list)
     shared: list[Surface] = field(default_factory=list)
-    """Other connections' surfaces whose signs stand in this one's terms, for a kink that is one of them."""
+    """Surfaces of other connections whose signs occur in the terms of this connection (as signs of equal kinks)."""
     holds: list[Hold] = field(default_factory=list)
     impacts: list[Impact] = field(default_factory=list)
 
     def error(self, message: str, *, at: str | None = None) -> CaseError:
-        """An error at one of its keys, or at its kind where a key is missing."""
+        """Error at the key ``at``, or at the connection's kind if ``at`` is None."""
         return self.source.error(self.path if at is None else (*self.path, at), message, key=True)
 
     def later(self, names: Collection[str]) -> str:
-        """Of some of its keys the one that stands last in the file."""
+        """Return the key that is last in the file among ``names``."""
         return [key for key in self.source.keys(self.path) if key in names][-1]
 
     @property
@@ -87,8 +80,8 @@ class Link:
         for i, body in enumerate(self.ends):
             if body.position is None:
                 message = (
-                    f"{self.kind} needs the position of '{body.name}', of which the velocity alone is given; "
-                    "give its 'position' in place of its 'velocity'"
+                    f"{self.kind} requires the position of '{body.name}', which has a 'velocity' only; "
+                    "give its 'position' instead of its 'velocity'"
                 )
                 raise self.source.error((*self.path, "between", i), message)
             positions.append(body.position)
@@ -102,7 +95,7 @@ class Link:
                 self.pushes.append((body.name, own))
 
     def sign(self, letter: str, surface: sp.Expr) -> sp.Symbol:
-        """The sign of an expression, which becomes a surface: the connection's name, or ``letter_p_q``."""
+        """Add a surface, named as the connection or ``letter_p_q``, and return the symbol of its sign."""
         name = self.name or "_".join((letter, *(body.name for body in self.ends)))
         symbol = sp.Symbol(name, real=True)
         self.surfaces.append(Surface(symbol, surface))
@@ -110,15 +103,15 @@ class Link:
         return symbol
 
     def positive_part(self, key: str) -> sp.Expr:
-        """max(0, value) of a key that is read in states, its kinks surfaces."""
+        """Return max(0, value) of a key that may hold states; its kinks become surfaces."""
         return self.kinked(self.kinks.positive_part(self.values[key], self.kinked_values[key]))
 
     def limited(self, expression: sp.Expr, bound: sp.Expr) -> sp.Expr:
-        """An expression kept between -bound and bound, its kinks surfaces."""
+        """Return an expression limited to [-bound, bound]; its kinks become surfaces."""
         return self.kinked(self.kinks.limited(expression, bound))
 
     def kinked(self, expression: sp.Expr) -> sp.Expr:
-        """An expression of which the kinks become surfaces of this connection, too."""
+        """Return an expression and add the surfaces of its kinks to this connection."""
         self.surfaces += [Surface(sign, surface, kink=True) for sign, surface in self.kinks.used(expression).items()]
         for sign, surface in self.kinks.declared.items():
             if expression.has(sign) and Surface(sign, surface) not in self.surfaces:
@@ -128,16 +121,14 @@ class Link:
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of connection."""
-
     add: Callable[[Link], None]
-    """Adds its terms to a connection under construction."""
+    """Adds the terms of the kind to a connection under construction."""
     meaning: str
     keys: tuple[Key, ...]
     on: Literal["", "mass", "rotor"] = ""
-    """The kind of body that it acts on alone, named by ``on``; empty: it acts between two, named by ``between``."""
+    """Kind of the one body that it acts on, named by ``on``. Empty if it acts between two bodies of ``between``."""
     between_given: bool = False
-    """Whether it may stand between two bodies whose motion is given, where it acts on nothing but has a mode."""
+    """Whether it may connect two bodies of prescribed motion, on which it has no effect, but a mode."""
 
 
 # -- springs, dampers, forces: Modelica's Spring, Damper, Force, Torque ---------------------------------
@@ -145,7 +136,7 @@ class Kind:
 
 def _spring(link: Link) -> None:
     if not link.values:
-        raise link.error("a spring lacks its 'stiffness' [N/m, between rotors N m/rad], or 'cubic', or both")
+        raise link.error("a spring requires 'stiffness' [N/m, between rotors N m/rad], 'cubic', or both")
     for name, power in (("stiffness", 1), ("cubic", 3)):
         if name in link.values:
             link.push(-link.values[name] * link.distance**power)
@@ -159,12 +150,12 @@ def _load(link: Link) -> None:
     link.push(link.values["value"])
 
 
-# -- dry friction: it opposes the relative velocity v = v_p - v_q, whose sign s is a surface's ----------
+# -- dry friction: it opposes the relative velocity v = v_p - v_q; the sign s of v belongs to a surface --
 
 LAWS = {"coulomb": None, "stribeck": "slope", "stribeck_exp": "velocity"}
-"""Law -> the key that it alone needs. ``stribeck`` is Eq. (2) of Olejnik and Awrejcewicz (2013),
-force/(1 + slope abs(v)); ``stribeck_exp`` is force + (static - force) exp(-abs(v)/velocity), as Modelica's
-``MassWithStopAndFriction`` has it."""
+"""Friction law -> key that only this law requires. ``stribeck`` is Eq. (2) of Olejnik and Awrejcewicz (2013),
+force/(1 + slope abs(v)). ``stribeck_exp`` is force + (static - force) exp(-abs(v)/velocity), as in Modelica's
+``MassWithStopAndFriction``."""
 UNITS = {"slope": "s/m, between rotors s/rad", "velocity": "m/s, between rotors rad/s"}
 TIMES = (sp.Rational(1, 3), sp.Rational(7, 5), sp.Rational(29, 11))
 
@@ -178,7 +169,7 @@ def _friction(link: Link) -> None:
         velocity = velocity.xreplace({TIME: sp.Integer(0)})
     sign = link.sign("s", velocity)
     normal = link.positive_part("normal") if "normal" in given else sp.Integer(1)
-    speed = sign * velocity  # abs(v): smooth as text in each mode
+    speed = sign * velocity  # abs(v), written as a smooth expression in each mode
     force, static = given["force"], given.get("static")
     if law == "coulomb":
         link.push(-(normal * force * sign))
@@ -190,14 +181,14 @@ def _friction(link: Link) -> None:
         link.push(-(normal * sign * carried))
     if "viscous" in given:
         link.push(-given["viscous"] * velocity)
-    if alone and not velocity.has(TIME):  # it acts on nothing; with both at one velocity it holds
+    if alone and not velocity.has(TIME):  # no effect on the motion, but stuck while the velocities are equal
         link.holds.append(Hold(sign, normal * (force if static is None else static)))
-    elif not alone and static is not None and law != "stribeck_exp":  # which slides with 'static' as it comes to rest
+    elif not alone and static is not None and law != "stribeck_exp":  # this law reaches 'static' at rest
         link.holds.append(Hold(sign, normal * static))
 
 
 def _is_constant(velocity: sp.Expr) -> bool:
-    """Whether a velocity that is given is the same at all times: an analytic function whose rate is zero at some."""
+    """Check whether a prescribed velocity is constant, by its derivative (an analytic function) at a few times."""
     rate = sp.diff(velocity, TIME)
     return all(abs(sp.N(rate.xreplace({TIME: time}), 40)) < sp.Float("1e-30") for time in TIMES)
 
@@ -207,7 +198,7 @@ def _checked_law(link: Link) -> str:
     for name, own in LAWS.items():
         if own is not None and (own in link.values) != (name == law):
             if name == law:
-                raise link.error(f"friction lacks its '{own}' [{UNITS[own]}], which the law '{law}' needs")
+                raise link.error(f"friction with the law '{law}' requires '{own}' [{UNITS[own]}]")
             raise link.error(f"the law '{law}' has no '{own}'; the law '{name}' has", at=own)
     return law
 
@@ -216,14 +207,14 @@ def _checked_law(link: Link) -> str:
 
 
 def _stop(link: Link) -> None:
-    """Hard: the bodies throw each other back. Elastic: as in Modelica damping is never larger than the spring's force.
+    """Add a one-sided stop: hard (the bodies rebound) or elastic (a spring with damping).
 
-    So it does not pull, and the force is continuous.
+    As in Modelica, damping never exceeds the spring's force: the stop does not pull, and the force is continuous.
     """
     ways = [name for name in ("restitution", "stiffness") if name in link.values]
     if not ways:
         elastic = "'stiffness' [N/m, between rotors N m/rad]"
-        raise link.error(f"a stop is hard, with 'restitution' [1], or elastic, with {elastic}; give one of the two")
+        raise link.error(f"a stop requires 'restitution' [1] (hard) or {elastic} (elastic)")
     if len(ways) == 2:
         raise link.error("a stop has 'restitution' (hard) or 'stiffness' (elastic), not both", at=link.later(ways))
     opening = link.distance - link.values["gap"]
@@ -242,32 +233,32 @@ def _stop(link: Link) -> None:
 KINDS: Mapping[str, Kind] = {
     "damper": Kind(
         _damper,
-        "resists a relative velocity: force -coefficient (v_p - v_q) on the first",
+        "opposes the relative velocity: force -coefficient (v_p - v_q) on the first body",
         (Key("coefficient", "N s/m", "N m s/rad", "force over relative velocity"),),
     ),
     "force": Kind(
         _load,
-        "a force from outside, along the body's coordinate",
-        (Key("value", "N", "N", "of the force, in t and parameters", of="time"),),
+        "external force along the body's coordinate",
+        (Key("value", "N", "N", "force, in t and parameters", of="time"),),
         on="mass",
     ),
     "friction": Kind(
         _friction,
-        "dry friction: it opposes the relative velocity, and holds while there is none",
+        "dry friction: opposes the relative velocity, and holds the bodies together while it is zero",
         (
             Key("law", "", "", "how friction depends on the relative velocity", words=tuple(LAWS)),
-            Key("force", "N", "N m", "of friction in sliding; with 'normal' its coefficient [1]", False, "nonnegative"),
+            Key("force", "N", "N m", "sliding friction; with 'normal': its coefficient [1]", False, "nonnegative"),
             Key("slope", "s/m", "s/rad", "how fast friction falls with speed", True, "nonnegative"),
-            Key("velocity", "m/s", "rad/s", "where friction has fallen by 1 - 1/e", True, "positive"),
-            Key("viscous", "N s/m", "N m s/rad", "of a viscous part besides", True, "nonnegative"),
-            Key("static", "N", "N m", "that it holds; with 'normal' a coefficient [1]", True, "nonnegative"),
-            Key("normal", "N", "N m", "load on the contact, in t and states; 0 below 0", True, of="states"),
+            Key("velocity", "m/s", "rad/s", "at which friction has fallen by 1 - 1/e", True, "positive"),
+            Key("viscous", "N s/m", "N m s/rad", "coefficient of additional viscous friction", True, "nonnegative"),
+            Key("static", "N", "N m", "static friction; with 'normal': its coefficient [1]", True, "nonnegative"),
+            Key("normal", "N", "N m", "load on the contact, in t and states; 0 if negative", True, of="states"),
         ),
         between_given=True,
     ),
     "spring": Kind(
         _spring,
-        "pulls its bodies together: force -(stiffness d + cubic d^3) on the first, d = x_p - x_q",
+        "pulls its bodies together: force -(stiffness d + cubic d^3) on the first body, d = x_p - x_q",
         (
             Key("stiffness", "N/m", "N m/rad", "of the linear part; may be negative", True),
             Key("cubic", "N/m^3", "N m/rad^3", "of the cubic part; negative: a softening spring", True),
@@ -275,19 +266,19 @@ KINDS: Mapping[str, Kind] = {
     ),
     "stop": Kind(
         _stop,
-        "keeps x_p - x_q at or above the gap: throws back, or pushes by stiffness times what it falls short",
+        "keeps x_p - x_q at or above the gap, by impacts (hard), or by stiffness times the depth (elastic)",
         (
             Key("gap", "m", "rad", "least value of x_p - x_q"),
             Key("stiffness", "N/m", "N m/rad", "of an elastic stop", True, "positive"),
-            Key("damping", "N s/m", "N m s/rad", "of an elastic stop, besides", True, "nonnegative"),
-            Key("restitution", "1", "1", "of a hard stop: speed after an impact over that before", True, "fraction"),
+            Key("damping", "N s/m", "N m s/rad", "of an elastic stop", True, "nonnegative"),
+            Key("restitution", "1", "1", "of a hard stop: speed after over speed before an impact", True, "fraction"),
         ),
     ),
     "torque": Kind(
         _load,
-        "a torque from outside, along the rotor's angle",
-        (Key("value", "N m", "N m", "of the torque, in t and parameters", of="time"),),
+        "external torque along the rotor's angle",
+        (Key("value", "N m", "N m", "torque, in t and parameters", of="time"),),
         on="rotor",
     ),
 }
-"""Name in a scene -> kind, in alphabetical order."""
+"""Name of a kind in a scene -> kind, in alphabetical order."""

@@ -1,4 +1,4 @@
-"""What a reading is scored against: published figures, closed forms, orbits, the gate, an expected end."""
+"""Expected results of a reading: published figures, closed forms, orbits, gates, the end of the run."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from henon_ref.text import did_you_mean, listed
 
 
 def exact(source: Source, form: CaseForm, names: Names, problem: Problem) -> Exact | None:
-    """Closed forms as exact numbers; they must lie within the run and must not fall."""
+    """Read the closed forms as exact numbers; the transition times must be in order and within the run."""
     if form.exact is None:
         return None
     modes, times = form.exact.modes, []
@@ -22,14 +22,14 @@ def exact(source: Source, form: CaseForm, names: Names, problem: Problem) -> Exa
         path = ("exact", "transition_times", i)
         time = Rounded(source.number(path, names.values))
         if time < before:
-            raise source.error(path, "exact transition times come in order, from the start on")
+            raise source.error(path, "exact transition times must be in increasing order and not before the start")
         if until < time:
-            raise source.error(path, "this exact transition time lies beyond 'until'")
+            raise source.error(path, "this exact transition time is after 'until'")
         times.append(time.exact)
         before = time
     for i, mode in enumerate(modes):
         if len(mode) != len(problem.system.surfaces):
-            message = f"a mode has an entry for each surface ({len(problem.system.surfaces)}), not {len(mode)}"
+            message = f"a mode needs one entry for each surface ({len(problem.system.surfaces)}), not {len(mode)}"
             raise source.error(("exact", "modes", i), message)
     if modes and len(modes) < len(times):
         message = f"{len(times)} transition times but {len(modes)} modes; give the mode after every transition"
@@ -38,7 +38,7 @@ def exact(source: Source, form: CaseForm, names: Names, problem: Problem) -> Exa
 
 
 def orbit(source: Source, form: CaseForm, names: Names) -> Orbit | None:
-    """A periodic orbit that the case claims, its period an exact number."""
+    """Read the periodic orbit that the case claims, with an exact period."""
     if form.orbit is None:
         return None
     period = source.number(("orbit", "period"), names.values)
@@ -48,7 +48,7 @@ def orbit(source: Source, form: CaseForm, names: Names) -> Orbit | None:
 
 
 def expectation(source: Source, form: CaseForm, names: Names, problem: Problem) -> Expect | None:
-    """How the case says the run ends, and where: within the run, with status ok at its horizon."""
+    """Read how and when the run is expected to end; the time must be within the run, status ok at the horizon."""
     found, path = form.expect, ("expect", "time")
     if found is None or found.time is None:
         return found
@@ -56,12 +56,12 @@ def expectation(source: Source, form: CaseForm, names: Names, problem: Problem) 
     if found.status == "ok" and exact_sign(problem.until - time) != 0:
         raise source.error(path, f"a run with status ok ends at 'until', {problem.until}; leave 'time' out")
     if exact_sign(time - problem.start) < 0 or exact_sign(problem.until - time) < 0:
-        raise source.error(path, f"the run ends between its start, {problem.start}, and 'until', {problem.until}")
+        raise source.error(path, f"the time must be between the start, {problem.start}, and 'until', {problem.until}")
     return replace(found, time=time)
 
 
 def check_gates(source: Source, form: CaseForm, fixed_step: Callable[[str], bool] | None) -> None:
-    """Refuse a gate of a solver, or at a tolerance, that is not run."""
+    """Raise CaseError if a gate names a solver or a tolerance that is not run."""
     for solver, gate in form.gate.items():
         if form.solvers and solver not in form.solvers:
             message = f"the gate names '{solver}', which is not among 'solvers'"
@@ -70,16 +70,16 @@ def check_gates(source: Source, form: CaseForm, fixed_step: Callable[[str], bool
             tolerances = listed([f"{tolerance:g}" for tolerance in form.tolerances])
             raise source.error(("gate", solver, "at"), f"{gate.at:g} is not among 'tolerances': {tolerances}")
         if gate.at is not None and fixed_step is not None and fixed_step(solver):
-            message = f"'{solver}' has steps and no tolerances; without 'at' its row with the smallest step is meant"
+            message = f"'{solver}' has steps, not tolerances; leave 'at' out to gate its row with the smallest step"
             raise source.error(("gate", solver, "at"), message, key=True)
 
 
 def check_runs(source: Source, form: CaseForm, known: Collection[str] | None) -> None:
-    """Refuse solvers that do not exist, and a solver, tolerance or step that stands twice."""
+    """Raise CaseError if a solver is unknown, or a solver, tolerance or step is listed twice."""
     for key, entries in (("solvers", form.solvers or ()), ("tolerances", form.tolerances), ("steps", form.steps)):
         for i, entry in enumerate(entries):
             if entry in entries[:i]:
-                raise source.error((key, i), f"{entry} stands twice in '{key}'")
+                raise source.error((key, i), f"{entry} is listed twice in '{key}'")
     if known is None:
         return
     for i, solver in enumerate(form.solvers or ()):
@@ -91,6 +91,6 @@ def check_runs(source: Source, form: CaseForm, known: Collection[str] | None) ->
 
 
 def unknown_solver(solver: str, known: Collection[str]) -> str:
-    """What is wrong with a solver's name, and what may be written."""
-    own = "one of your own is known once its package is installed"
-    return f"unknown solver '{solver}'{did_you_mean(solver, known)}; solvers: {listed(known)}; {own}"
+    """Error message for an unknown solver name."""
+    hint = "a solver of your own becomes available once its package is installed"
+    return f"unknown solver '{solver}'{did_you_mean(solver, known)}; solvers: {listed(known)}; {hint}"

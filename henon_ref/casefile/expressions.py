@@ -1,9 +1,9 @@
-"""Expressions to exact SymPy: of a case file's text, without ever running text from a stranger, and of SymPy itself.
+"""Conversion of expressions to exact SymPy: the text of a case file, which is never executed, and SymPy itself.
 
-Either is read into operations (:mod:`henon_ref.casefile.parser`, :mod:`henon_ref.casefile.sympy_form`), over which one
-walk goes, so that what is refused does not depend on how it is written. Every operation is checked before SymPy does
-it, so that the work is bounded by the length of what is written: ``9**9**9**9`` is refused, not computed. What the
-expressions of one model cost together is bounded as well (:mod:`henon_ref.casefile.work`); none is worked out twice.
+Text and SymPy are both read into operations (:mod:`henon_ref.casefile.parser`, :mod:`henon_ref.casefile.sympy_form`)
+and then evaluated by the same class, so that both forms obey the same rules. Every operation is checked before SymPy
+evaluates it, so that the work is bounded by the length of the expression: ``9**9**9**9`` is refused, not computed.
+:mod:`henon_ref.casefile.work` bounds the total work for one model and caches every value.
 """
 
 from __future__ import annotations
@@ -31,12 +31,11 @@ from henon_ref.modes.bounds import (
 )
 
 Written: TypeAlias = "str | sp.Expr"
-"""An expression as it is given."""
 KINKED = (sp.Abs, sp.sign, sp.Max, sp.Min, sp.Piecewise, sp.Heaviside)
 """SymPy's functions with kinks or jumps."""
 SMOOTH = dict.fromkeys(FUNCTIONS, 1)
 NUMBER, FIELD = SMOOTH | CONSTANT_FUNCTIONS, SMOOTH | KINK_FUNCTIONS
-"""Functions of an expression whose value is a number, and of a field -> how many arguments they take."""
+"""Function -> number of its arguments: in an expression whose value is a number, and in a component of a field."""
 _SYMPY: dict[str, Callable[..., sp.Expr]] = {
     **{name: getattr(sp, name) for name in FUNCTIONS},
     "abs": sp.Abs,
@@ -44,7 +43,7 @@ _SYMPY: dict[str, Callable[..., sp.Expr]] = {
 }
 _NUMBERS: dict[str, sp.Expr] = dict(zip(CONSTANTS, (sp.pi, sp.E), strict=True))
 _HALF = sp.Rational(1, 2)
-# What SymPy raises where its own evaluation of an odd number fails (AttributeError: its cache, on a TypeError).
+# Exceptions of SymPy's own evaluation of unusual numbers (AttributeError: its cache, after a TypeError).
 _SYMPY_FAILS = (ArithmeticError, AttributeError, NotImplementedError, TypeError, ValueError)
 
 
@@ -55,11 +54,11 @@ def parse_expression(written: Written, names: Mapping[str, sp.Expr], work: Work 
     ----------
     written : str or Expr
         Numbers, ``pi``, ``e``, the names given, ``+ - * / ** ^`` (the last two both mean power) and
-        sin cos tan asin acos atan sinh cosh tanh exp log sqrt. Symbols of SymPy go by their names.
+        sin cos tan asin acos atan sinh cosh tanh exp log sqrt. Symbols of SymPy are matched by name.
     names : mapping
-        Name -> what it stands for: a real symbol, or an exact number.
+        Name -> real symbol or exact number.
     work : Work, optional
-        That of the file which the expression stands in.
+        Record of the work for the file that contains the expression.
 
     Returns
     -------
@@ -69,41 +68,41 @@ def parse_expression(written: Written, names: Mapping[str, sp.Expr], work: Work 
     Raises
     ------
     ExpressionError
-        With the offset of what is not allowed and what is.
+        With the offset and the fault, and what is allowed.
     """
     return _worked_out(written, names, Work() if work is None else work, SMOOTH)[0]
 
 
 def parse_field(written: Written, names: Mapping[str, sp.Expr], work: Work) -> tuple[sp.Expr, list[sp.Expr]]:
-    """Read a component of a field likewise, which may have kinks and jumps (see :mod:`henon_ref.casefile.kinks`).
+    """Read a component of a field, which may have kinks and jumps (see :mod:`henon_ref.casefile.kinks`).
 
     Returns
     -------
     expression : Expr
         With a :class:`henon_ref.casefile.kinks.Sgn` for the sign of each argument.
     arguments : list of Expr
-        What these are signs of, in order of appearance.
+        Arguments of these signs, in order of appearance.
     """
     return _worked_out(written, names, work, FIELD)
 
 
 def parse_number(written: Written, names: Mapping[str, sp.Expr], work: Work | None = None) -> sp.Expr:
-    """Read an expression whose value is a number likewise: a parameter, an initial value, a time.
+    """Read an expression whose value is a number: a parameter, an initial value, a time.
 
-    It may have ``abs`` and ``atan2`` besides, and is a real number within the range of a double.
+    ``abs`` and ``atan2`` are allowed in addition; the value must be real and within the range of a double.
     """
     return _worked_out(written, names, Work() if work is None else work, NUMBER)[0]
 
 
 def read(written: Written, names: Mapping[str, object], work: Work, functions: Mapping[str, int]) -> Operation:
-    """The operations of an expression, read once for all names that it is worked out with."""
+    """Return the operations of an expression; they are cached."""
     key = written, id(functions), tuple(name in names for name in names_in(written))
     if key not in work.known:
         if isinstance(written, str):
             work.charge(READ * len(written), 0)
             found = parsed(written, names.keys(), functions)
         else:
-            from henon_ref.casefile.sympy_form import operation_of  # what files and text do without
+            from henon_ref.casefile.sympy_form import operation_of  # not needed for text
 
             found = operation_of(written, names.keys(), functions)
             work.charge(READ * found.length, 0)
@@ -115,7 +114,7 @@ def read(written: Written, names: Mapping[str, object], work: Work, functions: M
 def _worked_out(
     written: Written, names: Mapping[str, sp.Expr], work: Work, functions: Mapping[str, int]
 ) -> tuple[sp.Expr, list[sp.Expr]]:
-    """The value of an expression, and what it has kinks for; once for the same operations and names."""
+    """Return the value of an expression and the arguments of its kinks; both are cached."""
     work.charge(CACHED, 0)
     operation = read(written, names, work, functions)
     key = key_of(f"all, {id(functions)}", operation, names)
@@ -132,7 +131,7 @@ def _worked_out(
 
 
 def _smooth(value: sp.Expr) -> sp.Expr:
-    """The value of an expression, if it may stand in a field."""
+    """Return the value of an expression after checking that it is smooth and of bounded size."""
     value = with_known_functions(value)
     check_smooth(value)
     if value.is_number:
@@ -145,10 +144,10 @@ def _smooth(value: sp.Expr) -> sp.Expr:
 def check_sides(
     written: Written, names: Mapping[str, sp.Expr], signs: Mapping[str, sp.Symbol], work: Work, *, kinks: bool = False
 ) -> None:
-    """Check that an expression has values with each sign at -1 and at +1.
+    """Check that an expression has a value with each sign at -1 and at +1.
 
-    A sign that stands in sums and products alone can do no harm but by the size of the numbers: all such signs are
-    tried at once. What else it stands in (divisors, powers, functions) is worked out with each sign by itself.
+    Signs that occur only in sums and products affect only the size of the numbers: all of them are set at once.
+    Divisors, powers and functions that contain signs are evaluated with one sign set at a time.
     """
     signs = {name: signs[name] for name in names_in(written) if name in signs}
     if not signs:
@@ -174,7 +173,7 @@ def check_sides(
 
 
 def _delicate(operation: Operation, signs: Collection[str]) -> list[tuple[Operation, list[str]]]:
-    """Divisors, powers and functions that hold some signs, outermost ones, with these."""
+    """Return the outermost divisors, powers and functions that contain some of the signs, each with those signs."""
     kinds = ("/", "^", "call")
     parts = (part for part in operation.parts(lambda part: part.kind not in kinds) if part.kind in kinds)
     held = ((part, sorted(name for name in part.names if name in signs)) for part in parts)
@@ -182,29 +181,28 @@ def _delicate(operation: Operation, signs: Collection[str]) -> list[tuple[Operat
 
 
 class Walk:
-    """The walk over operations with some names, which makes exact SymPy of them.
+    """Evaluation of operations to exact SymPy, for given meanings of the names.
 
     Parameters
     ----------
     names : mapping
-        Name -> what it stands for: a real symbol, or an exact number.
+        Name -> real symbol or exact number.
     work : Work
-        What is found of a part with these names is kept here.
+        Cache of the values of parts.
     kinked : bool
-        Whether ``abs`` and its like are signs' symbols (in a field), or what they are of a number.
+        Whether ``abs`` and the other functions with kinks become symbols of signs (as in a field).
     """
 
     def __init__(self, names: Mapping[str, sp.Expr], work: Work, *, kinked: bool) -> None:
         self.names, self.work, self.kinked = names, work, kinked
 
     def value(self, operation: Operation) -> sp.Expr:
-        """What an operation is."""
         try:
             return self._of(operation, 0)
         except (RecursionError, MemoryError):
             raise ExpressionError("nested too deeply", 0) from None
         except _SYMPY_FAILS as error:
-            raise ExpressionError(f"SymPy cannot work this out ({type(error).__name__})", 0) from None
+            raise ExpressionError(f"SymPy cannot evaluate this ({type(error).__name__})", 0) from None
 
     def _of(self, part: Operation, depth: int) -> sp.Expr:
         if depth > MAX_DEPTH:
@@ -243,21 +241,21 @@ class Walk:
                 return self._call(str(part.value), values, part.offset)
 
     def _kinked(self, part: Operation, depth: int) -> sp.Expr:
-        from henon_ref.casefile import kinks  # many models have none
+        from henon_ref.casefile import kinks  # imported only for models with kinks
 
         arguments = [self._argument(argument, depth + 1) for argument in part.arguments]
         strict = [condition.kind in ("<", ">") for condition in part.arguments[1::2]]
         return kinks.call(str(part.value), arguments, part.offset, strict)
 
     def _argument(self, part: Operation, depth: int) -> sp.Expr:
-        """An argument; of a comparison what is positive where it holds."""
+        """Return the value of an argument; for a comparison, an expression that is positive if it holds."""
         if part.kind not in ("<", "<=", ">", ">="):
             return self._of(part, depth)
         left, right = (self._of(side, depth) for side in part.arguments)
         return left - right if part.kind in (">", ">=") else right - left
 
     def _power(self, base: sp.Expr, exponent: sp.Expr, offset: int) -> sp.Expr:
-        """A power; where it is a root of a square, with that one's kink."""
+        """Return a power; a root of a square becomes an absolute value, with its kink."""
         value = power(base, exponent, offset)
         if not self.kinked or not value.has(sp.Abs):
             return value
@@ -267,7 +265,7 @@ class Walk:
 
     def _call(self, name: str, arguments: list[sp.Expr], offset: int) -> sp.Expr:
         if name not in _SYMPY or len(arguments) != CONSTANT_FUNCTIONS.get(name, 1):
-            raise ExpressionError(f"{name!r} is no function with {len(arguments)} arguments", offset)
+            raise ExpressionError(f"{name!r} is not a function of {len(arguments)} arguments", offset)
         if name == "sqrt":
             return self._power(arguments[0], _HALF, offset)
         if name == "exp":
@@ -277,7 +275,7 @@ class Walk:
         return checked(_SYMPY[name](*arguments), offset)
 
     def kinks(self, operation: Operation) -> list[sp.Expr]:
-        """What has a kink or jumps where it is 0, in order of appearance."""
+        """Return the expressions at whose zeros the operation has a kink or a jump, in order of appearance."""
         found: list[sp.Expr] = []
         for part in operation.parts():
             if part.kind == "call" and part.value in KINK_FUNCTIONS:
@@ -286,6 +284,6 @@ class Walk:
                 found += compared(str(part.value), [self._argument(a, 0) for a in part.arguments])
             elif part.kind == "^" or part.value == "sqrt":
                 base, exponent = (*(self._of(a, 0) for a in part.arguments), _HALF)[:2]
-                roots = sp.Pow(base, exponent).atoms(sp.Abs)  # what SymPy takes the absolute value of
+                roots = sp.Pow(base, exponent).atoms(sp.Abs)  # SymPy simplifies sqrt(u**2) to Abs(u)
                 found += [root.args[0] for root in sorted(roots, key=sp.default_sort_key)]
         return found

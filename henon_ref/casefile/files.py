@@ -1,4 +1,4 @@
-"""The case files that a command is given: paths of files and of folders of them, or names of shipped ones."""
+"""Case files that a command is given: paths of files or folders, or names of shipped cases."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def read_cases(
     solvers: Collection[str] | None = None,
     fixed_step: Callable[[str], bool] | None = None,
 ) -> list[Case]:
-    """Read the case files; a folder stands for all of its cases, ``truth`` apart.
+    """Read the case files; a folder means all case files in it, except those in a folder ``truth``.
 
     Parameters
     ----------
@@ -28,10 +28,10 @@ def read_cases(
     Raises
     ------
     CaseError
-        For a file that is no case, a folder without any, and two cases of one name.
+        If a file is not a case, a folder contains no case, or two cases have the same name.
     """
     cases: dict[str, Case] = {}
-    # Several paths may lead to one file: it is read once, by the first of them.
+    # Several paths may lead to the same file; it is read once, under its first path.
     files: dict[str, Path] = {}
     for path in paths:
         for found in case_files(path):
@@ -45,12 +45,12 @@ def read_cases(
 
 
 def case_files(path: Path) -> list[Path]:
-    """The case files that a path, or the name of shipped cases, stands for, in order.
+    """Return the case files that a path, or the name of shipped cases, denotes, in order.
 
     Raises
     ------
     CaseError
-        For a folder without any, and a name of nothing.
+        If a folder contains no case file, or the name is unknown.
     """
     path = located(path)
     if not path.is_dir():

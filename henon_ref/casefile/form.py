@@ -1,8 +1,8 @@
-"""A mapping of a file to the class that describes it; what does not fit is told by its line and column.
+"""Reading a mapping of a file into the class that describes it; each fault is reported with its line and column.
 
-The annotations of a :class:`Form` say what its keys hold: a scalar (``Annotated`` with a
-:class:`Scalar`), one of some words (``Literal``), a list (``tuple``), a mapping of names (``Mapping``), another form,
-or anything (``Any``). In ``Annotated`` also stand how many entries it has (:class:`Size`) and what it means (text).
+The annotations of a :class:`Form` describe its keys: a scalar (``Annotated`` with a :class:`Scalar`), one of several
+words (``Literal``), a list (``tuple``), a mapping from names (``Mapping``), another form, or any value (``Any``).
+``Annotated`` may add the number of entries (:class:`Size`) and the meaning of the key (text).
 :mod:`henon_ref.casefile.schema` has the forms of a case file.
 """
 
@@ -21,18 +21,18 @@ from henon_ref.text import did_you_mean, listed, shortened
 
 AnyForm = TypeVar("AnyForm", bound="Form")
 NONE: Mapping[str, Any] = MappingProxyType({})
-"""A mapping that is left out."""
+"""Default of a mapping that may be omitted."""
 
 
 class Form:
-    """A mapping of a file with keys; those that have a value here may be left out."""
+    """Base class of the mappings of a file; the annotated names are the keys, keys with a default may be omitted."""
 
     OTHERS: Any = None
-    """What keys of any other names hold; None: there are none."""
+    """Annotation of the values of all other keys; None if no other keys are allowed."""
     BESIDE: tuple[str, ...] = ()
     """Keys that are read elsewhere."""
     HINTS = NONE
-    """Unknown key -> what is said besides."""
+    """Unknown key -> hint appended to its error message."""
 
     def __init__(self, **values: Any) -> None:
         vars(self).update(values)
@@ -40,7 +40,7 @@ class Form:
     @classmethod
     @cache
     def keys(cls) -> dict[str, Kind]:
-        """Its keys, and what they hold."""
+        """Return the keys and the kinds of their values."""
         hints = get_type_hints(cls, include_extras=True)
         own = (name for name in hints if name not in Form.__annotations__)
         return {name: replace(kind_of(hints[name]), default=getattr(cls, name, MISSING)) for name in own}
@@ -48,52 +48,48 @@ class Form:
 
 @dataclass(frozen=True, eq=False)
 class Scalar:
-    """A kind of scalar."""
-
     read: Callable[[Any], Any]
-    """Its value as it is kept; a ValueError says what is wrong with it."""
+    """Converts a value of the file; raises ValueError with the fault."""
     schema: Mapping[str, Any]
-    """The same as JSON Schema."""
 
 
 @dataclass(frozen=True)
 class Size:
-    """How many entries a list or a mapping has."""
+    """Allowed number of entries of a list or a mapping."""
 
     least: int = 0
     most: int | None = None
-    """``MAX_STATES`` stands for as many states as the model may have."""
+    """``MAX_STATES`` means the limit of the source (larger for models from Python)."""
 
 
 @dataclass(frozen=True)
 class Kind:
-    """What a key, or an entry, holds."""
+    """Kind of the value of a key or of an entry."""
 
     type: Any
     """A :class:`Scalar`, the words of a ``Literal``, ``tuple``, ``Mapping``, a form, or ``Any``."""
     inner: tuple[Any, ...] = ()
-    """Annotations: of a list's entries; of a mapping's names and entries."""
+    """Annotations of the entries of a list, or of the names and entries of a mapping."""
     size: Size = Size()
     optional: bool = False
-    """Whether it may be null."""
+    """Whether the value may be null."""
     description: str = ""
-    """What a key means."""
     default: Any = None
-    """What holds where a key is left out; ``MISSING`` where that cannot be."""
+    """Value if the key is omitted; ``MISSING`` if it is required."""
 
     @property
     def is_form(self) -> bool:
-        """Whether it is a mapping with keys of its own."""
+        """Whether the value is a mapping with fixed keys."""
         return isinstance(self.type, type) and issubclass(self.type, Form)
 
 
 _NOTES = {Scalar: "type", Size: "size", str: "description"}
-"""What may stand in ``Annotated``."""
+"""Type of a note in ``Annotated`` -> field of :class:`Kind`."""
 
 
 @cache
 def kind_of(annotation: Any) -> Kind:
-    """What an annotation says."""
+    """Return the kind that an annotation describes."""
     inner = get_args(annotation)
     if get_origin(annotation) is Annotated:
         return replace(kind_of(inner[0]), **{_NOTES[type(note)]: note for note in inner[1:]})
@@ -105,38 +101,38 @@ def kind_of(annotation: Any) -> Kind:
 
 
 def read_form(form: type[AnyForm], source: Source, *, partial: bool = False) -> AnyForm:
-    """Read a mapping of a file.
+    """Read a mapping of a file into a form.
 
     Parameters
     ----------
     form : type
     source : Source
     partial : bool
-        Whether keys at the top may be missing that have no default.
+        Whether required keys at the top level may be missing.
 
     Raises
     ------
     CaseError
-        At the line and column of the first key or value that does not fit.
+        At the line and column of the first key or value with a fault.
     """
     reader = _Reader(source.most_states)
     found: AnyForm = reader.form(form, source.tree, "", source.tree.place, partial=partial)
     if reader.faults:
-        # A misspelt key is unknown and missing at once; only the first is of use.
+        # A misspelt key is both unknown and missing; the unknown key is reported.
         _, place, message = min(reader.faults, key=lambda fault: (fault[0], fault[1].line, fault[1].column))
         raise source.error_at(place, message)
     return found
 
 
 class _Reader:
-    """Reads values, and takes down what does not fit: whether a key is missing, its place, and the message."""
+    """Reader of values; collects the faults: whether a key is missing, the place, and the message."""
 
     def __init__(self, most_states: int) -> None:
         self.most_states = most_states
         self.faults: list[tuple[bool, Place, str]] = []
 
     def form(self, form: type[Form], node: MappingNode, name: str, place: Place, *, partial: bool = False) -> Any:
-        """A form under a key (at ``place``), or in a list (no name)."""
+        """Read a form under a key (at ``place``), or in a list (no name)."""
         keys, where = form.keys(), f" in '{name}'" if name else ""
         values = {}
         for own, entry in node.entries.items():
@@ -155,7 +151,7 @@ class _Reader:
         return None if self.faults else form(**values)
 
     def value(self, kind: Kind, node: Node, name: str, within: str, place: Place) -> Any:
-        """What a key (at ``place``), or an entry of a list (no name), holds; None where it does not fit."""
+        """Read the value of a key (at ``place``), or an entry of a list (no name); None if it has a fault."""
         if kind.optional and isinstance(node, ScalarNode) and node.value is None:
             return None
         if kind.type is Any:
@@ -181,7 +177,7 @@ class _Reader:
         return node.value
 
     def _check(self, kind: Kind, node: Node) -> None:
-        """Refuse a word, a list or a mapping that is none, and one with too few entries or too many."""
+        """Raise ValueError if a word, list or mapping is not one, or has too few or too many entries."""
         if isinstance(kind.type, tuple):
             if not isinstance(node, ScalarNode) or node.value not in kind.type:
                 words = [*map(repr, kind.type)]
@@ -202,7 +198,7 @@ class _Reader:
 
 
 def _given(node: Node) -> str:
-    """What stands where something else has to, for a message."""
+    """End of a message: the value that the file has instead."""
     if isinstance(node, ScalarNode):
         shown = f"the text {shortened(node.text)}" if isinstance(node.value, str) else node.text
         return f"; here it is {shown or 'empty'}"

@@ -1,4 +1,4 @@
-"""The case file's form as JSON Schema, for editors that complete and check YAML."""
+"""JSON Schema of case files, with which editors complete and check YAML."""
 
 from __future__ import annotations
 
@@ -17,34 +17,34 @@ _EXPRESSION = {"type": ["number", "string"]}
 _NAME = {"type": "string"}
 _TWO_NAMES = {"type": "array", "items": _NAME, "minItems": 2, "maxItems": 2}
 _PART = "Part"
-"""Behind the name of a form: a part of it, as a reading may have it."""
+"""Suffix of the name of a form for its variant in a reading, in which every key is optional."""
 _Schema = dict[str, Any]
 
 
 def schema_text() -> str:
-    """The JSON Schema as a file holds it: ``cases/case.schema.json`` is this text."""
+    """Return the text of ``cases/case.schema.json``."""
     return json.dumps(case_schema(), indent=1) + "\n"
 
 
 def case_schema() -> _Schema:
-    """JSON Schema of a case file, for editors that complete and check YAML."""
+    """Return the JSON Schema of a case file."""
     forms: dict[str, _Schema] = {}
     whole, forms = _ordered(_form(CaseForm, forms)), _ordered(forms)
     overrides = {key: _override(value) for key, value in whole["properties"].items() if key in READING_KEYS}
     whole["properties"]["readings"] = {
         "type": "object",
-        "description": "name: overrides of the keys above; mappings merge, anything else replaces, null removes",
+        "description": "name: overrides of the keys above; mappings merge, other values replace, null removes",
         "additionalProperties": {"type": "object", "properties": overrides, "additionalProperties": False},
         "propertyNames": {"pattern": NAME_PATTERN},
     }
-    # With readings, a required key may stand in every reading instead of at the top.
+    # With readings, a required key may be in every reading instead of at the top.
     whole["required"] = ["schema", "name", "title"]
     forms |= {f"{name}{_PART}": _part_of(form) for name, form in forms.items()}
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", "$defs": forms, **whole}
 
 
 def _ordered(value: Any, key: str = "") -> Any:
-    """A schema with its keywords in alphabetical order, keys of a file in their own."""
+    """Return a schema with its keywords in alphabetical order; keys of the case file keep their order."""
     if isinstance(value, dict):
         names = value if key in ("properties", "default") else sorted(value)
         return {name: _ordered(value[name], name) for name in names}
@@ -55,7 +55,7 @@ def _ordered(value: Any, key: str = "") -> Any:
 
 
 def _form(form: type[Form], forms: dict[str, _Schema]) -> _Schema:
-    """A form; those in it are put among ``forms``."""
+    """Return the schema of a form; schemas of the forms inside are added to ``forms``."""
     found: _Schema = {"title": _name(form), "type": "object", "additionalProperties": False, "properties": {}}
     if form.__doc__:
         found["description"] = form.__doc__
@@ -79,7 +79,6 @@ def _name(form: type[Form]) -> str:
 
 
 def _plain(default: Any) -> Any:
-    """A default as JSON has it."""
     if isinstance(default, Form):
         return {name: kind.default for name, kind in default.keys().items()}
     if isinstance(default, tuple | Mapping):
@@ -88,7 +87,7 @@ def _plain(default: Any) -> Any:
 
 
 def _kind(kind: Kind, name: str, forms: dict[str, _Schema]) -> _Schema:
-    """What the key of a name, or an entry of it, holds."""
+    """Return the schema of the value of a key, or of an entry of it."""
     sizes: _Schema = {way: size for way, size in (("min", kind.size.least or None), ("max", kind.size.most)) if size}
     found: _Schema
     if isinstance(kind.type, Scalar):
@@ -117,7 +116,7 @@ def _mapping(properties: _Schema, required: list[str]) -> _Schema:
 
 
 def _body(key: str, kind: str, unit: str) -> _Schema:
-    """A body that a key says what it is."""
+    """Return the schema of a body that is defined by ``key``."""
     properties: _Schema = {key: _EXPRESSION | {"description": f"[{unit}]"}}
     if kind in ("mass", "rotor"):
         properties["states"] = _TWO_NAMES | {"description": "names of its states, position or angle first"}
@@ -125,7 +124,7 @@ def _body(key: str, kind: str, unit: str) -> _Schema:
 
 
 def _connection(name: str) -> _Schema:
-    """A connection of a kind, under its name."""
+    """Return the schema of a kind of connection under its name."""
     kind = KINDS[name]
     properties: _Schema = (
         {"on": _NAME | {"description": "the body"}}
@@ -134,7 +133,7 @@ def _connection(name: str) -> _Schema:
     )
     required = [*properties, *(key.name for key in kind.keys if not key.optional)]
     properties |= {key.name: _of_connection(key) for key in kind.keys}
-    properties["name"] = _NAME | {"description": "the symbol of its sign, in place of one made of the bodies' names"}
+    properties["name"] = _NAME | {"description": "symbol of its sign; default: made of the bodies' names"}
     return _mapping({name: _mapping(properties, required) | {"description": kind.meaning}}, [name])
 
 
@@ -153,7 +152,7 @@ _CONNECTIONS = [_connection(name) for name in KINDS]
 
 
 def _override(value: _Schema) -> _Schema:
-    """What a reading may lay over a value: a part of a mapping, anything else whole, or null."""
+    """Return the schema of what a reading may put in place of a value: part of a mapping, another value, or null."""
     described: _Schema = {key: value[key] for key in ("description", "title") if key in value}
     return {"anyOf": [*(_part(way) for way in value.get("anyOf", [value])), {"type": "null"}], **described}
 
@@ -165,7 +164,7 @@ def _part(value: _Schema) -> _Schema:
 
 
 def _part_of(mapping: _Schema) -> _Schema:
-    """A mapping of which every key may be left out, and be overridden in its turn."""
+    """Return the schema of a mapping with every key optional and replaceable."""
     part = {key: value for key, value in mapping.items() if key not in ("required", "minProperties", "default")}
     if "properties" in part:
         part["properties"] = {key: _override(value) for key, value in part["properties"].items()}

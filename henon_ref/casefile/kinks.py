@@ -1,8 +1,9 @@
-"""Kinks and jumps as people write them: ``abs``, ``sign``, ``min``, ``max`` and ``piecewise`` by signs of surfaces.
+"""Kinks and jumps of written functions (``abs``, ``sign``, ``min``, ``max``, ``piecewise``) as signs of surfaces.
 
-``abs(u)`` is ``u*sgn(u)``, ``max(u, v)`` is u or v by the sign of ``u - v``, and ``piecewise`` chooses by the sign of
-what its comparison compares. Each argument becomes a surface ``kink1``, ``kink2``, ... in order of appearance; but one
-that is a surface of the model, or another argument, times a factor that always has the same sign has that one's sign.
+``abs(u)`` becomes ``u*sgn(u)``; ``max(u, v)`` becomes u or v, chosen by the sign of ``u - v``; ``piecewise`` chooses
+by the sign of the difference of the two sides of its comparison. Each argument becomes a surface ``kink1``, ``kink2``,
+... in order of appearance, unless it equals a surface of the model or an earlier argument up to a factor of constant
+sign; it then shares that sign.
 """
 
 from __future__ import annotations
@@ -17,22 +18,22 @@ from henon_ref.modes.bounds import shown, terms
 from henon_ref.modes.switched_field import up_to_a_number
 
 MAX_INNER = 4
-"""Kinks that the argument of another one may have: its branches are twice as many with each."""
+"""Largest number of kinks in the argument of another kink: each doubles the number of branches."""
 MAX_TERMS = 1_000
-"""Terms, multiplied out, of a difference that is looked at whether it is zero."""
+"""Largest number of terms, multiplied out, of a difference that is tested for zero."""
 
 
 class Sgn(sp.Function):
-    """The sign of an expression, until it has a symbol."""
+    """Sign of an expression, before it has a symbol."""
 
     nargs = 1
     is_real = True
 
 
 def sgn(argument: sp.Expr) -> sp.Expr:
-    """The sign of an expression: a number's own, else -1 or +1 times a :class:`Sgn` of a form without factor.
+    """Return the sign of an expression: a number, or -1 or +1 times a :class:`Sgn` of a form without factor.
 
-    Of what has a kink of its own it is the sign of either branch, chosen by the kink's.
+    If the expression has kinks, the sign is that of its branches, chosen by the signs of those kinks.
     """
     if argument.is_number:
         return sp.sign(argument)
@@ -44,18 +45,18 @@ def sgn(argument: sp.Expr) -> sp.Expr:
 
 
 def either(sign: sp.Expr, above: sp.Expr, below: sp.Expr) -> sp.Expr:
-    """One of two expressions by a sign."""
+    """Return an expression that equals ``above`` or ``below`` if a sign is +1 or -1."""
     return above if above == below else above * (1 + sign) / 2 + below * (1 - sign) / 2
 
 
 def _inner(argument: sp.Expr) -> sp.Expr | None:
-    """A sign in an expression that holds no other."""
+    """Return a sign in an expression whose argument contains no other sign; None if there is none."""
     found = [sign for sign in argument.atoms(Sgn) if not sign.args[0].has(Sgn)]
     return min(found, key=sp.default_sort_key) if found else None
 
 
 def branches(argument: sp.Expr) -> list[sp.Expr]:
-    """What the sign of an expression is made of: itself, or its branches where it has kinks of its own."""
+    """Return the branches of an expression between its kinks; without kinks, the expression itself."""
     inner = _inner(argument)
     if inner is None:
         return [argument]
@@ -63,7 +64,7 @@ def branches(argument: sp.Expr) -> list[sp.Expr]:
 
 
 def without_signs(expression: sp.Expr, signs: Collection[sp.Symbol]) -> sp.Expr:
-    """An expression whose kinks hold none of some signs: these choose among its values at -1 and +1."""
+    """Return an equal expression whose kinks contain none of some signs; these choose between kinks instead."""
     return sp.Add(*(_chosen_by_signs(term, signs) for term in sp.Add.make_args(expression)))
 
 
@@ -78,39 +79,39 @@ def _chosen_by_signs(term: sp.Expr, signs: Collection[sp.Symbol]) -> sp.Expr:
 
 
 def _normal(expression: sp.Expr) -> sp.Expr:
-    """An expression with each :class:`Sgn` that of a form without factor again."""
+    """Return an expression in which each :class:`Sgn` has a form without factor as its argument."""
     return expression.replace(lambda e: isinstance(e, Sgn), lambda e: sgn(e.args[0]))
 
 
 def at_signs(argument: sp.Expr, signs: Collection[sp.Symbol]) -> list[sp.Expr]:
-    """What an argument is for each choice of the signs that it holds."""
+    """Return the values of an argument for all choices of the signs that it contains."""
     held = sorted(argument.free_symbols & set(signs), key=lambda s: s.name)
     choices = product((1, -1), repeat=len(held))
     return [argument.xreplace(dict(zip(held, map(sp.Integer, choice), strict=True))) for choice in choices]
 
 
 def chosen(first: sp.Expr, difference: sp.Expr, second: sp.Expr) -> sp.Expr:
-    """The first expression where a difference is positive, the second where it is negative."""
+    """Return an expression that equals the first if a difference is positive, the second if it is negative."""
     if first == second:
         return first
     sign = sgn(difference)
     if sign.is_number:
         return first if sign >= 0 else second
     symbol, way = (sign, 1) if isinstance(sign, Sgn) else (-sign, -1)
-    if isinstance(symbol, Sgn):  # what one of the two is on the other's side never counts
+    if isinstance(symbol, Sgn):  # each is evaluated on its own side only
         first, second = (e.xreplace({symbol: sp.Integer(side)}) for e, side in ((first, way), (second, -way)))
     return sign * first if first == -second else either(sign, first, second)
 
 
 def compared(name: str, arguments: Sequence[sp.Expr]) -> Sequence[sp.Expr]:
-    """What a call has a kink or a jump for where it is 0."""
+    """Return the expressions at whose zeros a call has a kink or a jump."""
     if name in ("min", "max"):
         return [difference for _, difference in _largest(arguments, name)]
     return arguments[1::2] if name == "piecewise" else arguments
 
 
 def _largest(arguments: Sequence[sp.Expr], name: str) -> Iterator[tuple[sp.Expr, sp.Expr]]:
-    """``max`` of ever more expressions, or ``min``, and what the one before less the last expression is."""
+    """Yield ``max`` (or ``min``) of the first two, three, ... expressions, each with the difference that decides it."""
     found = arguments[0]
     for other in arguments[1:]:
         difference = found - other
@@ -121,19 +122,19 @@ def _largest(arguments: Sequence[sp.Expr], name: str) -> Iterator[tuple[sp.Expr,
 
 
 def _check_inner(name: str, difference: sp.Expr) -> None:
-    """Refuse what a kink is of, where it has too many of its own."""
+    """Raise ExpressionError if the argument of a kink contains too many kinks."""
     if len(difference.atoms(Sgn)) > MAX_INNER:
         raise ExpressionError(
-            f"'{name}' of what has more than {MAX_INNER} kinks of its own; name surfaces and use their signs"
+            f"the argument of '{name}' has more than {MAX_INNER} kinks; define surfaces and use their signs"
         )
 
 
 def call(name: str, arguments: Sequence[sp.Expr], offset: int, strict: Sequence[bool] = ()) -> sp.Expr:
-    """``abs``, ``sign``, ``min``, ``max`` and ``piecewise`` as an expression in signs.
+    """Return ``abs``, ``sign``, ``min``, ``max`` or ``piecewise`` as an expression in signs.
 
-    Of ``piecewise`` each condition is given as what is positive where it holds; ``strict`` says of each whether it does
-    not hold where that is 0. An ExpressionError tells of arguments with too many kinks of their own, and of a value on
-    a surface that is neither side's.
+    A condition of ``piecewise`` is given as an expression that is positive if it holds; ``strict`` gives for each
+    condition whether it fails if that expression is 0. Raises ExpressionError if the arguments have too many kinks, or
+    if the value on a surface differs from the values on both sides.
     """
     try:
         if name == "piecewise":
@@ -157,10 +158,7 @@ def _called(name: str, arguments: Sequence[sp.Expr]) -> sp.Expr:
 
 
 def _check_on_surface(values: Sequence[sp.Expr], conditions: Sequence[sp.Expr], strict: Sequence[bool]) -> None:
-    """Refuse a ``piecewise`` of one surface that has a value on it which is neither side's, nor halfway between them.
-
-    The last value is that where no condition holds.
-    """
+    """Raise ExpressionError if a ``piecewise`` with one surface has a value on it unlike both sides and their mean."""
     signs = [sgn(condition) for condition in conditions]
     surfaces = set().union(*(sign.atoms(Sgn) for sign in signs))
     if len(surfaces) != 1:
@@ -178,14 +176,14 @@ def _check_on_surface(values: Sequence[sp.Expr], conditions: Sequence[sp.Expr], 
     if all(difference != 0 and (terms(difference) > MAX_TERMS or sp.expand(difference) != 0) for difference in apart):
         value = "a value of its own" if own.has(Sgn) else shown(own)
         raise ExpressionError(
-            f"where {shown(surface.args[0])} is 0 this is {value}, which it is on neither side: a field is what it is "
-            "beside a surface. Friction that holds more than it slides with has a 'static' in a scene, or "
-            "'sliding' with 'entry: inside'"
+            f"where {shown(surface.args[0])} is 0, this expression is {value}, the value of neither side; on a surface "
+            "a field follows from its two sides. For static friction larger than sliding friction give 'static' in a "
+            "scene, or 'sliding' with 'entry: inside'"
         )
 
 
 def _first(holds: Iterable[object]) -> int:
-    """Index of the first condition that holds, or of the value behind the last."""
+    """Return the index of the first condition that holds, or the number of conditions."""
     count = -1
     for count, held in enumerate(holds):
         if held:

@@ -1,4 +1,4 @@
-"""Kinks of a model's surfaces and rates, as more surfaces: what has none does without this."""
+"""Kinks of a model's surfaces and rates, as additional surfaces (imported only for models with kinks)."""
 
 from __future__ import annotations
 
@@ -13,38 +13,38 @@ from henon_ref.modes.bounds import exact_sign
 from henon_ref.modes.switched_field import up_to_a_number
 
 Kinked = tuple[sp.Expr, list[sp.Expr]]
-"""An expression, and what it has kinks for in order of appearance."""
+"""Expression, and the arguments of its kinks in order of appearance."""
 
 
 class Kinks:
-    """Collects the surfaces of a model's kinks; the sign of what holds parameters alone is a number."""
+    """Collection of the surfaces of a model's kinks; signs of expressions in parameters alone become numbers."""
 
     def __init__(self, parameters: Mapping[sp.Symbol, sp.Expr]) -> None:
-        """``parameters``: parameter -> exact number."""
+        """``parameters``: parameter -> exact value."""
         self.parameters = dict(parameters)
         self.surfaces: dict[sp.Symbol, sp.Expr] = {}
-        """Sign -> what it is the sign of, as it was written first."""
+        """Sign -> its argument, as written first."""
         self.declared: dict[sp.Symbol, sp.Expr] = {}
-        """The same of the model's own surfaces."""
+        """Sign of a surface of the model -> the surface."""
         self.conditions: list[sp.Expr] = []
-        """What has been taken as positive for the values of the parameters."""
+        """Expressions in parameters that were taken as positive, from the parameters' values."""
         self.declared_late = False
-        """Whether a kink has turned out to be a surface that was declared behind it."""
+        """Whether a kink equals a surface that was declared after it."""
         self._waiting: dict[sp.Symbol, sp.Expr] = {}
-        """Those whose forms are not known yet."""
+        """Declared surfaces whose normal forms have not been computed."""
         self._signs: dict[sp.Expr, sp.Expr] = {}
-        """Form -> its sign: a symbol, minus one, or a number."""
+        """Normal form -> its sign: a symbol, minus a symbol, or a number."""
         self._known: dict[object, sp.Expr] = {}
-        """Form of :func:`henon_ref.modes.algebra.signed_form` -> its sign, a symbol or minus one."""
+        """Form of :func:`henon_ref.modes.algebra.signed_form` -> its sign, a symbol or minus a symbol."""
 
     def declare(self, sign: sp.Symbol, surface: sp.Expr) -> None:
-        """Take in a surface of the model: what is one up to a factor has its sign."""
+        """Declare a surface of the model: a kink that equals it up to a factor shares its sign."""
         self.declared[sign] = self._waiting[sign] = surface
         if self.surfaces:
             self._take_in()
 
     def _take_in(self) -> None:
-        """Forms of the surfaces that have been declared; where there are no kinks nobody asks for them."""
+        """Compute the forms of the declared surfaces (postponed because models without kinks do not need them)."""
         for sign, surface in self._waiting.items():
             form, way = signed_form(surface, self.parameters)
             own = self._known.setdefault(form, way * sign)
@@ -52,7 +52,7 @@ class Kinks:
         self._waiting.clear()
 
     def resolved(self, expression: sp.Expr, arguments: Sequence[sp.Expr]) -> sp.Expr:
-        """An expression with symbols for its signs; ``arguments`` are those of its kinks in order of appearance."""
+        """Return an expression with symbols for its signs; ``arguments`` of its kinks in order of appearance."""
         for argument in (part for whole in arguments for part in branches(whole)):
             form, way = (argument, 1) if argument.is_number else up_to_a_number(argument)
             if form not in self._signs and expression.has(Sgn(form)):
@@ -63,9 +63,9 @@ class Kinks:
     def guard(
         self, sign: sp.Symbol, expression: sp.Expr, arguments: Sequence[sp.Expr]
     ) -> tuple[dict[sp.Symbol, sp.Expr], sp.Expr]:
-        """Surfaces of an expression that may have kinks, and its sign by theirs.
+        """Return the surfaces of a guard that may have kinks, and its sign as an expression in their signs.
 
-        Without kinks that is the sign itself; with them each branch is a surface: ``s``, ``s_2``, ...
+        Without kinks the surface is the guard itself; with kinks each branch is a surface: ``s``, ``s_2``, ...
         """
         surfaces: dict[sp.Symbol, sp.Expr] = {}
         signs: dict[sp.Expr, sp.Expr] = {}
@@ -79,16 +79,16 @@ class Kinks:
         return surfaces, self.resolved(sgn(expression).xreplace(signs), [*arguments, *parts])
 
     def positive_part(self, expression: sp.Expr, arguments: Sequence[sp.Expr] = ()) -> sp.Expr:
-        """max(0, expression), which may have kinks itself, of ``arguments``."""
+        """Return max(0, expression); the expression may have kinks, of ``arguments``."""
         return self.resolved(chosen(expression, expression, sp.S.Zero), [*arguments, expression])
 
     def limited(self, expression: sp.Expr, bound: sp.Expr) -> sp.Expr:
-        """The expression where it lies between -bound and bound, else the one of these that it is beyond."""
+        """Return the expression limited to [-bound, bound]."""
         above, below = bound + expression, bound - expression
         return self.resolved((sgn(above) * above - sgn(below) * below) / 2, [above, below])
 
     def used(self, expression: sp.Expr) -> dict[sp.Symbol, sp.Expr]:
-        """The kinks whose signs an expression holds."""
+        """Return the kinks whose signs occur in an expression."""
         held = expression.free_symbols
         return {sign: surface for sign, surface in self.surfaces.items() if sign in held}
 
@@ -108,17 +108,17 @@ class Kinks:
 def with_kinks(
     source: Source, names: Names, surfaces: Mapping[sp.Symbol, Kinked], rates: Sequence[Kinked]
 ) -> tuple[dict[sp.Symbol, sp.Expr], list[sp.Expr], frozenset[int], tuple[sp.Expr, ...]]:
-    """Surfaces of a system and of its kinks, and its field by their signs.
+    """Return the surfaces of a system and of its kinks, and the field in terms of their signs.
 
     Returns
     -------
     surfaces : dict
-        The system's own, branches of such as have kinks, and those of kinks.
+        Surfaces of the system (for a surface with kinks, its branches), followed by those of kinks.
     field : list of Expr
     kinks : frozenset of int
-        Surfaces that stand for kinks.
+        Indices of the surfaces that belong to kinks.
     sections : tuple of Expr
-        Signs of surfaces that have kinks, by those of their branches.
+        Signs of the surfaces that have kinks, in terms of the signs of their branches.
     """
     kinks = Kinks(names.exact_parameters())
     for sign, (surface, arguments) in surfaces.items():
@@ -146,13 +146,15 @@ def resolved(
     written: Kinked,
     signs: Collection[sp.Symbol] = (),
 ) -> sp.Expr:
-    """An expression with symbols for the signs of its kinks, and a value at both sides of each.
+    """Return an expression with symbols for the signs of its kinks, after checking its value on both sides of each.
 
-    Where a kink's argument holds some of ``signs``, it is one kink for each of their sides.
+    A kink whose argument contains some of ``signs`` becomes one kink for each choice of their values.
     """
     expression, arguments = written
     if any(len(argument.free_symbols & set(signs)) > MAX_INNER for argument in arguments):
-        raise source.error(path, f"a kink of what holds more than {MAX_INNER} signs; name surfaces and use their signs")
+        raise source.error(
+            path, f"the argument of a kink has more than {MAX_INNER} signs; define surfaces and use their signs"
+        )
     expression = without_signs(expression, signs)
     arguments = [part for argument in arguments for part in at_signs(argument, signs)]
     check_kinks(source, path, kinks, arguments)
@@ -165,26 +167,26 @@ def resolved(
 
 
 def check_kinks(source: Source, path: Path, kinks: Kinks, arguments: Sequence[sp.Expr]) -> None:
-    """Refuse kinks of parameters alone: what they are may change with these, when the equations are made."""
+    """Raise CaseError if the argument of a kink contains parameters alone: its sign would be fixed by their values."""
     still = [a for a in arguments if a.free_symbols and a.free_symbols <= set(kinks.parameters)]
     if still:
-        message = f"{still[0]} holds neither t nor a state, and no kink: make what is written of it a parameter"
-        raise source.error(path, f"{message} (where abs(...) is allowed)")
+        message = f"the argument {still[0]} contains neither t nor a state, so this is not a kink: define a parameter"
+        raise source.error(path, f"{message} by this expression (abs(...) is allowed there)")
 
 
 def _check_names(source: Source, names: Names, surfaces: list[sp.Symbol], kinks: list[sp.Symbol]) -> None:
-    """Refuse names of branches of surfaces, and of kinks, that are taken; and too many kinks."""
+    """Raise CaseError if the name of a branch or a kink is taken, or if there are too many kinks."""
     taken = {*names.states, *names.parameters}
     for sign in surfaces:
         if sign.name in names.signs:
             name = sign.name
         elif sign.name in taken:
-            message = f"'{sign.name}' is the name of a branch of '{name}'; rename what has it"
+            message = f"'{sign.name}' is the name of a branch of '{name}'; rename the state or parameter"
             raise source.error(("system", "surfaces", name), message, key=True)
     taken |= {sign.name for sign in surfaces}
     for sign in kinks:
         if sign.name in taken:
-            message = f"kink1, kink2, ... are the names of what has a kink here; '{sign.name}' is taken: rename it"
+            message = f"kink1, kink2, ... are the names of kinks; rename the '{sign.name}' of the model"
             raise source.error(("system", "field"), message, key=True)
     if len(kinks) > source.most_states:
         message = f"'field' has {len(kinks)} kinks; at most {source.most_states} are allowed"

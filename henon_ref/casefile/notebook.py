@@ -1,4 +1,4 @@
-"""A case as a notebook shows it: its readings in a table, its equations as formulas."""
+"""HTML of a case for a notebook: its readings in a table, its equations as formulas."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from henon_ref.modes.problem import Problem
 from henon_ref.text import html, listed
 
 MOST_READINGS, MOST_SYSTEMS = 12, 3
-"""Readings, and systems of equations that differ, that are shown."""
+"""Largest numbers of readings and of different systems of equations that are shown."""
 HEADINGS = ("reading", "states", "surfaces", "from t [s]", "to t [s]")
 
 
 def case_html(name: str, title: str, problems: Mapping[str, Problem]) -> str:
-    """A table of the readings' problems, then the equations; whoever wrote the case, nothing in it is a tag."""
+    """Return a table of the readings' problems, followed by the equations; text of the case is escaped."""
     rows = [_row(reading, problem) for reading, problem in list(problems.items())[:MOST_READINGS]]
     head = "".join(f"<th>{heading}</th>" for heading in HEADINGS)
     body = "".join(f"<tr>{''.join(f'<td>{html(cell)}</td>' for cell in row)}</tr>" for row in rows)
@@ -30,14 +30,14 @@ def _row(reading: str, problem: Problem) -> tuple[str, ...]:
 
 
 def equations_html(problems: Mapping[str, Problem]) -> str:
-    """The equations of the readings, once where several have the same, as formulas that a notebook typesets."""
+    """Return the equations of the readings as typeset formulas; equal systems are shown once."""
     systems: dict[str, list[str]] = {}
     for reading, problem in problems.items():
         systems.setdefault(general_form(problem.system), []).append(reading)
     shown = list(systems.items())[:MOST_SYSTEMS]
     parts = [
         (f"<p>{html(listed(readings, 6))}:</p>" if len(systems) > 1 else "")
-        + (f"<div>$${escape(formula)}$$</div>" if formula else "<p>its equations are too long to be set</p>")
+        + (f"<div>$${escape(formula)}$$</div>" if formula else "<p>the equations are too long to be typeset</p>")
         for formula, readings in shown
     ]
     more = f"<p>and {len(systems) - len(shown)} more systems of equations</p>" if len(systems) > len(shown) else ""

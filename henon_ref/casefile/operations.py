@@ -1,4 +1,4 @@
-"""An expression as operations: the one form that text and SymPy are read into before anything is computed."""
+"""Expression as operations: the common form of text and SymPy before anything is computed."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from henon_ref.casefile.grammar import MAX_NESTING
 from henon_ref.errors import ExpressionError
 
 LONGEST_NUMBER = 24
-"""Characters that a number counts for at most."""
+"""Largest number of characters that a number counts for."""
 _BINDING = {"+": 1, "-": 2, "*": 2, "/": 3, "^": 4}
-"""How closely an operation binds: what binds less than it stands in parentheses."""
+"""Binding strength of an operation; an operand that binds less closely is put in parentheses."""
 
 
 class Operation:
-    """A number, a name, or an operation with its arguments; equal to one that says the same, wherever it stands.
+    """Number, name, or operation with arguments; two are equal if they have the same content, at any offset.
 
     Attributes
     ----------
@@ -24,14 +24,14 @@ class Operation:
         ``number``, ``name``, ``+`` and ``*`` (of two or more), ``-`` and ``/`` (of one: its opposite, one over it),
         ``^``, ``call``, and ``<``, ``<=``, ``>``, ``>=`` in a condition.
     value : Rational or str
-        Of a number; the name; the function's.
+        Value of a number; name; name of a function.
     arguments : tuple of Operation
     offset : int
-        Where it begins in its text, or of ``/`` and ``^`` where the operator stands; 0 where there is no text.
+        Offset in the text: of the beginning, or for ``/`` and ``^`` of the operator; 0 if there is no text.
     names : tuple of str
-        Those in it, in order of appearance.
+        Names in the operation, in order of appearance.
     length : int
-        Characters that it counts for.
+        Characters that the operation counts for (see :mod:`henon_ref.casefile.work`).
     """
 
     __slots__ = ("_hash", "arguments", "kind", "length", "names", "offset", "value")
@@ -61,11 +61,11 @@ class Operation:
 
     @property
     def begin(self) -> int:
-        """Where it begins in its text."""
+        """Offset of the first character in the text."""
         return self.arguments[0].begin if self.kind == "^" else self.offset
 
     def parts(self, inside: Callable[[Operation], bool] = lambda _: True) -> Iterator[Operation]:
-        """It and all that stands in it, each before its arguments; not what is in a part that is not ``inside``."""
+        """Yield the operation and its parts, each before its arguments; parts that are not ``inside`` are opaque."""
         waiting = [self]
         while waiting:
             part = waiting.pop()
@@ -74,13 +74,13 @@ class Operation:
                 waiting += reversed(part.arguments)
 
     def renamed(self, names: Mapping[str, str]) -> Operation:
-        """The same with other names."""
+        """Return the operation with some names replaced."""
         if self.kind == "name":
             return Operation("name", (), names.get(str(self.value), self.value))
         return Operation(self.kind, tuple(part.renamed(names) for part in self.arguments), self.value)
 
     def text(self, binding: int = 0) -> str:
-        """It in the words of a case file, in parentheses where it binds less closely than it has to."""
+        """Return the operation as in a case file, in parentheses if it binds less closely than ``binding``."""
         own = _BINDING.get(self.kind, 9)
         first = self.arguments[0] if self.arguments else self
         match self.kind:
@@ -113,7 +113,7 @@ class Operation:
 
 
 def checked_nesting(operation: Operation) -> Operation:
-    """An operation in which functions and powers nest no deeper than ``MAX_NESTING``."""
+    """Return an operation after checking that functions and powers nest no deeper than ``MAX_NESTING``."""
     waiting = [(operation, 0)]
     while waiting:
         part, level = waiting.pop()

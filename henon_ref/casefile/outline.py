@@ -1,4 +1,4 @@
-"""What a case file says at a glance, read as YAML alone unless its expressions have kinks."""
+"""Outline of a case file: name, title, tags, numbers of states and surfaces; the equations are read only if needed."""
 
 from __future__ import annotations
 
@@ -12,34 +12,30 @@ from henon_ref.casefile.yaml_file import read_yaml
 from henon_ref.errors import CaseError
 
 CONTACTS = ("friction", "stop")
-"""Kinds of connections that make a surface."""
+"""Kinds of connections that create a surface."""
 
 
 @dataclass(frozen=True)
 class Outline:
-    """A case at a glance."""
+    """Outline of a case; ``states`` and ``surfaces`` are their numbers in each reading."""
 
     name: str
     title: str
     tags: tuple[str, ...]
     readings: int
     states: tuple[int, ...]
-    """How many, in each reading."""
     surfaces: tuple[int, ...]
-    """How many, in each reading."""
 
 
 def outline(path: Path) -> Outline:
-    """A case file at a glance; a CaseError for what is no YAML, and without a name, a title or a model."""
+    """Return the outline of a case file; CaseError if it is not YAML, or has no name, title or model."""
     tree = read_yaml(path)
     readings = list(_readings(tree))
     name, title = (_text(tree, key, path) for key in ("name", "title"))
     tags = dict.fromkeys(tag for reading in readings for tag in _items(reading.entries.get("tags")))
     models = (reading.entries[key] for reading in readings for key in ("system", "scene") if key in reading.entries)
-    if any(
-        map(_may_hold_kink, models)
-    ):  # which make surfaces of their own, that only who reads the equations can count
-        from henon_ref.casefile.case import load_case  # SymPy, which no other outline needs
+    if any(map(_may_hold_kink, models)):  # kinks become surfaces; to count them the equations must be read
+        from henon_ref.casefile.case import load_case  # imports SymPy, needed here only
 
         systems = [reading.problem.system for reading in load_case(path).readings]
         sizes = [(len(system.states), len(system.surfaces)) for system in systems]
@@ -50,7 +46,7 @@ def outline(path: Path) -> Outline:
 
 
 def _readings(tree: MappingNode) -> Iterator[MappingNode]:
-    """The tree of each reading, its overrides laid over the case."""
+    """Yield the tree of each reading, its overrides applied."""
     overrides = tree.entries.get("readings")
     if not isinstance(overrides, MappingNode):
         yield tree
@@ -73,22 +69,22 @@ def _items(node: Node | None) -> Iterator[str]:
 
 
 def _sizes(reading: MappingNode, path: Path) -> tuple[int, int]:
-    """States and surfaces of a reading."""
+    """Return the numbers of states and surfaces of a reading."""
     system, initial = (reading.entries.get(key) for key in ("system", "initial"))
     if isinstance(system, MappingNode):
         states, surfaces = (system.entries.get(key) for key in ("state", "surfaces"))
         if isinstance(states, SequenceNode) and isinstance(surfaces, MappingNode):
             return len(states.items), len(surfaces.entries)
-    elif isinstance(initial, MappingNode):  # a scene's states stand in its start
+    elif isinstance(initial, MappingNode):  # the states of a scene are the keys of 'initial'
         connections = child(reading, ("scene", "connections"))
         entries = connections.items if isinstance(connections, SequenceNode) else ()
         kinds = [kind for entry in entries if isinstance(entry, MappingNode) for kind in entry.entries]
         return sum(key not in NOT_STATES for key in initial.entries), sum(kind in CONTACTS for kind in kinds)
-    raise CaseError("there is no model: give 'system' or 'scene', and 'initial'", file=str(path))
+    raise CaseError("the case has no model: give 'system' or 'scene', and 'initial'", file=str(path))
 
 
 def _may_hold_kink(node: Node) -> bool:
-    """Whether an expression of a model may have a kink or a jump."""
+    """Check whether an expression of a model may have a kink or a jump."""
     if isinstance(node, MappingNode):
         return "normal" in node.entries or any(map(_may_hold_kink, node.entries.values()))
     return any(map(_may_hold_kink, node.items)) if isinstance(node, SequenceNode) else may_have_kinks(node.text)

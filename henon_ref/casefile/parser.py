@@ -1,6 +1,6 @@
-"""The text of an expression to its operations; everything that can be refused before anything is computed is, here.
+"""Parser of the text of an expression into operations; refuses everything that can be refused before evaluation.
 
-Characters, names, parentheses and the order of operands and operators are checked, each message with its place.
+It checks characters, names, parentheses and the order of operands and operators; each message has its offset.
 ``eval``, ``sympify`` and ``parse_expr`` are never called.
 """
 
@@ -38,7 +38,7 @@ _CONNECTIVES = ("and", "or", "not")
 
 
 def parsed(text: str, names: Collection[str], functions: Mapping[str, int]) -> Operation:
-    """What a text says, in some names besides ``pi`` and ``e``, and in functions -> how many arguments they take."""
+    """Return the operations of a text; allowed are ``names``, ``pi``, ``e``, and functions (name -> arity)."""
     if len(text) > MAX_LENGTH:
         raise ExpressionError(f"an expression of {len(text)} characters; at most {MAX_LENGTH} are allowed", 0)
     return _Parser(text, names, functions).whole()
@@ -46,8 +46,6 @@ def parsed(text: str, names: Collection[str], functions: Mapping[str, int]) -> O
 
 @dataclass(frozen=True, slots=True)
 class _Token:
-    """One token of an expression."""
-
     kind: str
     """``number``, ``name``, ``operator``, ``bracket`` or ``comparison``."""
     text: str
@@ -55,12 +53,12 @@ class _Token:
 
 
 class _Parser:
-    """Reads a text by recursive descent; powers bind as in Python: ``-x^2`` is ``-(x^2)``, ``2^3^2`` is ``2^(3^2)``."""
+    """Recursive-descent parser; powers bind as in Python: ``-x^2`` is ``-(x^2)``, ``2^3^2`` is ``2^(3^2)``."""
 
     def __init__(self, text: str, names: Collection[str], functions: Mapping[str, int]) -> None:
         self.text, self.names, self.functions = text, names, functions
         self.conditions: list[bool] = []
-        """Of each parenthesis that is open, whether a condition of ``piecewise`` stands in it."""
+        """For each open parenthesis, whether it is at a condition of ``piecewise``."""
         self.tokens = self._tokens()
         self.last: _Token | None = None
         self.token = next(self.tokens, None)
@@ -79,12 +77,12 @@ class _Parser:
             position = match.end()
 
     def _advance(self) -> _Token | None:
-        """Take the token and look at the next one."""
+        """Consume the token and read the next one; return the consumed token."""
         self.last, self.token = self.token, next(self.tokens, None)
         return self.last
 
     def _takes(self, *texts: str) -> _Token | None:
-        """The next token, taken, if it is one of some."""
+        """Consume and return the next token if its text is one of ``texts``; else return None."""
         return self._advance() if self.token is not None and self.token.text in texts else None
 
     def whole(self) -> Operation:
@@ -100,7 +98,7 @@ class _Parser:
         return self._chain("*", "/", self._power)
 
     def _chain(self, kind: str, inverse: str, part: Callable[[], Operation]) -> Operation:
-        """A sum or a product, or its first part where nothing follows that."""
+        """Parse a sum or a product; return its first part if it has only one."""
         first = part()
         parts = list(first.arguments) if first.kind == kind else [first]
         count = len(parts)
@@ -110,7 +108,7 @@ class _Parser:
         return first if len(parts) == count else Operation(kind, tuple(parts), "", first.begin)
 
     def _power(self) -> Operation:
-        """A tower of powers, each with the signs before it; in a loop, since it may be high."""
+        """Parse a tower of powers, each with the signs before it; in a loop, since the tower may be high."""
         levels, operators = [(self._signed(), self._operand())], []
         while operator := self._takes("**", "^"):
             operators.append(operator.offset)
@@ -122,7 +120,7 @@ class _Parser:
         return Operation("-", (found,), "", found.begin) if negative else found
 
     def _signed(self) -> bool:
-        """Whether the signs before an operand make it its opposite."""
+        """Consume the signs before an operand; return whether they negate it."""
         count, negative = 0, False
         while sign := self._takes("+", "-"):
             count += 1
@@ -147,11 +145,11 @@ class _Parser:
     def _ended(self) -> ExpressionError:
         if self.last is None:
             return ExpressionError("an empty expression; write a number or a formula", 0)
-        ends = f"the expression ends after '{self.last.text}' where a number or a name is missing"
+        ends = f"the expression ends after '{self.last.text}'; a number or a name is missing"
         return ExpressionError(ends, len(self.text))
 
     def _missing(self, token: _Token) -> ExpressionError:
-        """What is said of an operator, a bracket or a comparison where an operand has to stand."""
+        """Error for an operator, a bracket or a comparison in place of an operand."""
         if token.kind == "bracket":
             before = self.last.text if self.last is not None else "the beginning"
             between = f"a number or a name is missing between '{before}' and '{token.text}'"
@@ -162,16 +160,16 @@ class _Parser:
         return ExpressionError(f"a number or a name is missing{after} before '{token.text}'", token.offset)
 
     def _check_next(self) -> None:
-        """Refuse what cannot stand behind an operand."""
+        """Raise ExpressionError if the next token cannot follow an operand."""
         token, last = self.token, self.last
         if token is None or last is None:
             return
         if token.text in _CONNECTIVES and token.text not in self.names:
-            raise ExpressionError(f"'{token.text}' is no operator here; {TWO_CONDITIONS}", token.offset)
+            raise ExpressionError(f"'{token.text}' is not an operator here; {TWO_CONDITIONS}", token.offset)
         if token.kind in ("number", "name"):
             what = f"an operator is missing between '{last.text}' and '{token.text}'"
         elif token.text == "(":
-            what = f"'{last.text}' is no function" if last.kind == "name" else "an operator is missing before '('"
+            what = f"'{last.text}' is not a function" if last.kind == "name" else "an operator is missing before '('"
         elif token.kind == "comparison" and not any(self.conditions[-1:]):
             raise self._misplaced(token)
         else:
@@ -179,20 +177,20 @@ class _Parser:
         raise ExpressionError(f"{what}; a product is written with *", token.offset)
 
     def _misplaced(self, token: _Token) -> ExpressionError:
-        """What is said of a comparison that stands in no condition."""
+        """Error for a comparison outside a condition."""
         if any(self.conditions):
-            return ExpressionError(f"a comparison has no parentheses of its own; {TWO_CONDITIONS}", token.offset)
-        return ExpressionError(f"'{token.text}' stands in a condition of 'piecewise' only", token.offset)
+            return ExpressionError(f"a comparison must not have its own parentheses; {TWO_CONDITIONS}", token.offset)
+        return ExpressionError(f"'{token.text}' is allowed in a condition of 'piecewise' only", token.offset)
 
     def _named(self, token: _Token) -> Operation:
-        """A number, a name, or a call."""
+        """Parse a number, a name, or a call."""
         name = token.text
         if token.kind == "number":
             _check_number(token)
             self._advance()
             return Operation("number", (), exact(name), token.offset)
         if name in _CONNECTIVES and name not in self.names:
-            raise ExpressionError(f"'{name}' is no operator here; {TWO_CONDITIONS}", token.offset)
+            raise ExpressionError(f"'{name}' is not an operator here; {TWO_CONDITIONS}", token.offset)
         check_name(name, self.names, self.functions, token.offset)
         self._advance()
         if name not in self.functions:
@@ -202,7 +200,7 @@ class _Parser:
         return Operation("call", tuple(self._brackets(token)), name, token.offset)
 
     def _brackets(self, function: _Token | None) -> list[Operation]:
-        """What stands in parentheses: arguments of a function, or one expression."""
+        """Parse the contents of parentheses: arguments of a function, or one expression."""
         bracket = self._advance()
         assert bracket is not None
         if len(self.conditions) == MAX_DEPTH:
@@ -213,9 +211,9 @@ class _Parser:
         while comma := self._takes(","):
             if len(arguments) >= arity:
                 several = f"'{function.text}' takes {arity} argument{'s' if arity > 1 else ''}" if function else ""
-                what = several or "',' stands between arguments only"
+                what = several or "',' is allowed between arguments only"
                 raise ExpressionError(f"{what}; a decimal point is written '.'", comma.offset)
-            # Every second argument of piecewise is a condition but for the last.
+            # In piecewise, every second argument except the last is a condition.
             self.conditions[-1] = function is not None and function.text == "piecewise" and len(arguments) % 2 == 1
             arguments.append(self._argument())
         if not self._takes(")"):
@@ -226,7 +224,7 @@ class _Parser:
         return arguments
 
     def _argument(self) -> Operation:
-        """An argument; a condition is a comparison."""
+        """Parse an argument; a condition is a comparison."""
         found = self._sum()
         compared = False
         while operator := self._takes("<", "<=", ">", ">="):
@@ -240,10 +238,10 @@ class _Parser:
 
 
 def _check_arguments(function: _Token, arity: int, count: int) -> None:
-    """Refuse a call with too few arguments, or a ``piecewise`` that does not end with a value."""
+    """Raise ExpressionError if a call has too few arguments, or a ``piecewise`` does not end with a value."""
     if function.text == "piecewise" and (count < 3 or count % 2 == 0):
         raise ExpressionError(
-            f"'{function.text}' takes a value and its condition, more of both, and the value otherwise, "
+            f"'{function.text}' takes pairs of a value and a condition, then the value otherwise, "
             "as in piecewise(1, x < 0, 2)",
             function.offset,
         )
@@ -253,7 +251,7 @@ def _check_arguments(function: _Token, arity: int, count: int) -> None:
 
 
 def exact(number: str) -> sp.Rational:
-    """A decimal number as the fraction that it is."""
+    """Return a decimal number as an exact fraction."""
     mantissa, _, exponent = number.lower().partition("e")
     whole, _, decimals = mantissa.partition(".")
     shift = int(exponent or 0) - len(decimals)
@@ -273,7 +271,7 @@ def _check_number(token: _Token) -> None:
 def _bad_character(text: str, offset: int) -> ExpressionError:
     character = text[offset]
     if character in "&|=!" and text[:offset].rfind("piecewise") >= 0:
-        equal = "an equation holds at single points only: compare with <, <=, > or >="
+        equal = "an equation holds only at single points: compare with <, <=, > or >="
         return ExpressionError(equal if character in "=!" else TWO_CONDITIONS, offset)
     like = LOOKALIKES.get(character)
     hint = f"; write {like}" if like else ""

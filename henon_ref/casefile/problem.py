@@ -1,4 +1,4 @@
-"""A model's tree to a Filippov system, and to an initial-value problem in exact numbers."""
+"""Conversion of a model's tree to a Filippov system, and to an initial-value problem in exact numbers."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ if TYPE_CHECKING:
     from henon_ref.casefile.assembly import Scene
 
 MODEL_KEYS = ("system", "scene", "sliding", "resets")
-"""Keys of a case file that make its system."""
+"""Keys of a case file that determine its system."""
 NO_VALUE = (sp.nan, sp.zoo, sp.oo, -sp.oo)
 PARTIAL = (sp.tan, sp.log, sp.asin, sp.acos)
-"""Functions that have no value at some numbers."""
+"""Functions with a restricted domain or with poles."""
 KINK_IN_MAP = (
-    "a map has no kinks and no signs: write the branch that is in force where the surface falls (of a speed v that is "
-    "negative there abs(v) is -v)"
+    "a map must have no kinks and no signs: write the branch that applies when the surface falls (for a speed v, "
+    "which is negative there, write -v for abs(v))"
 )
 
 
 def build_problem(source: Source) -> tuple[Problem, Names]:
-    """The problem that one reading of a case states."""
+    """Return the problem of one reading of a case, and its names."""
     system, names = source.once("system", MODEL_KEYS, lambda: _model(source))
     start = source.number(("initial", "t"), names.values) if "t" in source.keys(("initial",)) else sp.Integer(0)
     until = source.number(("until",), names.values)
@@ -55,7 +55,7 @@ def _model(source: Source) -> tuple[FilippovSystem, Names]:
 
 
 def written_model(source: Source) -> tuple[FilippovSystem, Names]:
-    """The system that one reading of a case is about, exponents as they are written, and what its names stand for."""
+    """Return the system of one reading, with exponents as written, and its names."""
     if source.has_scene:
         scene, names = read_scene(source)
         system = scene.system()
@@ -63,7 +63,7 @@ def written_model(source: Source) -> tuple[FilippovSystem, Names]:
         system, names = _system(source)
     overrides = _overrides(source, names)
     for i in overrides.keys() & system.resets.keys():
-        message = f"'{system.sign_names[i]}' is a hard stop, on which a body rests in its own way"
+        message = f"'{system.sign_names[i]}' is a hard stop; its sliding mode (a body at rest) cannot be replaced"
         raise source.error(("sliding", system.sign_names[i]), message, key=True)
     if overrides:
         system = replace(system, overrides={**system.overrides, **overrides})
@@ -78,8 +78,8 @@ def written_model(source: Source) -> tuple[FilippovSystem, Names]:
 
 
 def read_scene(source: Source) -> tuple[Scene, Names]:
-    """The scene of a case that has one, read once for all readings that share it."""
-    from henon_ref.casefile.scene import build_scene  # few systems are scenes, and the kinds of connections are many
+    """Return the scene of a case and its names; readings with the same scene share it."""
+    from henon_ref.casefile.scene import build_scene  # imported only for scenes
 
     return source.once("scene", ("scene",), lambda: build_scene(source))
 
@@ -88,7 +88,7 @@ def read_scene(source: Source) -> tuple[Scene, Names]:
 
 
 def _system(source: Source) -> tuple[FilippovSystem, Names]:
-    """The system that a case file writes out."""
+    """Return the system that a case gives as equations."""
     states = [source.text(("system", "state", i)) for i in range(source.length(("system", "state")))]
     signs, rates_given = source.keys(("system", "surfaces")), source.length(("system", "field"))
     values = source.parameters(("system", "parameters"))
@@ -101,7 +101,7 @@ def _system(source: Source) -> tuple[FilippovSystem, Names]:
     made = {sign: surface for sign, (surface, _) in surfaces.items()}
     field, kinks, sections = [rate for rate, _ in rates], frozenset[int](), tuple[sp.Expr, ...]()
     if any(arguments for _, arguments in (*surfaces.values(), *rates)):
-        from henon_ref.casefile.model_kinks import with_kinks  # many models have none
+        from henon_ref.casefile.model_kinks import with_kinks  # imported only for models with kinks
 
         made, field, kinks, sections = with_kinks(source, names, surfaces, rates)
         names = Names.of(states, [sign.name for sign in made], values)
@@ -123,11 +123,11 @@ def _system(source: Source) -> tuple[FilippovSystem, Names]:
 
 
 def _surface_of(source: Source, names: Names, name: str) -> tuple[sp.Expr, list[sp.Expr]]:
-    """A surface, and what it has kinks for."""
+    """Return a surface and the arguments of its kinks."""
     path: Path = ("system", "surfaces", name)
     found = names.written(source, path)
     if not found[0].free_symbols & {TIME, *names.states.values()}:
-        raise source.error(path, f"the surface '{name}' never changes: it holds no state and no t")
+        raise source.error(path, f"the surface '{name}' is constant: it contains neither a state nor t")
     return found
 
 
@@ -140,55 +140,55 @@ def _check_names(source: Source, states: list[str], signs: list[str], parameters
             if not problem and name in seen:
                 problem = f"'{name}' is already the name of a {seen[name]}"
             if not problem and kind == "state" and name in TAKEN:
-                problem = f"'{name}' is a column of transitions.csv, where states have theirs; choose another name"
+                problem = f"'{name}' is the name of another column of transitions.csv; choose another name"
             if problem:
                 raise source.error(path, problem, key=True)
             seen[name] = kind
 
 
 def _overrides(source: Source, names: Names) -> dict[int, SlidingOverride]:
-    """The sliding modes that the case does in its own way, by the index of their surface."""
+    """Return the sliding modes that the case overrides, by the index of their surface."""
     overrides = {}
     for sign in source.keys(("sliding",)):
-        index = _plain_surface(source, names, ("sliding", sign), "sliding of one's own")
+        index = _plain_surface(source, names, ("sliding", sign), "a sliding mode")
         overrides[index] = _override(source, sign, names)
     return overrides
 
 
 def _plain_surface(source: Source, names: Names, path: tuple[str, str], what: str) -> int:
-    """Index of the surface that a key names, which has no kinks."""
+    """Return the index of the surface that a key names, which must have no kinks."""
     order, sign = list(names.signs), path[1]
     if sign not in order:
-        raise source.unknown(path, f"'{sign}' is no surface", "surfaces", order)
+        raise source.unknown(path, f"'{sign}' is not a surface", "surfaces", order)
     own = source.keys(("system", "surfaces"))
     if sign in own and f"{sign}_2" in order and f"{sign}_2" not in own:
-        raise source.error(path, f"{what} on '{sign}', whose surface has kinks, is not there yet", key=True)
+        raise source.error(path, f"{what} on a surface with kinks ('{sign}') is not supported", key=True)
     return order.index(sign)
 
 
 def _resets(source: Source, names: Names, system: FilippovSystem) -> dict[int, Reset]:
-    """The jumps of the state, by the index of their surface."""
+    """Return the jumps of the state, by the index of their surface."""
     resets = {}
     for sign in source.keys(("resets",)):
         path = ("resets", sign)
         index = _plain_surface(source, names, path, "a reset")
         if index in system.resets:
-            raise source.error(path, f"'{sign}' is a hard stop of the scene, which has its own reset", key=True)
+            raise source.error(path, f"'{sign}' is a hard stop of the scene, which already has a reset", key=True)
         if index in system.overrides:
-            message = f"'{sign}' has sliding of its own; a surface has that or a reset"
+            message = f"'{sign}' has a sliding mode under 'sliding'; a surface may have that or a reset, not both"
             raise source.error(path, message, key=True)
         if index in system.kinks:
-            raise source.error(path, f"'{sign}' is a kink of the field; a reset is on a surface", key=True)
+            raise source.error(path, f"'{sign}' is a kink of the field; resets are allowed on surfaces only", key=True)
         values = {}
         for name in source.keys((*path, "map")):
             place = (*path, "map", name)
             if name not in names.states:
-                raise source.unknown(place, f"'{name}' is no state", "states", names.states)
+                raise source.unknown(place, f"'{name}' is not a state", "states", names.states)
             if source.has_kinks(place):
                 raise source.error(place, f"in '{name}': {KINK_IN_MAP}")
             values[names.states[name]] = names.smooth(source, place)
         if all(x == value for x, value in values.items()):
-            raise source.error((*path, "map"), "the map leaves every state as it is; leave the reset out", key=True)
+            raise source.error((*path, "map"), "the map changes no state; leave the reset out", key=True)
         resets[index] = Reset(values, priority=float(source.word((*path, "priority"), "0")))
     return resets
 
@@ -210,7 +210,7 @@ def _override(source: Source, sign: str, names: Names) -> SlidingOverride:
 
 
 def _wrong_length(rates: int, states: Collection[str]) -> str:
-    return f"'field' has {rates} entries; it needs one for each state ({len(states)}): {listed(states)}"
+    return f"'field' has {rates} entries; it must have one for each state ({len(states)}): {listed(states)}"
 
 
 # -- the start ------------------------------------------------------------------------------------------
@@ -220,7 +220,7 @@ def _initial(source: Source, names: Names) -> tuple[sp.Expr, ...]:
     given = [name for name in source.keys(("initial",)) if name not in NOT_STATES]
     for name in given:
         if name not in names.states:
-            raise source.unknown(("initial", name), f"'{name}' is no state", "states", names.states)
+            raise source.unknown(("initial", name), f"'{name}' is not a state", "states", names.states)
     missing = [name for name in names.states if name not in given]
     if missing:
         message = f"'initial' lacks the state {listed(missing)}; give every state its value"
@@ -229,7 +229,7 @@ def _initial(source: Source, names: Names) -> tuple[sp.Expr, ...]:
 
 
 def _check_start(source: Source, problem: Problem) -> None:
-    """Refuse a start at which a surface, or an expression of ``valid``, has no value or would be a giant number."""
+    """Raise CaseError if a surface or an expression of ``valid`` has no value, or a giant one, at the start."""
     delicate = source.once("exponents", MODEL_KEYS, lambda: _delicate(problem.system))
     for what, expression in delicate:
         with source.at(("initial",)):
@@ -243,13 +243,13 @@ def _check_start(source: Source, problem: Problem) -> None:
 
 
 def _unused_at_start(problem: Problem, surface: sp.Expr) -> bool:
-    """Whether an expression is a kink of a branch that is not in use at the start, where it has no value."""
+    """Check whether an expression is a kink of a branch that is not in use at the start."""
     system = problem.system
     return surface in system.surfaces and system.surfaces.index(surface) in system.unused_kinks(_sides(problem))
 
 
 def with_open_kinks(problem: Problem) -> Problem:
-    """The problem with kinks open that have no value at the start, in a branch that is not in use there."""
+    """Return the problem with kinks marked open that have no value at the start, in a branch not in use there."""
     system = problem.system
     if not system.kinks:
         return problem
@@ -260,14 +260,14 @@ def with_open_kinks(problem: Problem) -> Problem:
 
 
 def _sides(problem: Problem) -> tuple[int, ...]:
-    """Sides of the surfaces at the start, +1 of a kink that has no value there."""
+    """Return the sides of the surfaces at the start; +1 for a kink that has no value there."""
     surfaces, kinks = problem.system.surfaces, problem.system.kinks
     beside = (i in kinks and _without_value(problem, h) for i, h in enumerate(surfaces))
     return tuple(1 if none else _side_at_start(problem, h) for none, h in zip(beside, surfaces, strict=True))
 
 
 def _without_value(problem: Problem, expression: sp.Expr) -> bool:
-    """Whether an expression has no real value at the start, or one that is the end of its range."""
+    """Check whether an expression has no real value at the start, or is at the end of its domain there."""
     powers = [p for p in expression.atoms(sp.Pow) if _may_fail(p)]
     if not powers and not expression.has(*PARTIAL):
         return False
@@ -278,7 +278,7 @@ def _without_value(problem: Problem, expression: sp.Expr) -> bool:
 
 
 def _check_stops(source: Source, problem: Problem) -> None:
-    """Refuse a start beyond a hard stop of a scene, or on one and moving into it."""
+    """Raise CaseError if a scene starts beyond a hard stop, or on one and moving into it."""
     from henon_ref.modes.resets import impact_of, into_surface
 
     system = problem.system
@@ -286,7 +286,7 @@ def _check_stops(source: Source, problem: Problem) -> None:
         name, impact = system.sign_names[i], impact_of(system, i)
         side = _side_at_start(problem, system.surfaces[i])
         if side < 0:
-            message = f"the start is beyond the stop {name}: x_p - x_q is below its gap"
+            message = f"the start is beyond the stop {name}: x_p - x_q is less than its gap"
             raise source.error(("initial",), message, key=True)
         if side == 0 and impact is not None and _side_at_start(problem, impact.speed) < 0:
             reason = into_surface(name, str(problem.start))
@@ -294,7 +294,7 @@ def _check_stops(source: Source, problem: Problem) -> None:
 
 
 def _delicate(system: FilippovSystem) -> list[tuple[str, sp.Expr]]:
-    """Surfaces, and expressions of ``valid``, that may have no value at a point."""
+    """Return the surfaces, and the expressions of ``valid``, that may have no value at a point."""
     named = [(f"the surface of '{s}'", h) for s, h in zip(system.sign_names, system.surfaces, strict=True)]
     named += [("an expression of 'valid'", v) for v in system.valid]
     return [(what, e) for what, e in named if e.has(*PARTIAL) or any(_may_fail(p) for p in e.atoms(sp.Pow))]
@@ -315,7 +315,7 @@ def _initial_mode(source: Source, problem: Problem) -> dict[int, int]:
         path = ("initial", "mode", name)
         entry = int(source.text(path))
         if name not in order:
-            raise source.unknown(path, f"'{name}' is no surface", "surfaces", order)
+            raise source.unknown(path, f"'{name}' is not a surface", "surfaces", order)
         index = order.index(name)
         side = _side_at_start(problem, problem.system.surfaces[index])
         if side not in (0, entry):
@@ -325,7 +325,7 @@ def _initial_mode(source: Source, problem: Problem) -> dict[int, int]:
     try:
         problem.system.shared_equations(sliding)
     except ModelError as error:
-        raise source.error(("initial", "mode"), f"no mode slides like that: {error}") from error
+        raise source.error(("initial", "mode"), f"the surfaces with mode 0 cannot slide together: {error}") from error
     return modes
 
 

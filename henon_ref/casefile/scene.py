@@ -1,6 +1,6 @@
-"""``scene:`` of a case file: bodies and what connects them, written out as a Filippov system.
+"""``scene:`` of a case file: bodies and connections, converted to a Filippov system.
 
-Only what the scene names is in the equations.
+Only the connections named in the scene become part of the equations.
 """
 
 from __future__ import annotations
@@ -21,25 +21,22 @@ from henon_ref.text import did_you_mean, listed
 
 CONNECTIONS = ("scene", "connections")
 _KINK = "a kink"
-"""Whose name several connections may share."""
+"""Owner of the name of a kink, which several connections may share."""
 
 
 def build_scene(source: Source) -> tuple[Scene, Names]:
-    """The scene of a case file."""
+    """Build the scene of a case file."""
     return _read(source)[1]
 
 
 def conditions(source: Source) -> list[sp.Expr]:
-    """What a scene wants of its parameters: expressions in them that must be larger than 0, or at least not smaller.
-
-    Values with which they all are larger are allowed.
-    """
+    """Return expressions in the parameters of a scene; parameter values that make all of them positive are allowed."""
     reader, _ = _read(source)
     return [*reader.quantities.wanted, *reader.kinks.conditions]
 
 
 def _read(source: Source) -> tuple[_Reader, tuple[Scene, Names]]:
-    """A scene and what has read it; anew where a kink is the surface of a connection that stands behind it."""
+    """Read a scene; once more with its surfaces known if a kink equals the surface of a later connection."""
     reader = _Reader(source)
     found = reader.scene()
     if reader.kinks.declared_late:
@@ -52,8 +49,6 @@ def _read(source: Source) -> tuple[_Reader, tuple[Scene, Names]]:
 
 
 class _Reader:
-    """Reads one scene."""
-
     def __init__(self, source: Source) -> None:
         self.source = source
         self.quantities = Quantities(source)
@@ -94,11 +89,11 @@ class _Reader:
 
     def _check_size(self, key: str, what: str, number: int) -> None:
         if number > MAX_STATES:
-            message = f"'{key}' make {number} {what}; at most {MAX_STATES} are allowed"
+            message = f"'{key}' results in {number} {what}; at most {MAX_STATES} are allowed"
             raise self.source.error(("scene", key), message, key=True)
 
     def _claim(self, link: Link, owners: dict[str, str]) -> None:
-        """Take the connection's names, which nothing else may have."""
+        """Claim the names of the connection, which must be unique."""
         kinks = {sign.name for sign in self.kinks.surfaces}
         for name in dict.fromkeys([*([link.name] if link.name else []), *(s.sign.name for s in link.surfaces)]):
             if name in kinks and owners.get(name) == _KINK:
@@ -115,7 +110,7 @@ class _Reader:
     def _link(self, number: int) -> Link:
         entry = child(self.source.tree, (*CONNECTIONS, number))
         if not isinstance(entry, MappingNode) or len(entry.entries) != 1:
-            message = "a connection is one kind with its keys, as in spring: {between: [a, wall], stiffness: 1}"
+            message = "a connection is a kind with its keys, as in spring: {between: [a, wall], stiffness: 1}"
             raise self.source.error((*CONNECTIONS, number), f"{message}; kinds: {listed(KINDS)}")
         (name,) = entry.entries
         path = (*CONNECTIONS, number, name)
@@ -140,18 +135,18 @@ class _Reader:
         known = ["on" if kind.on else "between", *(key.name for key in kind.keys), "name"]
         for key in own.entries:
             if key not in known:
-                message = f"'{path[-1]}' has no key '{key}'{did_you_mean(key, known)}; it takes {listed(known)}"
+                message = f"'{path[-1]}' has no key '{key}'{did_you_mean(key, known)}; allowed: {listed(known)}"
                 raise self.source.error((*path, key), message, key=True)
         if known[0] not in own.entries:
             example = "on: a" if kind.on else "between: [a, wall]"
-            raise self.source.error(path, f"'{path[-1]}' lacks '{known[0]}', as in {example}", key=True)
+            raise self.source.error(path, f"'{path[-1]}' requires '{known[0]}', as in {example}", key=True)
 
     def _name(self, path: Path, own: MappingNode) -> str | None:
         node = own.entries.get("name")
         if node is None:
             return None
         if not isinstance(node, ScalarNode):
-            raise self.source.error((*path, "name"), "'name' must be a name, as in name: rub")
+            raise self.source.error((*path, "name"), "'name' must be text, as in name: rub")
         return node.text
 
     def _body(self, path: Path) -> Body:
@@ -166,8 +161,8 @@ class _Reader:
         body = self._body((*path, "on"))
         if body.kind != kind.on:
             other = next((n for n, k in KINDS.items() if k.on == body.kind), None)
-            mend = f"it takes a {other}" if other else "its motion is given, and nothing acts on it"
-            raise self.source.error((*path, "on"), f"a {name} acts on a {kind.on}, which '{body.name}' is not: {mend}")
+            mend = f"use a {other}" if other else "its motion is given"
+            raise self.source.error((*path, "on"), f"a {name} acts on a {kind.on}, not on '{body.name}': {mend}")
         return (body,)
 
     def _between(self, path: Path, name: str) -> tuple[Body, ...]:
@@ -181,7 +176,7 @@ class _Reader:
         given = KINDS[name].between_given and not p.kind == q.kind == "fixed"
         if p.inertia is None and q.inertia is None and not given:
             which = "both are fixed" if p.kind == q.kind == "fixed" else "the motion of both is given"
-            message = f"the {name} between '{p.name}' and '{q.name}' acts on nothing, {which}; name a mass or a rotor"
+            message = f"the {name} between '{p.name}' and '{q.name}' has no effect: {which}; name a mass or a rotor"
             raise self.source.error(path, message)
         if {p.kind, q.kind} == {"mass", "rotor"}:
             message = f"'{p.name}' is a {p.kind} and '{q.name}' a {q.kind}; connect two masses or two rotors"
@@ -189,13 +184,13 @@ class _Reader:
         return p, q
 
     def _read(self, link: Link, key: Key, turns: bool, given: bool) -> None:
-        """Read one key of a connection, checked, into the connection."""
+        """Read and check one key of a connection."""
         unit = key.angular if turns else key.unit
         what = f"'{key.name}'{f' [{unit}]' if unit else ''} ({key.meaning})"
         path = (*link.path, key.name)
         if not given:
             if not key.optional:
-                raise link.error(f"{link.kind} lacks its key {what}{_choice(key.words)}")
+                raise link.error(f"{link.kind} requires the key {what}{_choice(key.words)}")
             return
         if key.words:
             node = child(self.source.tree, path)
@@ -218,22 +213,22 @@ class _Reader:
             link.values[key.name], link.kinked_values[key.name] = written
 
     def _check_states(self, path: Path, key: Key) -> None:
-        """Refuse states where a value is none of states."""
+        """Raise CaseError if an expression contains states that are not allowed in it."""
         held = [name for name in names_in(self.source.written(path)) if name in self.states]
         if held:
             allowed = "t and parameters" if key.of == "time" else "parameters"
             raise self.source.error(
                 path,
-                f"'{held[0]}' is a state, and '{key.name}' an expression in {allowed}: forces of states are a spring, "
-                "a damper, a friction with a 'law'; for others write the equations as 'system' in place of 'scene'",
+                f"'{held[0]}' is a state, but '{key.name}' is an expression in {allowed}; for forces that depend on "
+                "states use a spring, a damper or a friction, or write the equations as 'system' instead of 'scene'",
             )
 
     def _check_static(self, link: Link) -> None:
-        """Static friction below kinetic friction would let go and catch a body at the same instant."""
+        """Check that static friction is not below sliding friction; else a contact would release and stick at once."""
         if "static" in link.values and "force" in link.values:
             path = (*link.path, "static")
             value = self.source.number(path, self.values) - self.source.number((*link.path, "force"), self.values)
-            message = "'static' must not be smaller than 'force': a contact holds at least what it slides with"
+            message = "'static' must not be smaller than 'force': static friction is at least sliding friction"
             self.quantities.want(link.values["static"] - link.values["force"], value, path, message)
 
 

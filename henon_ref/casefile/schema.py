@@ -1,8 +1,8 @@
-"""The case file's form: which keys there are, what they hold, and what is said where they do not.
+"""Form of a case file: its keys, the values that they hold, and the messages for other values.
 
-Forms only check form; what the expressions in them mean is checked where they are read
-(:mod:`henon_ref.casefile.problem`, :mod:`henon_ref.casefile.expected`). A system is built of the tree, not of them;
-what a reading keeps of its own is a dataclass besides.
+Forms only check the form; the meaning of expressions is checked where they are read
+(:mod:`henon_ref.casefile.problem`, :mod:`henon_ref.casefile.expected`). A system is built from the tree of the file,
+not from its form. Forms that are kept in a reading are also dataclasses.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from henon_ref.casefile.tree import MappingNode
 from henon_ref.text import shortened
 
 MAX_NAME = 64
-"""Characters the name of a case or of a reading may have: files are called after both."""
+"""Largest number of characters of the name of a case or a reading, which becomes a file name."""
 NAME_PATTERN = f"^[a-z0-9_]{{1,{MAX_NAME}}}$"
 _DATE = re.compile(r"[0-9]{4}-[0-9]{1,2}-[0-9]{1,2}")
-"""What YAML 1.1 takes for one."""
+"""Text that YAML 1.1 reads as a date."""
 _CONTROLS = ("Cc", "Zl", "Zp", "Cs")
-"""Control characters, separators of lines and paragraphs, and halves of surrogate pairs, which no file can hold."""
+"""Unicode categories of control characters, line and paragraph separators, and surrogates."""
 
 ExpectedVerdict = Literal["ill-conditioned"]
 ExpectedStatus = Literal["ok", "diverged", "nonunique", "invalid", "failed"]
@@ -44,7 +44,7 @@ def _expression(value: Any) -> str:
     if isinstance(value, Decimal) and not value.is_finite():
         raise ValueError("must be a finite number or an expression")
     if isinstance(value, str) and _DATE.fullmatch(value.strip()):
-        raise ValueError(f"{value.strip()} is a date; a difference is written with blanks, as in 3 - 2 - 1")
+        raise ValueError(f"{value.strip()} is a date; write a difference with spaces, as in 3 - 2 - 1")
     return str(value)
 
 
@@ -74,7 +74,7 @@ def _tolerance(value: Any) -> float:
 
 def _text(value: Any) -> str:
     if not isinstance(value, str) or not value.strip():
-        raise ValueError("must be text (a number or a word such as true stands in quotes)")
+        raise ValueError("must be text (put quotes around a number or a word such as true)")
     for character in value:
         if character not in "\t\n" and unicodedata.category(character) in _CONTROLS:
             raise ValueError(f"the control character U+{ord(character):04X} is not allowed in text")
@@ -82,14 +82,14 @@ def _text(value: Any) -> str:
 
 
 def one_line(value: Any) -> str:
-    """Text that reports set in one line: line breaks and runs of blanks become one blank."""
+    """Return text in one line: line breaks and runs of spaces become one space."""
     return re.sub(r"[ \t\n]+", " ", _text(value)).strip()
 
 
 def file_name(value: Any) -> str:
-    """The name of a case or a reading, which files and folders are called after."""
+    """Return the name of a case or a reading, after checking that it can be a file name."""
     if not isinstance(value, str) or not re.fullmatch(r"[a-z0-9_]+", value):
-        shown = shortened(value) if isinstance(value, str) else f"{value} (a number alone stands in quotes)"
+        shown = shortened(value) if isinstance(value, str) else f"{value} (put quotes around a number)"
         raise ValueError(f"a name is made of a-z, 0-9 and _ only, not {shown}")
     if len(value) > MAX_NAME:
         raise ValueError(f"a name has at most {MAX_NAME} characters, not {len(value)}")
@@ -103,7 +103,7 @@ def _solver(value: Any) -> str:
 
 
 def whole_number(message: str, *values: int, schema: Mapping[str, Any] | None = None) -> Scalar:
-    """One of some whole numbers; true, 1.0 and text are none."""
+    """Return the kind of a whole number of the given values; true, 1.0 and text are refused."""
 
     def read(value: Any) -> int:
         if type(value) is not int or value not in values:
@@ -116,7 +116,7 @@ def whole_number(message: str, *values: int, schema: Mapping[str, Any] | None = 
 _NUMBER = {"type": "number"}
 _ABOVE_ZERO = _NUMBER | {"exclusiveMinimum": 0}
 Expression = Annotated[Any, Scalar(_expression, {"type": ["number", "string"]})]
-"""Read as text; a number once it has been worked out (:mod:`henon_ref.casefile.expected`)."""
+"""Read as text; evaluated later (:mod:`henon_ref.casefile.expected`)."""
 Digits = Annotated[Decimal, Scalar(_decimal, _NUMBER)]
 PositiveDigits = Annotated[Decimal, Scalar(_positive, _ABOVE_ZERO)]
 Positive = Annotated[float, Scalar(lambda value: float(_positive(value)), _ABOVE_ZERO)]
@@ -136,7 +136,7 @@ Version = Annotated[
 
 
 class SystemForm(Form):
-    """A piecewise-smooth system, written out."""
+    """Piecewise-smooth system, given as equations."""
 
     state: Annotated[tuple[Text, ...], Size(1, MAX_STATES), "names of the states"]
     parameters: Annotated[Mapping[str, Expression], "name: number, or expression in other parameters"] = NONE
@@ -145,25 +145,25 @@ class SystemForm(Form):
     ] = NONE
     field: Annotated[
         tuple[Expression, ...],
-        "x', one expression a state; t is time; abs, sign, min, max, piecewise become surfaces kink1, ...",
+        "x', one expression for each state; t is time; abs, sign, min, max, piecewise become surfaces kink1, ...",
     ]
-    valid: Annotated[tuple[Expression, ...], "the model holds while these are > 0"] = ()
+    valid: Annotated[tuple[Expression, ...], "expressions that are positive while the model is valid"] = ()
 
 
 class SceneForm(Form):
-    """Bodies and what connects them; what is named is built, nothing else (:mod:`henon_ref.casefile.scene`)."""
+    """Bodies and connections; nothing else is part of the equations (:mod:`henon_ref.casefile.scene`)."""
 
     parameters: Annotated[Mapping[str, Expression], "name: number, or expression in other parameters"] = NONE
     bodies: Annotated[
-        Mapping[str, Any], Size(1), "name: what it is, as in {mass: 1}, {inertia: 1}, {velocity: cos(t)} or fixed"
+        Mapping[str, Any], Size(1), "name: its kind, as in {mass: 1}, {inertia: 1}, {velocity: cos(t)} or fixed"
     ]
     connections: Annotated[
-        tuple[Any, ...], "one kind with its keys each, as in spring: {between: [a, wall], stiffness: 1}"
+        tuple[Any, ...], "each a kind with its keys, as in spring: {between: [a, wall], stiffness: 1}"
     ]
 
 
 class InitialForm(Form):
-    """The start: time, every state by its name, and the mode where the fields leave it open."""
+    """Start: time, every state by name, and the mode if the fields do not determine it."""
 
     OTHERS = Expression
 
@@ -172,66 +172,66 @@ class InitialForm(Form):
 
 
 class ReleaseForm(Form):
-    """One way out of a sliding mode."""
+    """Condition that ends a sliding mode."""
 
-    when: Annotated[Expression, "the sliding ends where this crosses zero"]
+    when: Annotated[Expression, "the sliding ends when this crosses zero"]
     direction: Literal["rising", "falling"]
-    to: Annotated[Side, "the side released into"]
+    to: Annotated[Side, "side of the surface that is entered"]
 
 
 class SlidingForm(Form):
-    """Sliding in a source's own way, in place of Filippov's."""
+    """Sliding mode of the source, in place of Filippov's."""
 
     field: tuple[Expression, ...]
     release: Annotated[tuple[ReleaseForm, ...], Size(1)]
     entry: Annotated[
         Literal["attracting", "inside"],
-        "a trajectory on the surface sticks where both slip fields point at it (attracting), "
-        "or where no release is due (inside: static friction)",
+        "a trajectory on the surface sticks if both slip fields point at it (attracting), "
+        "or if no release condition is met (inside: static friction)",
     ] = "attracting"
 
 
 class ResetForm(Form):
-    """A jump of the state where a surface falls through zero."""
+    """Jump of the state when a surface falls through zero."""
 
-    when: Annotated[Literal["falling"], "the way in which the surface goes through zero"] = "falling"
+    when: Annotated[Literal["falling"], "direction in which the surface crosses zero"] = "falling"
     map: Annotated[
         Mapping[str, Expression],
         Size(1),
-        "state: its value after the jump, in t, the states before it, and parameters; the others stay",
+        "state: its value after the jump, in t, the states before the jump, and parameters; default: unchanged",
     ]
-    priority: Annotated[Digits, "of several resets that are due at one instant the lowest goes first"] = Decimal(0)
+    priority: Annotated[Digits, "order of several resets at one instant: the lowest is applied first"] = Decimal(0)
 
 
-# -- what a reading is scored against -------------------------------------------------------------------
+# -- expected results -----------------------------------------------------------------------------------
 
 
 class MeasureForm(Form):
-    after: Annotated[Expression, "sticks that end before this time are left out [s]"] = "0"
+    after: Annotated[Expression, "sticks that end before this time are not measured [s]"] = "0"
 
 
 @dataclass(frozen=True)
 class Published(Form):
-    """Figures of the source, scored apart from the truth; their last digit is taken to be rounded."""
+    """Figures of the source, compared separately from the truth; their last digit is taken as rounded."""
 
     stick_durations: Annotated[tuple[PositiveDigits, ...], "[s]"] = ()
-    # A source that prints fewer than there are sticks means them to repeat in this order.
+    # If the source prints fewer lengths than there are sticks, they repeat in this order.
     stick_lengths: tuple[Digits, ...] = ()
-    transition_times: Annotated[tuple[Digits, ...], "[s], of any of the transitions"] = ()
-    # Each stands beside the exact one that is nearest.
+    transition_times: Annotated[tuple[Digits, ...], "[s], of some transitions"] = ()
+    # Each is compared with the nearest exact transition time.
 
 
 @dataclass(frozen=True)
 class Exact(Form):
-    """Closed forms; they outrank computed truth."""
+    """Closed forms, which take precedence over computed truth."""
 
     transition_times: Annotated[tuple[Expression, ...], "[s], from the first transition on"]
-    modes: Annotated[tuple[tuple[ModeEntry, ...], ...], "mode after each transition, of all of them, by surface"] = ()
+    modes: Annotated[tuple[tuple[ModeEntry, ...], ...], "mode after each transition, one entry for each surface"] = ()
 
 
 @dataclass(frozen=True)
 class Orbit(Form):
-    """A periodic orbit that is known or claimed."""
+    """Known or claimed periodic orbit."""
 
     period: Annotated[Expression, "[s]"]
     sticks: Annotated[tuple[PositiveDigits, ...], "stick durations within one period [s]"] = ()
@@ -240,25 +240,25 @@ class Orbit(Form):
 
 @dataclass(frozen=True)
 class Gate(Form):
-    """What one solver must reach for ``--gate``."""
+    """Requirements on one solver for ``--gate``."""
 
     at: Annotated[Tolerance | None, "tolerance of the row; the tightest if left out"] = None
-    max_time_error: Annotated[Positive | None, "worst error of a transition [s]"] = None
-    max_stick_error: Annotated[Positive | None, "worst error of a stick duration [s]"] = None
+    max_time_error: Annotated[Positive | None, "largest error of a transition time [s]"] = None
+    max_stick_error: Annotated[Positive | None, "largest error of a stick duration [s]"] = None
     status: Annotated[GateStatus | None, "the status the row must have; ok if left out"] = None
 
 
 @dataclass(frozen=True)
 class Expect(Form):
-    """How the run has to end, where that is not at the horizon, and whether the question is a fair one."""
+    """Expected end of the run if not at the horizon, and whether double precision can decide it."""
 
-    status: Annotated[ExpectedStatus, "how it ends; ok, at the horizon, if left out"] = "ok"
-    reason: Annotated[OneLine | None, "why"] = None
+    status: Annotated[ExpectedStatus, "status of the run; ok, at the horizon, if left out"] = "ok"
+    reason: Annotated[OneLine | None, "reason"] = None
     verdict: Annotated[
         ExpectedVerdict | None,
         "no double-precision state decides what happens: its transitions have no finite conditioning",
     ] = None
-    time: Annotated[Expression | None, "where it ends [s]"] = None
+    time: Annotated[Expression | None, "time of the end [s]"] = None
 
 
 class CaseForm(Form):
@@ -269,10 +269,10 @@ class CaseForm(Form):
     HINTS = MappingProxyType({"points": " (a sweep file is run by henon-ref sweep)"})
 
     schema: Annotated[Version, "version of this form"]
-    name: Annotated[CaseName, "the report's folder"]
+    name: Annotated[CaseName, "name, also of the report's folder"]
     title: OneLine
-    source: Annotated[OneLine | None, "where the case comes from"] = None
-    story: Annotated[Text | None, "what happens, what makes it hard, what is right"] = None
+    source: Annotated[OneLine | None, "source of the case"] = None
+    story: Annotated[Text | None, "the motion, its difficulty, the correct result"] = None
     equations: Annotated[Text | None, "the equations as a reader would write them"] = None
     links: tuple[OneLine, ...] = ()
     tags: tuple[OneLine, ...] = ()
@@ -280,15 +280,15 @@ class CaseForm(Form):
     scene: SceneForm | None = None
     initial: InitialForm
     until: Annotated[Expression, "the horizon [s]"]
-    sliding: Annotated[Mapping[str, SlidingForm], "sign symbol: sliding in the source's own way"] = NONE
-    resets: Annotated[Mapping[str, ResetForm], "sign symbol: how the state jumps at its surface"] = NONE
+    sliding: Annotated[Mapping[str, SlidingForm], "sign symbol: sliding mode of the source"] = NONE
+    resets: Annotated[Mapping[str, ResetForm], "sign symbol: jump of the state at its surface"] = NONE
     measure: MeasureForm = MeasureForm()
     published: Published | None = None
     exact: Exact | None = None
     orbit: Orbit | None = None
     solvers: Annotated[Annotated[tuple[SolverName, ...], Size(1)] | None, "all if left out"] = None
     tolerances: Annotated[tuple[Tolerance, ...], Size(1)] = (1e-6, 1e-9, 1e-12)
-    # A coarse, a usual and a tight one: enough for a work-precision line.
+    # A coarse, a usual and a tight tolerance: enough for a work-precision line.
     steps: Annotated[tuple[Positive, ...], Size(1), "for fixed-step solvers [s]"] = (1e-3,)
     gate: Mapping[SolverName, Gate] = NONE
     expect: Expect | None = None
@@ -299,5 +299,5 @@ READING_KEYS = frozenset(CaseForm.__annotations__) - {"schema", "name"}
 
 
 def check_form(tree: MappingNode) -> None:
-    """Check the form of a model from Python, which has some of a case file's keys and may be larger."""
+    """Check the form of a model from Python, which has some of the keys of a case file and may be larger."""
     read_form(CaseForm, Source(tree, most_states=MOST_STATES), partial=True)

@@ -1,6 +1,6 @@
-"""The cases that come with the package, found by name wherever it is installed.
+"""Shipped cases, found by name wherever the package is installed.
 
-They lie in ``cases/`` at the top of the repository; a wheel has that folder, stored truths included, as
+They are in ``cases/`` at the top of the repository; a wheel contains that folder, stored truths included, as
 ``henon_ref/cases``.
 """
 
@@ -19,16 +19,16 @@ _PACKAGE = Path(__file__).resolve().parents[1]
 
 
 def shipped_folder() -> Path:
-    """The folder of the shipped cases: that of the wheel, or that of the clone which the package lies in."""
+    """Return the folder of the shipped cases, in an installed wheel or in a clone of the repository."""
     inside = _PACKAGE / "cases"
     return inside if inside.is_dir() else _PACKAGE.parent / "cases"
 
 
 @cache
 def shipped_names() -> dict[str, Path]:
-    """Every name of a shipped case or folder of cases, and where it lies.
+    """Return the names of all shipped cases and folders of cases, with their paths.
 
-    A case in a folder has two names, such as ``grazing`` and ``hard/grazing``; ``cases`` are all of them.
+    A case in a folder has two names, such as ``grazing`` and ``hard/grazing``; ``cases`` means all cases.
     """
     top = shipped_folder()
     if not top.is_dir():
@@ -41,7 +41,7 @@ def shipped_names() -> dict[str, Path]:
 
 
 def yaml_files(folder: Path) -> list[Path]:
-    """The case files below a folder, in order; what lies in a folder ``truth`` is left out."""
+    """Return the case files below a folder in order, except those in a folder ``truth``."""
     return sorted(
         file
         for file in folder.rglob("*")
@@ -50,7 +50,7 @@ def yaml_files(folder: Path) -> list[Path]:
 
 
 def located(path: str | Path) -> Path:
-    """The file or folder that is meant: a path where there is one, else the shipped cases of that name.
+    """Return the file or folder of an existing path, or else of the shipped cases of that name.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def located(path: str | Path) -> Path:
     Raises
     ------
     CaseError
-        For a name that is neither. (A file ``.yaml`` that is missing is left to whoever reads it.)
+        If the name is neither. (A missing file ``.yaml`` raises an error when it is read.)
     """
     path = Path(path)
     if os.path.lexists(path) or path.is_absolute() or path.suffix in SUFFIXES:
@@ -69,5 +69,5 @@ def located(path: str | Path) -> Path:
     if (name := path.as_posix()) in names:
         return names[name]
     similar = get_close_matches(name, names, n=3, cutoff=0.5)
-    hint = f"those of similar names: {listed(similar)}" if similar else "henon-ref cases lists those"
-    raise CaseError(f"there is no such file or folder, nor a case of this name in henon_ref; {hint}", file=str(path))
+    hint = f"similar names: {listed(similar)}" if similar else "henon-ref cases lists the names"
+    raise CaseError(f"no file, folder or shipped case has this name; {hint}", file=str(path))

@@ -1,4 +1,4 @@
-"""Expressions read from a case file, each error at the line and column where its text stands."""
+"""Reading expressions from a case file; errors are reported with line and column of the text."""
 
 from __future__ import annotations
 
@@ -38,94 +38,92 @@ Path = Sequence[str | int]
 
 @dataclass(frozen=True)
 class Source:
-    """One case, or one reading of it with its overrides laid over, as a tree that knows its places."""
+    """Tree of a case, or of a reading with its overrides applied, whose nodes know their places in the file."""
 
     tree: MappingNode
     file: str | None = None
     within: str = ""
-    """Added to every message: which reading it is about."""
+    """Suffix of every message: the reading that it is about."""
     work: Work = field(default_factory=Work, compare=False)
-    """What has been read of the file so far, in all readings."""
+    """Cache and cost of the expressions of the file, shared by all readings."""
     most_states: int = MAX_STATES
-    """States, and surfaces, that it may have."""
 
     def error(self, path: Path, message: str, *, key: bool = False) -> CaseError:
-        """An error at what a path leads to (``key``: at its key rather than its value)."""
+        """Return an error at the value that a path leads to (``key``: at its key)."""
         return self.error_at(locate(self.tree, path, key=key), message)
 
     def error_at(self, place: Place, message: str) -> CaseError:
-        """An error at a place."""
         return CaseError(message + self.within, file=self.file, line=place.line, column=place.column)
 
     def unknown(self, path: Path, what: str, kind: str, known: Collection[str]) -> CaseError:
-        """An error at a key that is none of those known, which are of a kind."""
+        """Return an error at an unknown key, with the known names of that kind."""
         return self.error(path, f"{what}{did_you_mean(str(path[-1]), known)}; {kind}: {listed(known)}", key=True)
 
     def text(self, path: Path) -> str:
-        """The text of a scalar as it is written."""
+        """Return the text of a scalar as written in the file."""
         node = child(self.tree, path)
         if not isinstance(node, ScalarNode):
             raise self.error(path, "must be a number or an expression")
-        # A number in a base other than ten is not one in an expression.
+        # In an expression, a number is decimal; hexadecimal and octal numbers of YAML are converted.
         return str(node.value) if isinstance(node.value, int) and node.text[:2] in ("0x", "0o") else node.text
 
     def keys(self, path: Path) -> list[str]:
-        """The keys of a mapping, none where there is no mapping."""
+        """Return the keys of a mapping; empty if there is no mapping."""
         node = child(self.tree, path)
         return list(node.entries) if isinstance(node, MappingNode) else []
 
     @property
     def has_scene(self) -> bool:
-        """Whether the model is a scene, not a system that is written out."""
+        """Whether the model is a scene rather than equations."""
         return isinstance(self.tree.entries.get("scene"), MappingNode)
 
     def length(self, path: Path) -> int:
-        """How many entries a list has, 0 where there is no list."""
+        """Return the number of entries of a list; 0 if there is no list."""
         node = child(self.tree, path)
         return len(node.items) if isinstance(node, SequenceNode) else 0
 
     def word(self, path: Path, default: str) -> str:
-        """A word of the file, or what stands for it where it is left out."""
+        """Return the text of a scalar, or a default if it is absent."""
         node = child(self.tree, path)
         return default if node is None else self.text(path)
 
     def written(self, path: Path) -> Written:
-        """An expression as it is given: text, or SymPy."""
+        """Return an expression as given: text, or SymPy."""
         node = child(self.tree, path)
         return self.text(path) if not isinstance(node, ScalarNode) or isinstance(node.given, str) else node.given
 
     def has_kinks(self, path: Path) -> bool:
-        """Whether an expression has a function with a kink or a jump."""
+        """Check whether an expression has a function with a kink or a jump."""
         written = self.written(path)
         return may_have_kinks(written) if isinstance(written, str) else written.has(*KINKED)
 
     def expression(self, path: Path, names: Mapping[str, sp.Expr], note: str = "") -> sp.Expr:
-        """A smooth expression (see :func:`henon_ref.casefile.expressions.parse_expression`)."""
+        """Read a smooth expression (see :func:`henon_ref.casefile.expressions.parse_expression`)."""
         with self.at(path, note):
             return parse_expression(self.written(path), names, self.work)
 
     def field(self, path: Path, names: Mapping[str, sp.Expr], note: str = "") -> tuple[sp.Expr, list[sp.Expr]]:
-        """A component of a field, which may have kinks (see :func:`henon_ref.casefile.expressions.parse_field`)."""
+        """Read a component of a field, which may have kinks (:func:`henon_ref.casefile.expressions.parse_field`)."""
         with self.at(path, note):
             return parse_field(self.written(path), names, self.work)
 
     def number(self, path: Path, names: Mapping[str, sp.Expr]) -> sp.Expr:
-        """An expression whose value is a number (see :func:`henon_ref.casefile.expressions.parse_number`)."""
+        """Read an expression whose value is a number (see :func:`henon_ref.casefile.expressions.parse_number`)."""
         with self.at(path):
             return parse_number(self.written(path), names, self.work)
 
     def once(self, what: str, keys: Sequence[str], build: Callable[[], T]) -> T:
-        """What is built of the values of some keys at the top, once for all readings that have the same ones."""
+        """Return what ``build`` returns for the values of some top-level keys, cached for equal readings."""
         nodes = tuple(self.tree.entries.get(key) for key in keys)
         known = (what, *map(id, nodes))
         if known not in self.work.built:
-            self.work.built[known] = nodes, build()  # the nodes are kept, so that none of another reading has their id
+            self.work.built[known] = nodes, build()  # keep the nodes alive: their ids are part of the key
         found: T = self.work.built[known][1]
         return found
 
     @contextmanager
     def at(self, path: Path, note: str = "") -> Iterator[None]:
-        """Say of what is wrong with an expression where it stands."""
+        """Convert an ExpressionError into a CaseError at the place of the expression in the file."""
         try:
             yield
         except ExpressionError as error:
@@ -137,7 +135,7 @@ class Source:
             raise self.error_at(Place(start.line, start.column + error.offset), message) from None
 
     def parameters(self, path: Path) -> dict[str, sp.Expr]:
-        """Exact values of a mapping of parameters, each of which may use the others."""
+        """Return the exact values of a mapping of parameters, which may depend on each other."""
         node = child(self.tree, path)
         if not isinstance(node, MappingNode):
             return {}
@@ -155,40 +153,40 @@ class Source:
                 values[name] = self.number([*path, name], values)
         except CycleError as error:
             circle = list(reversed(error.args[1]))
-            message = f"parameters depend on each other in a circle: {' -> '.join(circle)}"
+            message = f"the parameters depend on each other in a cycle: {' -> '.join(circle)}"
             raise self.error([*path, circle[0]], message) from None
         return {name: values[name] for name in node.entries}
 
 
 @dataclass(frozen=True)
 class Names:
-    """What the names of one case stand for."""
+    """Meanings of the names of a case."""
 
     states: Mapping[str, sp.Symbol]
     signs: Mapping[str, sp.Symbol]
     parameters: Mapping[str, sp.Symbol]
     values: Mapping[str, sp.Expr]
-    """Parameter -> exact number."""
+    """Parameter -> exact value."""
 
     @classmethod
     def of(cls, states: Sequence[str], signs: Sequence[str], values: Mapping[str, sp.Expr]) -> Names:
-        """Real symbols for all names."""
+        """Create a real symbol for each name."""
         return cls(_symbols(states), _symbols(signs), _symbols(list(values)), values)
 
     def exact_parameters(self) -> dict[sp.Symbol, sp.Expr]:
-        """Parameter symbol -> exact number."""
+        """Return parameter symbol -> exact value."""
         return {symbol: self.values[name] for name, symbol in self.parameters.items()}
 
     def smooth(self, source: Source, path: Path, *, signs: Sequence[str] = ()) -> sp.Expr:
-        """Read an expression in time, states, parameters and some signs.
+        """Read a smooth expression in time, states, parameters and some signs.
 
-        It is read with the parameters' values put in as well, and with each sign at -1 and +1, so that
-        a division by zero or a giant power is found here, with its place, and not in the middle of a run.
+        It is also evaluated with the values of the parameters, and with each sign at -1 and +1, to find a division by
+        zero or a giant power here, with its place in the file, instead of during a run.
         """
         return self._checked(source, path, signs, source.expression, SMOOTH)
 
     def written(self, source: Source, path: Path, *, signs: Sequence[str] = ()) -> tuple[sp.Expr, list[sp.Expr]]:
-        """Read an expression that may have kinks, and what they are kinks of; checked as in :meth:`smooth`."""
+        """Read an expression that may have kinks, with their arguments; checked as in :meth:`smooth`."""
         return self._checked(source, path, signs, source.field, FIELD)
 
     def _checked(
@@ -209,7 +207,7 @@ class Names:
         return found
 
     def _is_new(self, source: Source, path: Path, functions: Mapping[str, int]) -> bool:
-        """Whether nothing that says the same of other states and signs has been checked with the parameters' values."""
+        """Check whether no expression equal up to the names of states and signs has been checked yet."""
         known = read(source.written(path), overlaid(self.signs, self._symbols), source.work, functions)
         moving = [name for name in known.names if name in self.states or name in self.signs]
         form = known.renamed({name: f"{'s' if name in self.signs else 'x'}#{k}" for k, name in enumerate(moving)})
@@ -220,12 +218,12 @@ class Names:
 
     @cached_property
     def _symbols(self) -> dict[str, sp.Expr]:
-        """What the names of an expression stand for, signs apart."""
+        """Name -> symbol, without the signs."""
         return {"t": TIME, **self.states, **self.parameters}
 
     @cached_property
     def _numbers(self) -> dict[str, sp.Expr]:
-        """The same with the values of the parameters."""
+        """Name -> symbol of a state, or value of a parameter."""
         return {"t": TIME, **self.states, **self.values}
 
 

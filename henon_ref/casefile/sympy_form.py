@@ -1,7 +1,7 @@
-"""SymPy to the operations of an expression: what a system from Python says, without a detour by text.
+"""Conversion of SymPy expressions to operations, for systems from Python.
 
-Symbols go by their names, whatever is assumed of them; a float is the decimal number that it is printed as. Sums and
-products stand in the order in which SymPy prints them, in which their kinks are numbered.
+Symbols are identified by name, whatever their assumptions; a float is converted to the decimal number that it prints
+as. Sums and products keep the order in which SymPy prints them; kinks are numbered in this order.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from henon_ref.errors import ExpressionError
 from henon_ref.text import shortened
 
 _CALLS = {sp.Abs: "abs", sp.Max: "max", sp.Min: "min"}
-"""Functions with another name here."""
+"""Functions of SymPy -> their names in case files, if different."""
 _COMPARISONS = (sp.StrictLessThan, sp.LessThan, sp.StrictGreaterThan, sp.GreaterThan)
 
 
 def operation_of(expression: sp.Expr, names: Collection[str], functions: Mapping[str, int]) -> Operation:
-    """What an expression of SymPy says, in names and functions as in :func:`henon_ref.casefile.parser.parsed`."""
+    """Return the operations of a SymPy expression; ``names``, ``functions`` as in :func:`casefile.parser.parsed`."""
     found = _Reader().of(expression, 0)
     for part in found.parts():
         if part.kind == "name":
@@ -32,20 +32,18 @@ def operation_of(expression: sp.Expr, names: Collection[str], functions: Mapping
 
 
 def spelled_out(expression: sp.Expr) -> str:
-    """An expression of SymPy in the words of a case file."""
+    """Return a SymPy expression as text of a case file."""
     return _Reader().of(expression, 0).text()
 
 
 class _Reader:
-    """Reads one expression."""
-
     def of(self, e: sp.Basic, depth: int) -> Operation:
         if depth > MAX_DEPTH:
             raise ExpressionError(f"nested deeper than {MAX_DEPTH}")
         if isinstance(e, sp.Symbol):
             if not NAME.fullmatch(e.name):
                 raise ExpressionError(
-                    f"the symbol {shortened(e.name)} is no name: letters, digits and underscores only"
+                    f"the symbol {shortened(e.name)} is not a name: a letter, then letters, digits and underscores"
                 )
             return Operation("name", (), e.name)
         if e.is_Rational:
@@ -67,17 +65,17 @@ class _Reader:
         return self._other(e, depth)
 
     def _other(self, e: sp.Basic, depth: int) -> Operation:
-        """A function, or a number or function that nothing here knows: its name is refused."""
+        """Convert a function; other objects are refused by their name."""
         if e is sp.E or e is sp.pi:
             return Operation("name", (), EULER if e is sp.E else CONSTANTS[0])
         if not e.args:
             check_name(str(e), (), {}, 0)
-        if isinstance(e, sp.cot):  # which SymPy makes of tan(x + pi/2)
+        if isinstance(e, sp.cot):  # SymPy writes tan(x + pi/2) as -cot(x)
             return self.of(sp.cos(e.args[0]) / sp.sin(e.args[0]), depth)
         name = _CALLS.get(e.func, e.func.__name__)
         ordered = sorted(e.args, key=sp.default_sort_key) if isinstance(e, sp.Max | sp.Min) else e.args
         if not ordered or not all(isinstance(a, sp.Expr) for a in ordered):
-            raise ExpressionError(f"{shortened(str(e))} is no expression")
+            raise ExpressionError(f"{shortened(str(e))} is not an expression")
         return Operation("call", tuple(self.of(a, depth + 1) for a in ordered), name)
 
     def _product(self, e: sp.Mul, depth: int) -> Operation:
@@ -94,11 +92,9 @@ class _Reader:
         return Operation("/", (found,)) if below else found
 
     def _chosen(self, pairs: list[tuple[sp.Expr, sp.Basic]], depth: int) -> Operation:
-        """The first value whose condition holds; of several conditions in one a choice within a choice."""
+        """Convert a Piecewise; a condition with And or Or becomes a choice within a choice."""
         if not pairs:
-            raise ExpressionError(
-                "a Piecewise has no value where none of its conditions holds: end it with (value, True)"
-            )
+            raise ExpressionError("a Piecewise has no value if none of its conditions holds; end it with (value, True)")
         if depth > MAX_DEPTH:
             raise ExpressionError(f"nested deeper than {MAX_DEPTH}")
         (value, condition), *others = pairs
@@ -114,6 +110,6 @@ class _Reader:
 
     def _choice(self, value: Operation, condition: sp.Basic, otherwise: Operation, depth: int) -> Operation:
         if not isinstance(condition, _COMPARISONS):
-            raise ExpressionError(f"a condition compares with <, <=, > or >=, not {shortened(str(condition))}")
+            raise ExpressionError(f"a condition must compare with <, <=, > or >=, not {shortened(str(condition))}")
         sides = tuple(self.of(side, depth + 1) for side in (condition.lhs, condition.rhs))
         return Operation("call", (value, Operation(condition.rel_op, sides), otherwise), "piecewise")

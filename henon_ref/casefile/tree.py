@@ -1,4 +1,4 @@
-"""A case file as a tree in which every key and value knows its line and column."""
+"""Tree of a case file, in which every key and value has its line and column."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PythonValue = Scalar | list["PythonValue"] | dict[str, "PythonValue"]
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """1-based place in a file."""
+    """Place in a file, 1-based."""
 
     line: int
     column: int
@@ -24,20 +24,20 @@ class Place:
 
 @dataclass(frozen=True, slots=True)
 class ScalarNode:
-    """A scalar: its value by the core schema, and its text as written; from Python also an expression of SymPy."""
+    """Scalar: its value by the core schema of YAML, and its text as written (from Python also a SymPy expression)."""
 
     place: Place
     value: Scalar
     given: str | sp.Expr
     text_place: Place | None
-    """Where the first character of ``text`` stands, or None where text and file differ (escapes, folding)."""
+    """Place of the first character of ``text``; None if text and file differ (escapes, folding)."""
 
     @property
     def text(self) -> str:
-        """As it is written, or an expression of SymPy in the words of a case file."""
+        """Text as written; for a SymPy expression, its text as in a case file."""
         if isinstance(self.given, str):
             return self.given
-        from henon_ref.casefile.sympy_form import spelled_out  # what a tree of text alone does without
+        from henon_ref.casefile.sympy_form import spelled_out  # not needed for files
 
         return spelled_out(self.given)
 
@@ -48,35 +48,32 @@ class ScalarNode:
 
 @dataclass(frozen=True, slots=True)
 class SequenceNode:
-    """A sequence."""
-
     place: Place
     items: tuple[Node, ...]
     size: int
-    """Nodes in it, aliases written out."""
+    """Number of nodes in it, aliases expanded."""
 
 
 @dataclass(frozen=True, slots=True)
 class MappingNode:
-    """A mapping, in the order of the file."""
+    """Mapping, in the order of the file."""
 
     place: Place
     entries: Mapping[str, Node]
     keys: Mapping[str, Place]
     size: int
-    """Nodes in it, aliases written out."""
 
 
 Node = ScalarNode | SequenceNode | MappingNode
 
 
 def to_python(node: Node) -> PythonValue:
-    """The tree as Python values: dict, list, str, int, Decimal, bool, None."""
+    """Return the tree as Python values: dict, list, str, int, Decimal, bool, None."""
     return _values(node, lambda scalar: scalar.value)
 
 
 def as_written(node: Node) -> PythonValue:
-    """The tree as values for a file: as :func:`to_python`, but numbers that are not whole are text, with all digits."""
+    """Return the tree as values for a file: as :func:`to_python`, but non-integers as text with all digits."""
     return _values(node, lambda n: n.value if n.value is None or isinstance(n.value, bool | int) else n.text)
 
 
@@ -89,9 +86,9 @@ def _values(node: Node, of: Callable[[ScalarNode], Scalar]) -> PythonValue:
 
 
 def locate(node: Node, path: Sequence[str | int], *, key: bool = False) -> Place:
-    """The place of what a path of keys and indices leads to, or of the last part of it that is there.
+    """Return the place of the node that a path of keys and indices leads to, or of the last node on the path.
 
-    With ``key`` that of the last key, where the path ends in one, rather than of its value.
+    With ``key``, if the path ends in a key, return the place of that key instead of its value.
     """
     place = node.place
     for depth, part in enumerate(path):
@@ -105,7 +102,7 @@ def locate(node: Node, path: Sequence[str | int], *, key: bool = False) -> Place
 
 
 def child(node: Node, path: Sequence[str | int]) -> Node | None:
-    """The node that a path of keys and indices leads to, or None."""
+    """Return the node that a path of keys and indices leads to, or None."""
     for part in path:
         if isinstance(node, MappingNode) and part in node.entries:
             node = node.entries[str(part)]
@@ -117,9 +114,9 @@ def child(node: Node, path: Sequence[str | int]) -> Node | None:
 
 
 def merged(base: MappingNode, overrides: MappingNode) -> MappingNode:
-    """Overrides laid over a mapping: mappings merge key by key, anything else replaces, null removes.
+    """Return a mapping with overrides applied: mappings merge key by key, other values replace, null removes.
 
-    Every node keeps its own place, so that an error in the result points to where its text stands.
+    Every node keeps its own place, so that an error points to the text in the file.
     """
     entries, keys = dict(base.entries), dict(base.keys)
     for name, new in overrides.entries.items():

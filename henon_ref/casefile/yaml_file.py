@@ -1,8 +1,8 @@
-"""A YAML 1.2 file to a tree in which every key and value knows its line and column.
+"""Reader of YAML 1.2 files into a tree in which every key and value has its line and column.
 
-The parser's events are taken one by one, so that depth, size and aliases are bounded while the file is
-read, and a scalar keeps its text: ``0.1`` stays the decimal number it is. Plain scalars are resolved by
-the core schema of YAML 1.2 (so ``yes`` is text and ``1e-6`` is a number).
+Events of the parser are processed one by one, so that depth, size and aliases are bounded while the file is
+read. A scalar keeps its text: ``0.1`` remains an exact decimal number. Plain scalars are resolved by the core
+schema of YAML 1.2 (``yes`` is text, ``1e-6`` is a number).
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from henon_ref.errors import CaseError
 from henon_ref.text import shortened
 
 MAX_BYTES = 256 * 1024
-"""Bytes a file may have."""
+"""Largest size of a file [bytes]."""
 MAX_NODES = 20_000
-"""Keys and values a file may have once its aliases are written out."""
+"""Largest number of keys and values of a file, aliases expanded."""
 MAX_DEPTH = 32
-"""How deep mappings and sequences may nest."""
+"""Largest depth of nested mappings and sequences."""
 
 _SEVERAL = "several YAML documents; a case file is one document, without a second '---'"
 _INTEGER = re.compile(r"[-+]?[0-9]{1,400}")
@@ -47,8 +47,8 @@ def read_yaml(path: str | Path) -> MappingNode:
     Raises
     ------
     CaseError
-        With file, line and column: not a regular file, too large, not UTF-8, not YAML, more than one
-        document, a duplicate key, a tag, a merge key, aliases that expand without bound.
+        With file, line and column, if it is not a regular file, too large, not UTF-8, not YAML, or has more than
+        one document, a duplicate key, a tag, a merge key, or too large an expansion of aliases.
     """
     return parse_yaml(_text_of(Path(path)), file=str(path))
 
@@ -59,7 +59,7 @@ def parse_yaml(text: str, *, file: str | None = None) -> MappingNode:
     node = reader.document()
     if not isinstance(node, MappingNode):
         empty = "" if node else "the file is empty; "
-        message = f"{empty}a case file is a mapping of keys to values, 'schema: 1' first"
+        message = f"{empty}a case file is a mapping of keys to values, beginning with 'schema: 1'"
         raise reader.error(message, node.place if node else Place(1, 1))
     return node
 
@@ -73,7 +73,7 @@ def _text_of(path: Path) -> str:
         if stat.S_ISDIR(mode):
             raise error("this is a folder; give a case file (YAML)")
         if not stat.S_ISREG(mode):
-            raise error("this is no regular file; give a case file (YAML)")
+            raise error("this is not a regular file; give a case file (YAML)")
         with path.open("rb") as stream:
             data = stream.read(MAX_BYTES + 1)
     except FileNotFoundError:
@@ -81,7 +81,7 @@ def _text_of(path: Path) -> str:
     except (OSError, ValueError) as found:
         raise error(f"cannot be read: {getattr(found, 'strerror', None) or found}") from None
     if len(data) > MAX_BYTES:
-        raise error(f"larger than {MAX_BYTES // 1024} KiB, the most a case file may have")
+        raise error(f"the file is larger than {MAX_BYTES // 1024} KiB, the limit for a case file")
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as found:
@@ -90,7 +90,7 @@ def _text_of(path: Path) -> str:
 
 
 class _Reader:
-    """Builds the tree from the parser's events, bounded in depth and size."""
+    """Builder of the tree from the parser's events, bounded in depth and size."""
 
     def __init__(self, text: str, file: str | None) -> None:
         self.text, self.file = text, file
@@ -104,7 +104,7 @@ class _Reader:
         return CaseError(message, file=self.file, line=place.line, column=place.column)
 
     def _events(self) -> Iterator[ev.Event]:
-        """The parser's events; whatever the parser raises is an error of the file."""
+        """Yield the parser's events; errors of the parser become errors of the file."""
         end = Place(1, 1)
         try:
             for event in YAML(typ="safe", pure=True).parse(self.text):
@@ -117,21 +117,21 @@ class _Reader:
             place = Place(before.count("\n") + 1, len(before) - before.rfind("\n"))
             raise self.error("a control character that YAML does not allow", place) from None
         except (AssertionError, ArithmeticError, ValueError):
-            # The parser's own checks of '%YAML 1.3' and of "\U00110000"; they tell no place.
-            what = "a version other than 1.1 and 1.2, or the number of a character that there is not"
-            raise self.error(f"what follows here is not YAML: {what}", end) from None
+            # The parser's own checks of '%YAML 1.3' and of "\U00110000" give no place.
+            what = "a YAML version other than 1.1 and 1.2, or a character number above 10FFFF"
+            raise self.error(f"not YAML after this place: {what}", end) from None
 
     def _from_marked(self, error: MarkedYAMLError) -> CaseError:
         mark = error.problem_mark or error.context_mark
         message = " ".join(str(part) for part in (error.context, error.problem) if part)
-        hint = "; YAML indents with blanks" if "\\t" in message or "'\t'" in message else ""
+        hint = "; indent with spaces in YAML" if "\\t" in message or "'\t'" in message else ""
         if "expected a single document" in message:
             return CaseError(_SEVERAL, file=self.file)
         place = Place(mark.line + 1, mark.column + 1) if mark is not None else Place(1, 1)
         return self.error(f"not YAML: {' '.join(message.split())}{hint}", place)
 
     def document(self) -> Node | None:
-        """The one document of the stream; None where there is none."""
+        """Return the one document of the stream; None if there is none."""
         root: Node | None = None
         for event in self.events:
             if isinstance(event, ev.StreamEndEvent):
@@ -145,7 +145,7 @@ class _Reader:
     def _count(self, size: int, event: ev.Event) -> None:
         self.nodes += size
         if self.nodes > MAX_NODES:
-            raise self.error(f"more than {MAX_NODES} keys and values (aliases written out)", event)
+            raise self.error(f"more than {MAX_NODES} keys and values (aliases expanded)", event)
 
     def _node(self, event: ev.Event, depth: int) -> Node:
         if isinstance(event, ev.AliasEvent):
@@ -195,11 +195,11 @@ class _Reader:
                 break
             key = self._key(event, depth)
             if key in entries:
-                raise self.error(f"the key '{key}' stands here twice (first in line {keys[key].line})", event)
+                raise self.error(f"the key '{key}' is given twice (first in line {keys[key].line})", event)
             keys[key] = _place(event)
             value = self._node(next(self.events), depth + 1)
             if isinstance(value, ScalarNode) and not value.text and value.value is None:
-                # The parser places a value that is not there behind what follows; it belongs to its key.
+                # The parser places an absent value after the next token; it belongs to its key.
                 value = ScalarNode(keys[key], None, "", None)
             entries[key] = value
         return MappingNode(_place(start), entries, keys, 1 + sum(e.size for e in entries.values()))
@@ -207,9 +207,9 @@ class _Reader:
     def _key(self, event: ev.Event, depth: int) -> str:
         node = self._node(event, depth + 1)
         if not isinstance(node, ScalarNode) or not isinstance(node.value, str) or not node.value:
-            raise self.error("a key must be a name (text), not a number, list, mapping or empty", event)
+            raise self.error("a key must be a name (text), not a number, a list, a mapping or empty", event)
         if node.value == "<<":
-            raise self.error("the merge key '<<' is not YAML 1.2; write the keys out, or use an alias", event)
+            raise self.error("the merge key '<<' is not YAML 1.2; repeat the keys, or use an alias", event)
         return node.value
 
     def _scalar(self, event: ev.ScalarEvent) -> ScalarNode:

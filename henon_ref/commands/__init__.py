@@ -1,1 +1,1 @@
-"""The commands that need no harness, and how every command of this package ends."""
+"""Commands that do not need the harness, and the exit statuses of all commands of this package."""

@@ -1,4 +1,4 @@
-"""The log of what nobody foresaw: traceback, arguments, versions, in a folder of the user's own."""
+"""Log of an unforeseen error: traceback, arguments, versions, in a folder of the user."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ import platformdirs
 
 
 def write_log(error: BaseException, name: str, arguments: Sequence[str]) -> Path | None:
-    """The file with an error of a command, for the user alone; None where not even a temporary folder takes it."""
+    """Write an error of a command to a file readable by the user alone; return its path, or None if this fails."""
     text = _text(error, name, arguments).encode(errors="backslashreplace")
     for folder in (_users_folder, _temporary_folder):
         try:
@@ -32,16 +32,16 @@ def write_log(error: BaseException, name: str, arguments: Sequence[str]) -> Path
 
 
 def _users_folder() -> Path:
-    """The user's folder of logs, made if it is not there; an OSError where others can write into it."""
+    """Return the user's log folder, created if necessary; OSError if other users can write to it."""
     folder = platformdirs.user_log_path("henon_ref")
     if not folder.is_absolute():
-        raise NotADirectoryError(f"{folder}: there is no home")
+        raise NotADirectoryError(f"{folder}: there is no home folder")
     folder.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     folder.mkdir(mode=0o700, exist_ok=True)
     found = os.lstat(folder)
     own = not hasattr(os, "geteuid") or found.st_uid == os.geteuid()
     if not (own and stat.S_ISDIR(found.st_mode)) or (os.name == "posix" and found.st_mode & 0o022):
-        raise PermissionError(f"{folder}: others can write into it")
+        raise PermissionError(f"{folder}: other users can write to it")
     return folder
 
 
@@ -53,7 +53,7 @@ def _text(error: BaseException, name: str, arguments: Sequence[str]) -> str:
     return "\n".join(
         [
             f"python -m henon_ref.{name} {shlex.join(map(str, arguments))}",
-            f"in {os.environ.get('PWD', 'a folder that is not known')}",
+            f"in {os.environ.get('PWD', 'an unknown folder')}",
             f"{platform.python_implementation()} {sys.version}, {platform.platform()}",
             "",
             "".join(traceback.format_exception(error)),
@@ -64,8 +64,7 @@ def _text(error: BaseException, name: str, arguments: Sequence[str]) -> str:
 
 
 def _packages() -> list[str]:
-    """Everything that is installed, with versions."""
     try:
         return sorted({f"{found.name} {found.version}" for found in metadata.distributions()})
-    except Exception as error:  # noqa: BLE001 - whatever is broken there, the traceback is what matters
+    except Exception as error:  # noqa: BLE001 - the traceback matters more than a broken package
         return [f"the packages cannot be listed: {type(error).__name__}"]

@@ -1,4 +1,4 @@
-"""The command: ``henon-ref demo [--out FILE]``, a picture of a stick-slip orbit with its transitions.
+"""Command ``henon-ref demo [--out FILE]``: figure of a stick-slip orbit with its transitions.
 
 For the exit statuses see :mod:`henon_ref.commands.exit_status`.
 """

@@ -1,8 +1,8 @@
-"""How every command of this package ends: its exit status, and one message for whatever goes wrong.
+"""Exit statuses of all commands of this package, and one message for every error.
 
-0 done; 1 what was asked for is not met (a gate, a required solver, a check); 2 a bad case file, argument or folder;
-3 something unforeseen, with the path of a log; 130 interrupted. A standard stream that is closed, or whose reader
-has gone, is no failure.
+0: done. 1: a requirement is not met (a gate, a required solver, a check). 2: a bad case file, argument or folder.
+3: an unforeseen error, with the path of a log. 130: interrupted. A closed standard stream, or one whose reader has
+ended, is not an error.
 """
 
 from __future__ import annotations
@@ -27,24 +27,24 @@ from henon_ref.text import message
 
 DONE, NOT_MET, BAD, UNFORESEEN, INTERRUPTED = 0, 1, 2, 3, 130
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EFBIG)
-"""What a disk says on which nothing more can be written."""
+"""Error numbers of a disk on which nothing can be written."""
 USAGE_ERROR: Any = typer.BadParameter.__base__
-"""What typer raises for a wrong argument; it exports this one class of them only."""
+"""Base class of typer's errors for wrong arguments; typer exports only one subclass."""
 
 
 def exit_status(act: Callable[[], int], *, name: str, arguments: Sequence[str] | None, kept: str = "") -> int:
-    """Do what a command does; its exit status.
+    """Run a command and return its exit status.
 
     Parameters
     ----------
     act : callable
-        Returns the exit status where nothing goes wrong.
+        Returns the exit status if there is no error.
     name : str
-        The command's, for the log's name.
+        Name of the command, for the log.
     arguments : sequence of str, optional
-        What it was given, for the log; None: those of the process.
+        Arguments of the command, for the log; None: those of the process.
     kept : str
-        What is said, where it is interrupted or breaks, of what is not lost.
+        Addition to the message of an interruption or a crash: results that are kept.
     """
     with _standard_streams(), warnings_shown():
         try:
@@ -59,7 +59,7 @@ def exit_status(act: Callable[[], int], *, name: str, arguments: Sequence[str] |
         except (KeyboardInterrupt, typer.Abort):
             say("; ".join(part for part in ("interrupted", kept) if part))
             return INTERRUPTED
-        except (Exception, SystemExit) as error:  # noqa: BLE001 - the one place where what nobody foresaw is told
+        except (Exception, SystemExit) as error:  # noqa: BLE001 - the one place that reports unforeseen errors
             from henon_ref.commands.crash_log import write_log
 
             log = write_log(error, name, sys.argv[1:] if arguments is None else arguments)
@@ -70,10 +70,10 @@ def exit_status(act: Callable[[], int], *, name: str, arguments: Sequence[str] |
 
 
 def parsed(app: Callable[..., Any], arguments: Sequence[str] | None, *, name: str = "", obj: Any = None) -> Any:
-    """What a typer application's function returns for these arguments; a status where it was help that was asked for.
+    """Run a typer application and return the value of its function, or a status if help was requested.
 
-    Without arguments they are those of the process; the usage names the subcommand, and the function finds ``obj`` in
-    its context. A KeyboardInterrupt, which typer would turn into a status, is passed on.
+    ``arguments`` default to those of the process; the usage shows the subcommand, and the function finds ``obj`` in its
+    context. A KeyboardInterrupt, which typer would turn into a status, propagates.
     """
     result = app(arguments, prog_name=f"henon-ref {name}".strip(), standalone_mode=False, obj=obj)
     if type(result) is int and result == INTERRUPTED:
@@ -82,7 +82,7 @@ def parsed(app: Callable[..., Any], arguments: Sequence[str] | None, *, name: st
 
 
 def command_of(app: Callable[..., Any], name: str) -> Callable[..., int]:
-    """The subcommand that a typer application reads: a function of its arguments, or the process's; the exit status."""
+    """Return the subcommand of a typer application: a function of its arguments that returns the exit status."""
 
     def command(arguments: Sequence[str] | None = None) -> int:
         return exit_status(lambda: int(parsed(app, arguments, name=name)), name=name, arguments=arguments)
@@ -92,7 +92,7 @@ def command_of(app: Callable[..., Any], name: str) -> Callable[..., int]:
 
 @contextmanager
 def writing_into(folder: Path, *, kept: str = "") -> Iterator[None]:
-    """What goes wrong with the folder that a command was told to write into is a bad argument: a CaseError says so."""
+    """Convert an OSError in the folder that a command writes to into a CaseError, since the folder is an argument."""
     try:
         yield
     except OSError as error:
@@ -100,12 +100,12 @@ def writing_into(folder: Path, *, kept: str = "") -> Iterator[None]:
         inside = place is not None and Path(place).absolute().is_relative_to(folder.absolute())
         if not inside and error.errno not in FULL:
             raise
-        told = f"cannot write{f' {place}' if place else ''}: {error.strerror or error}"
-        raise CaseError("; ".join(part for part in (told, kept) if part)) from error
+        reason = f"cannot write{f' {place}' if place else ''}: {error.strerror or error}"
+        raise CaseError("; ".join(part for part in (reason, kept) if part)) from error
 
 
 def say(words: str) -> None:
-    """One line on standard error."""
+    """Print one line on standard error."""
     status_line.clear()
     print(message(words), file=sys.stderr)
 
@@ -115,7 +115,7 @@ def _terminate(number: int, frame: FrameType | None) -> None:
 
 
 class _Stream:
-    """A standard stream that nobody need read: once it is found closed, what is written is dropped."""
+    """Standard stream that may be closed: once it is, further output is dropped."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
@@ -126,7 +126,7 @@ class _Stream:
     def write(self, text: str) -> int:
         try:
             self._stream.write(text)
-        except UnicodeEncodeError:  # a name that this terminal has no characters for
+        except UnicodeEncodeError:  # a character that this terminal does not have
             encoding = self._stream.encoding or "ascii"
             self.write(text.encode(encoding, errors="backslashreplace").decode(encoding))
         except (OSError, ValueError):
@@ -140,16 +140,16 @@ class _Stream:
             self._drop()
 
     def _drop(self) -> None:
-        """Lead what is still to come into nothing, what is flushed at the exit of the process included."""
+        """Redirect further output, including that flushed at exit, to the null device."""
         with suppress(OSError, ValueError), Path(os.devnull).open("w") as nothing:
             os.dup2(nothing.fileno(), self._stream.fileno())
 
 
 @contextmanager
 def _standard_streams() -> Iterator[None]:
-    """Standard streams that can always be written to."""
+    """Replace the standard streams by streams that can always be written to."""
     before = sys.stdout, sys.stderr
-    # Where the shell has closed one, the next file that is opened would take its number, and libraries' words.
+    # If the shell has closed one, the next opened file would get its number, and with it output of libraries.
     while (number := os.open(os.devnull, os.O_RDWR)) <= 2:
         os.set_inheritable(number, True)
     os.close(number)
@@ -166,7 +166,7 @@ def _standard_streams() -> Iterator[None]:
 
 
 class _Shown(logging.Handler):
-    """Shows the package's warnings as the command's other messages are."""
+    """Shows warnings of the package like other messages of the command."""
 
     def emit(self, record: logging.LogRecord) -> None:
         say(record.getMessage())
@@ -174,7 +174,7 @@ class _Shown(logging.Handler):
 
 @contextmanager
 def warnings_shown() -> Iterator[None]:
-    """What is logged as a warning is told on standard error, a line each."""
+    """Print logged warnings on standard error, one line each."""
     handler = _Shown(logging.WARNING)
     logging.getLogger().addHandler(handler)
     try:

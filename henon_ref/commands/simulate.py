@@ -1,6 +1,6 @@
-"""The command: ``henon-ref simulate CASE [--until T] [--set NAME=VALUE] [--plot FILE] [--csv FILE]``, one run of it.
+"""Command ``henon-ref simulate CASE [--until T] [--set NAME=VALUE] [--plot FILE] [--csv FILE]``: one run of a case.
 
-A run that ends before its horizon says so on standard error and is no failure. For the exit statuses see
+A run that ends before its horizon is reported on standard error and is not an error. For the exit statuses see
 :mod:`henon_ref.commands.exit_status`.
 """
 
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 app = application()
 STANDARD_OUTPUT = Path("-")
 KINDS = (".png", ".svg", ".pdf")
-"""Endings of a picture's name."""
+"""Allowed suffixes of a figure's file name."""
 WIDTH, HEIGHT = 10.0, 4.6
-"""Of a picture [in]."""
+"""Size of a figure [in]."""
 
 
 @app.command(
@@ -40,14 +40,13 @@ WIDTH, HEIGHT = 10.0, 4.6
 def main(
     case: Annotated[Path, typer.Argument(help="A case file, or a case's name.", show_default=False, metavar="CASE")],
     reading: Annotated[
-        str | None, typer.Option(help="Its reading; the first one if left out.", metavar="NAME", show_default=False)
+        str | None,
+        typer.Option(help="The reading; the first one if left out.", metavar="NAME", show_default=False),
     ] = None,
-    until: Annotated[
-        str | None, typer.Option(help="Where the run ends; as in the case if left out.", metavar="TIME")
-    ] = None,
+    until: Annotated[str | None, typer.Option(help="Horizon [s]; as in the case if left out.", metavar="TIME")] = None,
     values: Annotated[
         list[str] | None,
-        typer.Option("--set", help="A parameter, or the initial value of a state; as often as needed.", metavar="N=V"),
+        typer.Option("--set", help="A parameter, or the initial value of a state; may be repeated.", metavar="N=V"),
     ] = None,
     rtol: Annotated[float, typer.Option(help="Tolerance, from 1e-16 to below 1.", metavar="NUMBER")] = 1e-10,
     plot: Annotated[
@@ -56,7 +55,7 @@ def main(
     csv: Annotated[
         Path | None,
         typer.Option(
-            help="Write the transitions as CSV, numbers in full, in place of printing them; - prints the CSV.",
+            help="Write the transitions as CSV with all digits instead of printing them; - prints the CSV.",
             metavar="FILE",
         ),
     ] = None,
@@ -87,18 +86,18 @@ def main(
 
 
 def _run(system: System, until: str | None, values: Sequence[str], rtol: float, *, dense: bool) -> Solution:
-    """The run of a case's reading, with other values of some parameters and initial states."""
+    """Simulate a reading of a case, with other values of some parameters and initial states."""
     from henon_ref.simulation.simulate import simulate
 
     own = system.own_start
-    assert own is not None  # a case has one
+    assert own is not None  # every case has a start
     parameters: dict[str, str] = {}
     initial: dict[str, str] = {}
     known = [*system.parameters, *system.state]
     for entry in values:
         name, _, value = (part.strip() for part in entry.partition("="))
         if not value or name not in known:
-            what = "wanted NAME=VALUE" if not value else f"'{name}' is no parameter and no state"
+            what = "wanted NAME=VALUE" if not value else f"'{name}' is neither a parameter nor a state"
             meant = did_you_mean(name, known) if value else ""
             raise CaseError(f"--set {entry}: {what}{meant}; names: {listed(known)}")
         (initial if name in system.state else parameters)[name] = value
@@ -122,15 +121,15 @@ def _write(path: Path, text: str) -> None:
 
 
 def check_picture(path: Path) -> None:
-    """Refuse the name of a picture before anything is run: its ending, and a folder that is not there."""
+    """Raise CaseError if the file name of a figure has a wrong suffix, or its folder does not exist."""
     if path.suffix.lower() not in KINDS:
-        raise CaseError(f"{path}: a picture's name ends with {listed(KINDS)}")
+        raise CaseError(f"{path}: the name of a figure must end with one of {listed(KINDS)}")
     if not path.parent.is_dir():
-        raise CaseError(f"{path}: there is no folder {path.parent}")
+        raise CaseError(f"{path}: the folder {path.parent} does not exist")
 
 
 def write_picture(path: Path, run: Solution) -> None:
-    """Write the picture of a run: the phase portrait with its transitions, and states over time."""
+    """Write the figure of a run: the phase portrait with its transitions, and states over time."""
     from henon_ref.figures import style
 
     with style.figure(HEIGHT, width=WIDTH) as figure:

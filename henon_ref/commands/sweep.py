@@ -1,7 +1,7 @@
-"""The command: a sweep file in, Parquet files out.
+"""Command ``henon-ref sweep SWEEP.yaml``: reads a sweep file and writes Parquet files.
 
-``henon-ref sweep SWEEP.yaml [--out DIR] [--jobs N] [--dask ADDRESS] [--resume] [--plot]``. For the exit
-statuses see :mod:`henon_ref.commands.exit_status`.
+Options: ``[--out DIR] [--jobs N] [--dask ADDRESS] [--resume] [--plot]``. For the exit statuses see
+:mod:`henon_ref.commands.exit_status`.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ if TYPE_CHECKING:
     from henon_ref.sweeps.sweep import SweepTable
 
 app = application()
-KEPT = "finished chunks are kept, --resume goes on from them"
+KEPT = "finished chunks are kept, --resume continues from them"
 PATIENCE = 10
-"""Seconds that a cluster is waited for."""
+"""Largest time to wait for a cluster [s]."""
 Around = Callable[[Path], AbstractContextManager[None]]
-"""What is done before a sweep's folder is written, and once it is: a lock, the page."""
+"""Context around the writing of a sweep's folder: takes a lock, and afterwards writes the page."""
 
 
 @app.command(
@@ -40,19 +40,15 @@ Around = Callable[[Path], AbstractContextManager[None]]
 def main(
     context: typer.Context,
     file: Annotated[Path, typer.Argument(help="A sweep file (YAML).", show_default=False, metavar="SWEEP")],
-    out: Annotated[Path, typer.Option(help="Folder of the sweeps, each in one of its name.", metavar="FOLDER")] = Path(
-        "out"
-    ),
+    out: Annotated[Path, typer.Option(help="Folder for sweeps, a subfolder for each.", metavar="FOLDER")] = Path("out"),
     jobs: Annotated[
         int | None,
-        typer.Option(help="Worker processes; as many as there are processors if left out.", min=1, metavar="NUMBER"),
+        typer.Option(help="Worker processes; if left out, the number of processors.", min=1, metavar="NUMBER"),
     ] = None,
     dask: Annotated[
         str | None, typer.Option(help="Run on a Dask cluster: its scheduler's address.", metavar="ADDRESS")
     ] = None,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Keep chunks that are finished in the folder.", metavar=FLAG)
-    ] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Keep finished chunks in the folder.", metavar=FLAG)] = False,
     plot: Annotated[bool, typer.Option("--plot", help="Draw the results, as SVG.", metavar=FLAG)] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="Show no progress.", metavar=FLAG)] = False,
 ) -> int:
@@ -74,16 +70,16 @@ def main(
         place.begin(resume=resume, name=sweep.name, title=sweep.title, source=sweep.source, further=further)
         for _, tables in done(sweep.plan, place, jobs=jobs or processors(), executor=executor, quiet=quiet):
             ended.update(tables.points["status"].tolist())
-        told = ", ".join(f"{count} {status}" for status, count in sorted(ended.items()))
-        print(f"{folder}: {len(sweep.plan.points)} points, {told}")
+        counts = ", ".join(f"{count} {status}" for status, count in sorted(ended.items()))
+        print(f"{folder}: {len(sweep.plan.points)} points, {counts}")
         if plot:
             _draw(place)
     return DONE
 
 
 def program(arguments: Sequence[str] | None = None, around: Around | None = None) -> int:
-    """Run the command; the exit status."""
-    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):  # as the workers have it
+    """Run the command and return its exit status."""
+    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):  # as in the workers
         os.environ.setdefault(name, "1")
     act = lambda: int(parsed(app, arguments, name="sweep", obj=around))  # noqa: E731
     return exit_status(act, name="sweep", arguments=arguments, kept=KEPT)
@@ -95,7 +91,7 @@ def _nothing(folder: Path) -> AbstractContextManager[None]:
 
 @contextmanager
 def _cluster(address: str | None) -> Iterator[Any]:
-    """A client of a Dask cluster, where one is wanted."""
+    """Yield a client of a Dask cluster, or None if no address is given."""
     if address is None:
         yield None
         return
@@ -105,7 +101,7 @@ def _cluster(address: str | None) -> Iterator[Any]:
         raise CaseError("--dask needs the package distributed: pip install 'henon-ref[dask]'") from None
     try:
         client = Client(address, timeout=PATIENCE)
-    except (OSError, ValueError) as error:  # what is no address, and a scheduler that does not answer
+    except (OSError, ValueError) as error:  # not an address, or the scheduler does not answer
         raise CaseError(f"no Dask scheduler answers at {address}: {error}") from None
     try:
         yield client
@@ -114,7 +110,6 @@ def _cluster(address: str | None) -> Iterator[Any]:
 
 
 def _draw(place: SweepFolder) -> None:
-    """Draw a finished sweep, into the folder ``figures`` of its own."""
     from henon_ref.atomic_write import replace_file
     from henon_ref.figures import style
     from henon_ref.figures.sweeps import HEIGHT
@@ -131,8 +126,8 @@ def _draw(place: SweepFolder) -> None:
 
 
 def _pictures(plan: Plan, table: SweepTable) -> Iterator[tuple[str, Callable[..., Any]]]:
-    """Names of pictures, and what draws each: a histogram of each number, section points over one swept name,
-    observations over two."""
+    """Yield names of figures and functions that draw them: a histogram of each number, section points over one swept
+    name, observations over two."""
     from henon_ref.figures.sweeps import MOST_BASINS, basins, bifurcation, histogram, plane
 
     swept = list(plan.points.names)

@@ -1,4 +1,4 @@
-"""What the subcommands' typer applications have in common: how they are made, and arguments that several take."""
+"""Common parts of the subcommands' typer applications: their construction, and shared arguments."""
 
 from __future__ import annotations
 
@@ -8,19 +8,18 @@ from typing import Annotated
 import typer
 
 FLAG = ""
-"""Metavar of an option that takes no value: typer would name its type."""
+"""Metavar of an option without a value, for which typer would show a type."""
 
 Cases = Annotated[
     list[Path], typer.Argument(help="Case files, or folders of them.", show_default=False, metavar="CASE")
 ]
-"""The case files that a subcommand reads."""
 
 
 def application() -> typer.Typer:
-    """An application whose errors and interrupts are told by :mod:`henon_ref.commands.exit_status`."""
+    """Create an application whose errors and interrupts :mod:`henon_ref.commands.exit_status` reports."""
     return typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
 def examples(*commands: str) -> str:
-    """What the help ends with: commands to copy, each a paragraph, since old versions of typer join lines."""
+    """Return the end of a help text: commands to copy, a paragraph each, since old versions of typer join lines."""
     return "\n\n".join(["Examples:", *(f"henon-ref {command}" for command in commands)])

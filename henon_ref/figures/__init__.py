@@ -1,1 +1,1 @@
-"""Figures: axes in, curves out."""
+"""Figures: functions that draw curves on given axes."""

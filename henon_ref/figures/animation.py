@@ -1,4 +1,4 @@
-"""A scene that moves as a run does, as an animation of matplotlib's."""
+"""Animation of a scene during a run, by matplotlib."""
 
 from __future__ import annotations
 
@@ -21,30 +21,30 @@ from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 
 ALONE, AMONG_OTHERS = 0.45, 0.22
-"""Largest displacement in the picture, of one mass that moves freely and of several, the distance of two being 1."""
+"""Largest drawn displacement of one free mass, and of several, relative to the distance of two bodies."""
 MARKS = 4
-"""Lines on a body whose motion is given, which show how it moves."""
-MOST_WORDS = 4
-"""Contacts whose state is told in words."""
+"""Number of lines on a body of prescribed motion that show its movement."""
+MOST_NAMED = 4
+"""Largest number of contacts whose state is named in the title."""
 Vector = NDArray[np.float64]
 
 
 class SceneAnimation(FuncAnimation):
-    """An animation that a notebook shows (as HTML5 with buttons), and that is saved as GIF without further programs."""
+    """Animation that a notebook shows as HTML5 with buttons, and that saves as GIF without external programs."""
 
     def _repr_html_(self) -> str:
         return str(self.to_jshtml())
 
     def save(self, filename: str | Path, writer: Any = None, *more: Any, **how: Any) -> None:
-        """Write a file: ``.gif``, ``.html``, or what matplotlib's writers know, with matplotlib's arguments."""
+        """Write a file: ``.gif``, ``.html``, or a format of matplotlib's writers, with matplotlib's arguments."""
         known = {".gif": "pillow", ".html": "html"}
         super().save(str(filename), writer or known.get(Path(filename).suffix.lower()), *more, **how)
 
 
 def animated(axes: Axes, scene: Scene, system: FilippovSystem, motion: Motion, fps: float) -> SceneAnimation:
-    """The scene at each time of a motion, with contacts drawn strong while they stick.
+    """Return the animation of a scene along a motion; contacts are drawn with thick lines while they stick.
 
-    Displacements are drawn to one scale from the places of the schematic, turns as they are.
+    All displacements have the same scale and start at the places of the schematic; rotations are drawn unscaled.
     """
     figure = axes.get_figure(root=True)
     assert figure is not None
@@ -68,7 +68,7 @@ def animated(axes: Axes, scene: Scene, system: FilippovSystem, motion: Motion, f
         for body in scene.bodies.values():
             draw_body(axes, body, at[body.name])
             _draw_marks(axes, body, at[body.name], float(moved[body.name][frame]), scale)
-        signs = [sign.name for sign in system.signs[:MOST_WORDS]]
+        signs = [sign.name for sign in system.signs[:MOST_NAMED]]
         words = [f"{name}: {'stick' if name in held else 'slip'}" for name in signs]
         axes.set_title(f"t = {motion.times[frame]:.2f} s   {'   '.join(words)}", loc="left", x=0.02)
         return ()
@@ -81,7 +81,7 @@ def animated(axes: Axes, scene: Scene, system: FilippovSystem, motion: Motion, f
 
 
 def _displacement(body: Body, system: FilippovSystem, motion: Motion) -> Vector:
-    """A body's position [m or rad] at each time; where its velocity alone is given, the way it has gone."""
+    """Return a body's position [m or rad] at each time; integrated from the velocity if only that is given."""
     if body.states:
         return motion.states[:, system.states.index(body.states[0])]
     given = body.velocity if body.position is None else body.position
@@ -94,7 +94,7 @@ def _displacement(body: Body, system: FilippovSystem, motion: Motion) -> Vector:
 
 
 def _draw_marks(axes: Axes, body: Body, at: Vector, moved: float, scale: float) -> None:
-    """What shows that a rotor turns, or that a body whose motion is given moves."""
+    """Draw marks that show the rotation of a rotor, or the movement of a body of prescribed motion."""
     x, y = at
     if body.kind == "rotor":
         axes.plot([x, x + HALF * np.cos(moved)], [y, y + HALF * np.sin(moved)], color=style.BLACK, lw=1.4, zorder=4)

@@ -1,4 +1,4 @@
-"""What a figure shows, in words: its ``<title>`` and ``<desc>``, which screen readers read out."""
+"""Descriptions of figures: their ``<title>`` and ``<desc>``, which screen readers read aloud."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ if TYPE_CHECKING:
 
 
 def describe(figure: Figure, title: str, description: str) -> None:
-    """Give a figure a title, and a description of its axes and of what is to be seen, which can be read out."""
+    """Attach a title to a figure, and a description of its axes and content."""
     figure.set_label(f"{one_line(title)}\n{one_line(description)}")
 
 
 def description_of(figure: Figure) -> tuple[str, str]:
-    """Title and description of a figure; of one that has not been described, its own titles and axis labels."""
+    """Return title and description of a figure; by default from its own titles and axis labels."""
     title, _, description = str(figure.get_label()).partition("\n")
     if description:
         return title, description
@@ -32,12 +32,11 @@ def description_of(figure: Figure) -> tuple[str, str]:
 
 
 def _title(axes: Axes) -> str:
-    """A panel's title, wherever above it that stands."""
     return next((own for place in ("left", "center", "right") if (own := axes.get_title(loc=place))), "")
 
 
 def _spoken(text: str) -> str:
-    """Text without the marks of mathematical typesetting."""
+    """Return text without the markup of mathematical typesetting."""
     return re.sub(r"[\\${}]", "", re.sub(r"\\[,;: ]", " ", text))
 
 
@@ -51,9 +50,9 @@ def _panel(axes: Axes) -> str:
 
 
 def with_description(svg: str, title: str, description: str) -> str:
-    """An SVG as an image with title and description.
+    """Return an SVG with the role of an image, a title and a description.
 
-    The elements' names are made from what they say, so that two figures in one page do not share them.
+    The ids of the elements are derived from their text, so that two figures in one page do not share them.
 
     Examples
     --------

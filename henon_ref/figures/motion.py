@@ -1,4 +1,4 @@
-"""A motion, and its phase portrait with the sticks."""
+"""Sampled motion, and its phase portrait with the sticks."""
 
 from __future__ import annotations
 
@@ -23,26 +23,26 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 REST = 1e-6
-"""A stick that moves less than this fraction of the largest state is drawn as a point."""
+"""Largest extent of a stick that is drawn as a point, relative to the largest state."""
 BLOW_UP = 50.0
-"""A curve that goes this many times further than most of itself is cut off."""
+"""A curve is cut off if its largest value exceeds its 95 % quantile by this factor."""
 GRID = 121
-"""Points a side of the grid on which a surface's curve is looked for."""
+"""Number of grid points per side for contours of a surface."""
 MOST_NAMED = 8
-"""Places of transitions that are named; where there are more, all are dots alone."""
+"""Largest number of labelled places of transitions; if there are more, none has a label."""
 MOST_TIMES = 2
-"""Times that are told of one place."""
+"""Largest number of times in the label of one place."""
 SLOPE = 50
-"""Of the text beside a dot [degrees]."""
+"""Slope of a label [degrees]."""
 SAME = 0.01
-"""Transitions of a kind that are no further apart, in parts of the axes, share a name."""
+"""Largest distance of transitions that share a label, relative to the axes."""
 _Entry = tuple[str, str, float, str]
-"""Of a legend: label, colour, width, dashes."""
+"""Entry of a legend: label, colour, width, dashes."""
 
 
 @dataclass(frozen=True)
 class Motion:
-    """The sampled motion with the truth's transitions put in between, so that corners are sharp."""
+    """Sampled motion that includes the transitions of the truth, so that corners are sharp."""
 
     times: NDArray[np.float64]
     states: NDArray[np.float64]
@@ -51,10 +51,7 @@ class Motion:
 
 
 def motion_of(samples: Samples, transitions: Sequence[Event]) -> Motion | None:
-    """Merge samples and transitions; None where the samples hold no motion.
-
-    Samples past an early end are NaN and are left out.
-    """
+    """Merge samples (NaN after an early end) and transitions; None if the samples contain no motion."""
     good = np.nonzero(np.isfinite(samples.states).all(axis=1))[0]
     times, states = samples.times[good], samples.states[good]
     if len(times) < 2 or times[0] == times[-1]:
@@ -71,7 +68,7 @@ def motion_of(samples: Samples, transitions: Sequence[Event]) -> Motion | None:
 
 
 def _modes(times: NDArray[np.float64], transitions: Sequence[Event], given: list[Mode] | None) -> list[Mode]:
-    """The mode at each sample: by the truth's transitions, or as the solver says where there are none."""
+    """Return the mode at each sample, by the transitions of the truth, or else by the solver."""
     if not transitions:
         return given or [()] * len(times)
     index = np.searchsorted(np.array([e.time for e in transitions]), times, side="right")
@@ -80,9 +77,10 @@ def _modes(times: NDArray[np.float64], transitions: Sequence[Event], given: list
 
 
 def axes_of_portrait(system: FilippovSystem) -> tuple[int, int] | None:
-    """States along x and y: a velocity in the first surface over its own position, else a state in it over the first.
+    """Return the states along x and y: preferably a velocity in the first surface over its position.
 
-    A later position that is alone in it (a stop) goes across, its velocity upward.
+    Otherwise, a state of the first surface over the first state. If the only state of the surface is a later position
+    (a stop), that position is along x and its velocity along y. None if there is only one state.
     """
     if len(system.states) < 2:
         return None
@@ -96,27 +94,27 @@ def axes_of_portrait(system: FilippovSystem) -> tuple[int, int] | None:
 
 
 def position_of(system: FilippovSystem, k: int) -> int | None:
-    """The state whose rate another one is."""
+    """Return the state whose rate is state ``k``; None if there is none."""
     return system.field.index(system.states[k]) if system.states[k] in system.field else None
 
 
 def velocity_of(system: FilippovSystem, k: int) -> int | None:
-    """The state that is another one's rate."""
+    """Return the state that is the rate of state ``k``; None if there is none."""
     rate = system.field[k]
     return system.states.index(rate) if rate in system.states else None
 
 
 @dataclass(frozen=True)
 class _Plane:
-    """Two states, and the surfaces that are curves in their plane: those decide how a piece is drawn."""
+    """Plane of two states, with the surfaces that are curves in it and determine the line styles."""
 
     x: int
     y: int
     signs: tuple[tuple[int, str], ...]
-    """Index and name of each such surface's sign; of all surfaces where there is none."""
+    """Index and name of the sign of each such surface; of all surfaces if there is none."""
 
     def line_style(self, mode: Mode) -> tuple[str, str, float]:
-        """Label, colour and width of a piece of one mode."""
+        """Return label, colour and width of the line in a mode."""
         if any(mode[k] == 0 for k, _ in self.signs):
             return "stick", style.VERMILLION, 3.2
         if len(self.signs) == 1:
@@ -127,13 +125,13 @@ class _Plane:
         return "slip", style.BLUE, 1.1
 
     def pieces(self, modes: Sequence[Mode]) -> list[tuple[str, slice]]:
-        """Label and range of every piece that is drawn alike."""
+        """Return label and range of every piece with one line style."""
         labels = [self.line_style(mode)[0] for mode in modes]
         return [(labels[begin], slice(begin, end + 1)) for begin, end in runs_of(labels)]
 
 
 def draw_portrait(reading: Reading, motion: Motion, pair: tuple[int, int] | None = None) -> Figure | None:
-    """Phase portrait in the measured window, coloured by mode, sticks on the boundary; ``pair``: the states shown."""
+    """Draw the phase portrait in the measured window, coloured by mode; ``pair``: indices of the two states."""
     system = reading.problem.system
     pair = pair or axes_of_portrait(system)
     if pair is None:
@@ -157,10 +155,10 @@ def draw_portrait(reading: Reading, motion: Motion, pair: tuple[int, int] | None
 def portrait(
     axes: Axes, system: FilippovSystem, motion: Motion, pair: tuple[int, int], **line: Any
 ) -> tuple[_Plane, bool]:
-    """Phase portrait in the plane of two states; how it is drawn, and whether surfaces are.
+    """Draw the phase portrait in the plane of two states; return the plane, and whether surfaces are drawn.
 
-    ``line`` are matplotlib's keywords of a line. Above it stands a legend of the modes, but where a label is among
-    them: that is then the curve's, for a legend of the caller's.
+    ``line`` are matplotlib's keywords of a line. A legend of the modes is added, unless they include a label, which
+    is then the label of the curve in the caller's legend.
     """
     from matplotlib.cbook import normalize_kwargs
     from matplotlib.lines import Line2D
@@ -179,7 +177,7 @@ def portrait(
 
 
 def widen(axes: Axes, across: tuple[float, float], upward: tuple[float, float]) -> None:
-    """Limits (low, high) of axes, and what has been drawn before within them."""
+    """Set the limits (low, high) of axes so that they include what has been drawn before."""
     if axes.has_data():
         (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
         across = min(across[0], left), max(across[1], right)
@@ -196,18 +194,18 @@ def plane_of(system: FilippovSystem, x: int, y: int) -> _Plane:
 
 
 def states_in(system: FilippovSystem, k: int) -> set[sp.Basic]:
-    """What a surface depends on, parameters apart."""
+    """Return the symbols in a surface, without parameters."""
     return set(system.numeric(system.surfaces[k]).free_symbols)
 
 
 def runs_of(labels: Sequence[object]) -> list[tuple[int, int]]:
-    """(first, last) of every run of equal labels; each but the last reaches to the next one's first."""
+    """Return (first, last) of every run of equal labels; each run ends at the start of the next."""
     starts = [0] + [k for k in range(1, len(labels)) if labels[k] != labels[k - 1]]
     return list(zip(starts, [*starts[1:], len(labels) - 1], strict=True))
 
 
 def _draw_pieces(axes: Axes, motion: Motion, plane: _Plane, own: dict[str, Any]) -> list[_Entry]:
-    """The curve in pieces drawn alike."""
+    """Draw the curve in pieces of one line style each, and return their legend entries."""
     seen: dict[str, _Entry] = {}
     named = {"label": own["label"]} if "label" in own else {}
     own = {key: value for key, value in own.items() if key != "label"}
@@ -227,7 +225,7 @@ def _draw_pieces(axes: Axes, motion: Motion, plane: _Plane, own: dict[str, Any])
 
 
 def _draw_arrows(axes: Axes, motion: Motion, plane: _Plane, own_colour: Any = None) -> None:
-    """The direction of motion, in the middle of the longest piece of every kind of slip."""
+    """Draw the direction of motion in the middle of the longest piece of every kind of slip."""
     longest: dict[str, slice] = {}
     for label, piece in plane.pieces(motion.modes):
         if label != "stick" and _length(piece) > _length(longest.get(label, slice(0, 0))):
@@ -247,7 +245,7 @@ def _length(piece: slice) -> int:
 
 
 def _draw_boundary(axes: Axes, system: FilippovSystem, plane: _Plane) -> list[_Entry]:
-    """The surfaces that are curves in this plane, as dashed lines."""
+    """Draw the surfaces that are curves in this plane as dashed lines."""
     curves = surface_curves(system, (plane.x, plane.y), (axes.get_xlim(), axes.get_ylim()))
     for points in curves:
         axes.plot(*points.T, color=style.GREY, lw=0.9, ls="--", zorder=1)
@@ -257,7 +255,7 @@ def _draw_boundary(axes: Axes, system: FilippovSystem, plane: _Plane) -> list[_E
 def surface_curves(
     system: FilippovSystem, pair: tuple[int, int], limits: Sequence[tuple[float, float]]
 ) -> list[NDArray[np.float64]]:
-    """The curves h = 0 of the surfaces that depend on two states alone, points (k, 2) of each, within limits."""
+    """Return the curves h = 0, points (k, 2), within limits, of the surfaces that depend on two states alone."""
     import contourpy
 
     states = [system.states[k] for k in pair]
@@ -282,7 +280,7 @@ def _legend(axes: Axes, entries: Sequence[_Entry]) -> None:
 
 
 def limits_around(values: NDArray[np.float64]) -> tuple[float, float]:
-    """Limits around a curve with a little room; a curve that blows up is cut where it leaves the rest behind."""
+    """Return limits around a curve with some margin; a curve that blows up is cut off."""
     usual = float(np.percentile(np.abs(values), 95))
     if np.abs(values).max() > BLOW_UP * usual > 0:
         values = values[np.abs(values) <= 2 * usual]
@@ -296,7 +294,7 @@ def symbol(system: FilippovSystem, k: int) -> str:
 
 
 def mark_transitions(axes: Axes, points: NDArray[np.float64], kinds: Sequence[str], times: NDArray[np.float64]) -> None:
-    """Mark transitions at points, shape (k, 2), whose limits the axes have already."""
+    """Mark transitions at points, shape (k, 2), on axes whose limits are set."""
     from matplotlib.patheffects import Normal, Stroke
 
     axes.plot(*points.T, marker="o", markersize=3.5, linestyle="none", color=style.BLACK, zorder=5)
@@ -313,10 +311,10 @@ def mark_transitions(axes: Axes, points: NDArray[np.float64], kinds: Sequence[st
     centre = np.mean([axes.get_xlim(), axes.get_ylim()], axis=1)
     halo = [Stroke(linewidth=2.0, foreground="white"), Normal()]
     for kind, point, own in places:
-        told = ", ".join(f"{time:.4g}" for time in own[:MOST_TIMES]) + (", ..." if len(own) > MOST_TIMES else "")
-        right, above = point > centre  # the text goes towards the centre, where there is room
+        shown = ", ".join(f"{time:.4g}" for time in own[:MOST_TIMES]) + (", ..." if len(own) > MOST_TIMES else "")
+        right, above = point > centre  # labels extend towards the centre, where there is space
         axes.annotate(
-            f"{kind} {told} s", tuple(point), xytext=(-3 if right else 3, -4 if above else 4),
+            f"{kind} {shown} s", tuple(point), xytext=(-3 if right else 3, -4 if above else 4),
             textcoords="offset points", rotation=SLOPE if right == above else -SLOPE, rotation_mode="anchor",
             ha="right" if right else "left", va="top" if above else "bottom", fontsize=7, zorder=6, path_effects=halo,
         )  # fmt: skip

@@ -1,4 +1,4 @@
-"""A scene as a schematic: bodies as boxes and discs, what connects them as springs, dampers and the like."""
+"""Schematic of a scene: bodies as boxes and discs, connections as symbols of springs, dampers and so on."""
 
 from __future__ import annotations
 
@@ -19,26 +19,25 @@ if TYPE_CHECKING:
 
 TITLE = "Bodies and what connects them"
 MOST_BODIES = 12
-"""Bodies that one figure shows."""
 HALF = 0.24
-"""Half the side of a body, the distance of two being 1."""
+"""Half the side of a body, relative to the distance of two bodies."""
 SIDEWAYS = 0.13
-"""Half the distance between connections of the same two bodies."""
+"""Half the distance between connections of the same two bodies, in the same unit."""
 LETTER, LINE = 0.047, 0.11
-"""Width of a letter and height of a line of a label, likewise."""
+"""Width of a letter and height of a line of a label, in the same unit."""
 ALONG = (0.5, 0.42, 0.58, 0.33, 0.67, 0.25, 0.75)
-"""Where on its line the label of a connection may stand, the best place first."""
+"""Possible positions of a connection's label along its line, in order of preference."""
 DENSE = 0.02
-"""Distance of the points of a symbol that a label keeps clear of, likewise."""
+"""Distance of the points of a symbol that labels must not cover, in the same unit."""
 DEPTH, TITLE_ROOM = 1.8, 0.3
-"""Height below the row of bodies, likewise, and room for a title [in]."""
+"""Height below the row of bodies, in the same unit, and height for the title [in]."""
 Place = NDArray[np.float64]
 _Line = tuple[Connection, list[Place], float]
-"""A connection, the places that it leads to, and how far it stands aside from others between these."""
+"""Connection, places of its ends, and sideways offset from other connections between them."""
 
 
 def draw_scene(scene: Scene) -> Figure | None:
-    """The scene's schematic; None where it has too many bodies for one."""
+    """Return the schematic of a scene; None if it has too many bodies."""
     if len(scene.bodies) > MOST_BODIES:
         return None
     width, height = figure_size(scene)
@@ -52,20 +51,20 @@ def draw_scene(scene: Scene) -> Figure | None:
 
 
 def figure_size(scene: Scene) -> tuple[float, float]:
-    """Width and height of a figure for a scene [in]."""
+    """Return width and height of a figure for a scene [in]."""
     width, top = _extent(scene, places_of(scene))
     scale = min(style.WIDTH / width, 1.25)
     return max(scale * width, 2.6), scale * (DEPTH + top) + TITLE_ROOM
 
 
 def _extent(scene: Scene, places: Mapping[str, Place]) -> tuple[float, float]:
-    """Width, and height above the row of bodies."""
+    """Return the width, and the height above the row of bodies."""
     pushed = any(len(connection.ends) == 1 for connection in scene.connections)
     return 1.6 + max(p[0] for p in places.values()), 0.85 if pushed else 0.35
 
 
 def blank(axes: Axes, scene: Scene, places: Mapping[str, Place]) -> None:
-    """Axes for a scene, with nothing in them."""
+    """Prepare empty axes for a scene."""
     width, top = _extent(scene, places)
     axes.set_axis_off()
     axes.set_aspect("equal")
@@ -74,7 +73,7 @@ def blank(axes: Axes, scene: Scene, places: Mapping[str, Place]) -> None:
 
 
 def schematic(axes: Axes, scene: Scene, **patch: Any) -> None:
-    """The scene in axes of its own; ``patch`` are matplotlib's keywords of patches, for the bodies."""
+    """Draw a scene on axes; ``patch`` are keywords of matplotlib's patches, for the bodies."""
     places = places_of(scene)
     blank(axes, scene, places)
     lines = lines_of(scene, places)
@@ -86,7 +85,7 @@ def schematic(axes: Axes, scene: Scene, **patch: Any) -> None:
 
 
 def lines_of(scene: Scene, places: Mapping[str, Place]) -> list[_Line]:
-    """Every connection as a line, those of the same bodies side by side."""
+    """Return every connection as a line; connections of the same bodies are side by side."""
     pairs: dict[frozenset[str], list[Connection]] = {}
     for connection in scene.connections:
         pairs.setdefault(frozenset(connection.ends), []).append(connection)
@@ -98,7 +97,7 @@ def lines_of(scene: Scene, places: Mapping[str, Place]) -> list[_Line]:
 
 
 def places_of(scene: Scene) -> Mapping[str, Place]:
-    """Bodies that move freely in a row, the others below what they are connected to."""
+    """Return the places of bodies: free bodies in a row, the others below the bodies connected to them."""
     free = [body.name for body in scene.bodies.values() if body.inertia is not None]
     places = {name: np.array([float(k), 0.0]) for k, name in enumerate(free)}
     partners: dict[str, list[float]] = {name: [] for name in scene.bodies if name not in places}
@@ -117,7 +116,6 @@ def places_of(scene: Scene) -> Mapping[str, Place]:
 
 
 def _half_size(body: Body) -> Place:
-    """Half the width and half the height of a body."""
     return HALF * np.array([1.0, 1.0] if body.inertia is not None else [1.6, 0.5])
 
 
@@ -139,7 +137,7 @@ def draw_body(axes: Axes, body: Body, at: Place, **own: Any) -> None:
 def draw_symbol(
     axes: Axes, connection: Connection, ends: Sequence[Place], shift: float, *, elastic: bool = False, **own: Any
 ) -> None:
-    """The symbol of a connection; an elastic one is as long as the way between its ends."""
+    """Draw the symbol of a connection; an elastic one extends over the whole distance between its ends."""
     strokes = _strokes(connection, ends, shift, elastic=elastic)
     if len(ends) == 1:
         _arrow(axes, strokes[0], style.VERMILLION)
@@ -155,7 +153,7 @@ def draw_symbol(
 
 
 def _strokes(connection: Connection, ends: Sequence[Place], shift: float, *, elastic: bool = False) -> Sequence[Place]:
-    """Corners of the lines that a connection's symbol is drawn with; of a force from outside its arrow."""
+    """Return the corners of the lines of a connection's symbol; for an external force, of its arrow."""
     if len(ends) == 1:
         return [ends[0] + _corners(shift - 0.3, 0.55, shift + 0.3, 0.55)]
     length, along, across = _direction(*ends)
@@ -169,25 +167,25 @@ def _strokes(connection: Connection, ends: Sequence[Place], shift: float, *, ela
 
 
 def _direction(p: Place, q: Place) -> tuple[float, Place, Place]:
-    """Distance of two places, and the unit vectors along and across their line."""
+    """Return the distance of two places, and the unit vectors along and across their line."""
     length = float(np.linalg.norm(q - p))
     along = (q - p) / length
     return length, along, np.array([-along[1], along[0]])
 
 
 def _stretched(along: Place, length: float) -> Place:
-    """Places along a symbol of length 1: its middle keeps its size, its ends reach to the bodies."""
+    """Return places along a symbol of length 1; its middle keeps its size, its ends reach the bodies."""
     return np.interp(along, [0.0, 0.25, 0.75, 1.0], [0.0, length / 2 - 0.25, length / 2 + 0.25, length])
 
 
 def _draw_labels(axes: Axes, lines: Sequence[_Line], halves: list[Place], centres: list[Place]) -> None:
-    """A label a connection, clear of all symbols, of bodies (their centres and half sizes), and of other labels."""
+    """Draw a label for each connection, clear of symbols, bodies (centres and half sizes) and other labels."""
     strokes = [_dense(stroke) for line in lines for stroke in _strokes(*line)]
     drawn = np.concatenate(strokes) if strokes else np.empty((0, 2))
     left, right = axes.get_xlim()
 
     def covered(tried: tuple[str, Place, Place]) -> int:
-        """How much of what is drawn a label would stand over, or beyond the edge."""
+        """Return how much a label would cover, or extend beyond the edge."""
         _, at, half = tried
         others = sum(bool((np.abs(c - at) < own + half).all()) for c, own in zip(centres, halves, strict=True))
         beyond = not left + half[0] < at[0] < right - half[0]
@@ -195,7 +193,7 @@ def _draw_labels(axes: Axes, lines: Sequence[_Line], halves: list[Place], centre
 
     for connection, ends, shift in lines:
         tries = [own for text in _texts(connection) for own in _label_places(text, ends, shift)]
-        text, at, half = min(tries, key=covered)  # of places that cover as little the first
+        text, at, half = min(tries, key=covered)  # the first one among equals
         centres.append(at)
         halves.append(half)
         box = {"facecolor": "white", "edgecolor": "none", "pad": 0.4, "alpha": 0.8}
@@ -203,21 +201,21 @@ def _draw_labels(axes: Axes, lines: Sequence[_Line], halves: list[Place], centre
 
 
 def _dense(corners: Place) -> Place:
-    """Points along a line through corners."""
+    """Return points along a line through corners."""
     way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(corners, axis=0), axis=1))])
     at = np.append(np.arange(0.0, way[-1], DENSE), way[-1])
     return np.column_stack([np.interp(at, way, corners[:, k]) for k in (0, 1)])
 
 
 def _texts(connection: Connection) -> list[str]:
-    """A connection's kind and name in one line, or in two, which is narrower."""
+    """Return a connection's kind and name on one line, and on two lines, which is narrower."""
     signs = [surface.sign.name for surface in connection.surfaces]
     words = [connection.kind, *(signs or ([connection.name] if connection.name else []))]
     return [" ".join(words), "\n".join(words)]
 
 
 def _label_places(text: str, ends: Sequence[Place], shift: float) -> list[tuple[str, Place, Place]]:
-    """A label, where it may stand, the best place first, and half of its width and height."""
+    """Return a label with its possible places, in order of preference, and half of its width and height."""
     rows = text.split("\n")
     half = np.array([LETTER * max(map(len, rows)), LINE * len(rows)]) / 2
     if len(ends) == 1:
@@ -238,7 +236,7 @@ def _corners(*values: float) -> Place:
 
 
 def _plates(gap: float) -> list[Place]:
-    """Two plates, each so far from the middle."""
+    """Return two plates at a distance from the middle."""
     p, q = 0.5 - gap, 0.5 + gap
     return [_corners(0, 0, p, 0), _corners(p, 0.1, p, -0.1), _corners(q, 0.1, q, -0.1), _corners(q, 0, 1, 0)]
 
@@ -259,4 +257,4 @@ SYMBOLS: Mapping[str, tuple[Sequence[Place], str]] = {
     "friction": (_plates(0.03), style.VERMILLION),
     "stop": (_plates(0.1), style.PURPLE),
 }
-"""Kind of connection -> pieces of its symbol, along and across the line between two bodies, and its colour."""
+"""Kind of connection -> lines of its symbol (along and across the line between two bodies), and its colour."""

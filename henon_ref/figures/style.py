@@ -1,4 +1,4 @@
-"""One style for every figure: sizes, fonts and colours, and output that is the same for the same data."""
+"""Common style of all figures: sizes, fonts and colours, and reproducible output."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 WIDTH = 7.2
-"""Width of a figure [in]: full text width of a page."""
+"""Width of a figure [in]: text width of a page."""
 
 BLUE, VERMILLION, GREEN, ORANGE = "#0072B2", "#D55E00", "#009E73", "#E69F00"
 SKY, PURPLE, BLACK, GREY = "#56B4E9", "#AA4499", "#000000", "#767676"
 BROWN, PINK, OLIVE = "#8C4A2F", "#CC79A7", "#6B6B00"
-"""Okabe and Ito's palette, told apart by colour-blind readers (purple darkened to hold on white), and two more."""
+"""Palette of Okabe and Ito for colour-blind readers (purple darkened for contrast on white), and two more colours."""
 
 STICK_SHADE, PLUS_SHADE, MINUS_SHADE = "#F6C48A", "#CFE3F3", "#FFFFFF"
-"""Backgrounds of stick, of slip with s = +1 and of slip with s = -1."""
+"""Background of stick, of slip with s = +1, and of slip with s = -1."""
 
 _RC: dict[Any, Any] = {
     "font.size": 9.0,
     "axes.labelsize": 9.0,
     "axes.titlesize": 9.5,
     "axes.titlelocation": "left",
-    "axes.titley": 1.0,  # the default place, said: without it matplotlib lays out every tick label once more
+    "axes.titley": 1.0,  # the default; if unset, matplotlib lays out every tick label again
     "xtick.labelsize": 8.0,
     "ytick.labelsize": 8.0,
     "legend.fontsize": 8.0,
@@ -48,21 +48,21 @@ _RC: dict[Any, Any] = {
     "lines.linewidth": 1.2,
     "lines.markersize": 4.5,
     "mathtext.fontset": "dejavusans",
-    "path.simplify": False,  # every transition stays a corner, and every arc as smooth as its samples
+    "path.simplify": False,  # keeps transitions as corners, and all samples of an arc
     "svg.hashsalt": "henon-ref",
     "svg.fonttype": "path",
 }
 
 
 THIN = 1.1
-"""Width of an ordinary line [pt]; what is compared with all others is drawn wider."""
+"""Width of an ordinary line [pt]; highlighted solvers have wider lines."""
 Dashes = str | tuple[int, tuple[int, ...]]
-"""A line's pattern: matplotlib's name for it, or offset and lengths of dashes and gaps [line widths]."""
+"""Dash pattern of a line: matplotlib's name, or offset and lengths of dashes and gaps [line widths]."""
 
 
 @dataclass(frozen=True)
 class Line:
-    """How a solver is drawn, in every figure the same."""
+    """Line style of a solver, equal in all figures."""
 
     colour: str
     marker: str
@@ -97,14 +97,15 @@ _LINES = {
     "siconos": Line(OLIVE, "8"),
     "nosnoc": Line(OLIVE, "h", "--"),
 }
-"""SUNDIALS is green, SciPy blue; their solvers differ in lightness, which colour-blind readers see too."""
+"""Line style of each solver. SUNDIALS is green, SciPy blue; their solvers differ in lightness, too, for colour-blind
+readers."""
 
 _THIRD = tuple(
     Line(colour, marker, dashes)
     for dashes, markers in (("-", "dph*"), ("--", "<>8H"), (":", "dph*"))
     for colour, marker in zip((PURPLE, BROWN, PINK, OLIVE), markers, strict=True)
 )
-"""Third parties' solvers: purple, brown, pink and olive, as the peers', with other markers."""
+"""Line styles of third-party solvers: purple, brown, pink and olive, with other markers than the built-in solvers."""
 
 _VARIANTS: dict[str, Dashes] = {
     "numba": "-.",
@@ -113,14 +114,14 @@ _VARIANTS: dict[str, Dashes] = {
     "direction": (0, (1, 1)),
     "none": (0, (2, 2)),
 }
-"""Dashes of a solver's variants, by what stands behind ``+`` or ``@``; colour and marker are the solver's own."""
+"""Dashes of a solver's variants, by the text after ``+`` or ``@``; colour and marker are those of the solver."""
 
 
 def lines_of(solvers: Iterable[str]) -> dict[str, Line]:
-    """How each of some solvers is drawn, no two alike up to a dozen third parties.
+    """Return the line style of each solver; up to a dozen third-party solvers have distinct styles.
 
-    A variant (``+numba``, ``@offset``) has its solver's colour and marker, and dashes of its own. A third party's line
-    is found by its name, so that it is the same in every figure in which no other one has taken it.
+    A variant (``+numba``, ``@offset``) has the colour and marker of its solver, and its own dashes. The style of a
+    third-party solver is derived from its name: it is the same in all figures unless another solver has taken it.
 
     Examples
     --------
@@ -145,15 +146,15 @@ def lines_of(solvers: Iterable[str]) -> dict[str, Line]:
 
 
 def line_of(solver: str) -> Line:
-    """How a solver is drawn that stands alone, or among solvers that are not third parties'."""
+    """Return the line style of a single solver, or of one among built-in solvers."""
     return lines_of([solver])[solver]
 
 
 def pyplot_figure(height: float, width: float = WIDTH, **how: Any) -> Figure:
-    """An empty figure of pyplot's, which a notebook shows; what is drawn in it is drawn in :func:`report_style`.
+    """Create an empty pyplot figure, which a notebook shows; draw in it within :func:`report_style`.
 
-    The first such figure makes pyplot choose its backend, which sets parameters of its own: within a style they would
-    be set back with it, and a notebook would show no figure but the first.
+    The first pyplot figure selects a backend, which sets global parameters. Within a style these would be reset, and a
+    notebook would show only the first figure; the figure is therefore created outside the style.
     """
     import matplotlib.pyplot as plt
 
@@ -161,7 +162,7 @@ def pyplot_figure(height: float, width: float = WIDTH, **how: Any) -> Figure:
 
 
 def report_style() -> AbstractContextManager[None]:
-    """The style of the reports, for whoever makes a figure in it."""
+    """Return the style of the reports as a context."""
     import matplotlib
 
     return matplotlib.rc_context(_RC)
@@ -169,7 +170,7 @@ def report_style() -> AbstractContextManager[None]:
 
 @contextmanager
 def figure(height: float, *, width: float = WIDTH) -> Iterator[Figure]:
-    """A figure in the style of the reports; sizes in inches."""
+    """Yield a figure in the style of the reports; sizes in inches."""
     from matplotlib.figure import Figure
 
     with report_style():
@@ -177,10 +178,7 @@ def figure(height: float, *, width: float = WIDTH) -> Iterator[Figure]:
 
 
 def image(figure: Figure, kind: str = "svg") -> bytes:
-    """A figure as a file's content (SVG, or PNG for viewing), with nothing in it that changes from run to run.
-
-    An SVG has the role of an image, a title and a description (see :mod:`henon_ref.figures.description`).
-    """
+    """Return a figure as a file (SVG with title and description, PNG or PDF) that is the same in every run."""
     buffer = io.BytesIO()
     metadata = {"Date": None, "Creator": None} if kind == "svg" else None
     with report_style():
@@ -193,7 +191,7 @@ _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def power_of_ten(value: float) -> str:
-    """A decade as text.
+    """Return a power of ten as text.
 
     Examples
     --------
@@ -205,7 +203,7 @@ def power_of_ten(value: float) -> str:
 
 
 def time_text(seconds: float) -> str:
-    """A time with two digits, in the unit in which it is said.
+    """Return a time with two digits, in a suitable unit.
 
     Examples
     --------
@@ -222,10 +220,7 @@ def time_text(seconds: float) -> str:
 
 
 def decades(axis: Axis, text: Callable[[float], str] = power_of_ten) -> None:
-    """Labels on the decades of a log-scaled axis whose limits are set: at most nine, no mathtext, which is slow.
-
-    ``text`` makes a label of a decade: of powers of ten if it is not given.
-    """
+    """Label at most nine decades of a logarithmic axis with set limits by ``text``, without slow mathtext."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
     low, high = axis.get_view_interval()

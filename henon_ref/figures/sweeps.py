@@ -1,7 +1,7 @@
 """Figures of sweeps: bifurcation diagram, basins, histogram, an observation over a plane.
 
-Each function takes the table of a sweep, and draws on axes that it is given, or on those of a new figure of pyplot's,
-which a notebook shows; it returns the axes.
+Each function takes the table of a sweep, draws on the given axes or on those of a new pyplot figure (which a notebook
+shows), and returns the axes.
 """
 
 from __future__ import annotations
@@ -23,9 +23,8 @@ if TYPE_CHECKING:
 HEIGHT = 4.4
 """Height of a figure [in]."""
 BINS = 60
-"""Bins of a histogram, at most."""
 MOST_BASINS = 12
-"""Colours that basins are told apart by."""
+"""Largest number of basins, which differ by colour."""
 _COLOURS = (
     style.BLUE, style.ORANGE, style.GREEN, style.VERMILLION, style.SKY, style.PURPLE,
     "#F0E442", style.BLACK, style.GREY, "#8C4A2F", "#3B3F9E", "#66CDAA",
@@ -33,7 +32,7 @@ _COLOURS = (
 
 
 def bifurcation(table: pd.DataFrame, along: str, of: str, frame: str = "section", axes: Axes | None = None) -> Axes:
-    """Section points over a parameter: a bifurcation diagram.
+    """Draw a bifurcation diagram: section points over a parameter.
 
     Parameters
     ----------
@@ -43,7 +42,7 @@ def bifurcation(table: pd.DataFrame, along: str, of: str, frame: str = "section"
     of : str
         Column of the section's table: a state.
     frame : str
-        Name of that table.
+        Name of the section's table.
     axes : Axes, optional
     """
     frames = getattr(table, "frames", {})
@@ -62,16 +61,16 @@ def bifurcation(table: pd.DataFrame, along: str, of: str, frame: str = "section"
 
 
 def basins(table: pd.DataFrame, x: str, y: str, of: str, axes: Axes | None = None) -> Axes:
-    """A map of what has few values (a mode, a status, a period), a colour each.
+    """Draw a map of an observation with few values (a mode, a status, a period), one colour for each.
 
     Parameters
     ----------
     table : DataFrame
-        Of a grid in two columns, or of points anywhere in the plane.
+        Points of a grid in two columns, or scattered points in the plane.
     x, y : str
         Columns across and upward.
     of : str
-        Column that is drawn.
+        Column to draw.
     axes : Axes, optional
     """
     import pandas as pd
@@ -82,7 +81,7 @@ def basins(table: pd.DataFrame, x: str, y: str, of: str, axes: Axes | None = Non
         _known(table, name)
     codes, values = pd.factorize(table[of], sort=True, use_na_sentinel=True)
     if len(values) > MOST_BASINS:
-        raise ArgumentError(f"'{of}' has {len(values)} different values; basins are told apart up to {MOST_BASINS}")
+        raise ArgumentError(f"'{of}' has {len(values)} different values; at most {MOST_BASINS} basins can be drawn")
     with _drawing(axes) as axes:
         colours = ListedColormap(_COLOURS[: max(len(values), 1)])
         norm = BoundaryNorm(np.arange(len(values) + 1) - 0.5, max(len(values), 1)) if len(values) > 1 else None
@@ -100,13 +99,13 @@ def basins(table: pd.DataFrame, x: str, y: str, of: str, axes: Axes | None = Non
 
 
 def histogram(table: pd.DataFrame, of: str, axes: Axes | None = None) -> Axes:
-    """How often an observation has which values.
+    """Draw a histogram of an observation.
 
     Parameters
     ----------
     table : DataFrame
     of : str
-        Column of numbers; missing ones are left out, and told.
+        Column of numbers; missing values are omitted, and counted in the title.
     axes : Axes, optional
     """
     values = _numbers(table, of)
@@ -119,16 +118,16 @@ def histogram(table: pd.DataFrame, of: str, axes: Axes | None = None) -> Axes:
 
 
 def plane(table: pd.DataFrame, x: str, y: str, of: str, axes: Axes | None = None) -> Axes:
-    """An observation over a plane of two parameters or initial values, in colour.
+    """Draw an observation over a plane of two parameters or initial values, by colour.
 
     Parameters
     ----------
     table : DataFrame
-        Of a grid in two columns, or of points anywhere in the plane.
+        Points of a grid in two columns, or scattered points in the plane.
     x, y : str
         Columns across and upward.
     of : str
-        Column of numbers; where one is missing, nothing is drawn.
+        Column of numbers; nothing is drawn for a missing value.
     axes : Axes, optional
     """
     for name in (x, y):
@@ -143,7 +142,7 @@ def plane(table: pd.DataFrame, x: str, y: str, of: str, axes: Axes | None = None
 
 
 def _painted(axes: Axes, table: pd.DataFrame, x: str, y: str, values: Any, **how: Any) -> Any:
-    """A grid as cells, other points as dots."""
+    """Draw a grid as cells, other points as dots."""
     across, column = np.unique(table[x].to_numpy(dtype=float), return_inverse=True)
     upward, row = np.unique(table[y].to_numpy(dtype=float), return_inverse=True)
     axes.set(xlabel=one_line(x), ylabel=one_line(y))
@@ -157,7 +156,7 @@ def _painted(axes: Axes, table: pd.DataFrame, x: str, y: str, values: Any, **how
 
 @contextmanager
 def _drawing(axes: Axes | None) -> Iterator[Axes]:
-    """The axes that are given, or those of a new figure, in the style of the reports."""
+    """Yield the given axes, or those of a new figure, in the style of the reports."""
     figure = style.pyplot_figure(HEIGHT, layout="constrained") if axes is None else None
     with style.report_style():
         yield axes if figure is None else figure.subplots()  # type: ignore[misc]
@@ -172,12 +171,12 @@ def _known(table: pd.DataFrame, name: str) -> None:
 def _numbers(table: pd.DataFrame, name: str) -> Any:
     _known(table, name)
     if table[name].dtype.kind not in "iuf":
-        raise ArgumentError(f"the column '{name[:60]}' holds no numbers; basins draws text")
+        raise ArgumentError(f"the column '{name[:60]}' has no numbers; 'basins' draws columns of text")
     return table[name].to_numpy(dtype=float)
 
 
 def _left_out(values: Any) -> str:
-    """How many values are missing, as the end of a title."""
+    """Return the number of missing values, as the end of a title."""
     missing = int(np.sum(~np.isfinite(values)))
     return f", {missing:,} without a value left out" if missing else ""
 

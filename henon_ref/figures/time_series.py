@@ -1,4 +1,4 @@
-"""Surfaces and states over time, the modes shaded."""
+"""Surfaces and states over time, with shaded modes."""
 
 from __future__ import annotations
 
@@ -25,21 +25,21 @@ if TYPE_CHECKING:
 
 MODES_TITLE = "Distance from the surface, modes shaded"
 LONGEST_LABEL = 100
-"""Operations of a surface that stands beside its curve."""
+"""Largest number of operations of a surface that is written out in its label."""
 NOTHING = 2
-"""What is not shaded: a state's panel shows sticks alone."""
+"""Entry that is not shaded: the panel of a state shows sticks only."""
 MODES = {
     0: ("stick", style.STICK_SHADE),
     1: ("slip, s = +1", style.PLUS_SHADE),
     -1: ("slip, s = −1", style.MINUS_SHADE),
 }
-"""Entry of a mode -> words, and the colour behind the curve."""
+"""Entry of a mode -> label and background colour."""
 MOST_SURFACES = 4
-"""Surfaces that one figure shows, one panel each."""
+"""Largest number of surfaces in a figure, one panel each."""
 
 
 def draw_modes(reading: Reading, motion: Motion) -> Figure:
-    """Every surface's h over time in the measured window, the modes shaded."""
+    """Draw h of every surface over time in the measured window, with shaded modes."""
     system = reading.problem.system
     count = min(len(system.surfaces), MOST_SURFACES)
     height = 0.85 + 1.55 * count
@@ -56,9 +56,9 @@ def draw_modes(reading: Reading, motion: Motion) -> Figure:
 def over_time(
     panels: Sequence[Axes] | NDArray[Any], system: FilippovSystem, motion: Motion, names: Sequence[str], **line: Any
 ) -> None:
-    """States and surfaces' h over time by name, one below the other, with the modes shaded and a legend above them.
+    """Draw states and surfaces' h over time by name, one panel each, with shaded modes and a legend above.
 
-    A surface's panel shows its own modes, a state's panel the sticks of the surfaces that it or its rate stands in.
+    The panel of a surface shows its own modes; the panel of a state, the sticks of surfaces with it or its rate.
     """
     from matplotlib.cbook import normalize_kwargs
     from matplotlib.lines import Line2D
@@ -89,7 +89,7 @@ def over_time(
 
 
 def _shares(system: FilippovSystem, motion: Motion, k: int) -> str:
-    """How long one surface's modes last, in words."""
+    """Return the total duration of each mode of a surface, as text."""
     durations = np.diff(motion.times)
     entries = np.array([_entry(mode, k) for mode in motion.modes])[:-1]
     parts = [
@@ -102,7 +102,7 @@ def _shares(system: FilippovSystem, motion: Motion, k: int) -> str:
 
 
 def _surfaces_about(system: FilippovSystem, k: int) -> list[int]:
-    """Surfaces in which a state or its rate stands; all, where there is none."""
+    """Return the surfaces that contain a state or its rate; all surfaces if there is none."""
     rate = velocity_of(system, k)
     own = [system.states[k], *([] if rate is None else [system.states[rate]])]
     every = range(len(system.surfaces))
@@ -121,7 +121,7 @@ def _surface_label(system: FilippovSystem, k: int) -> str:
 
 
 def _shade(axes: Axes, motion: Motion, entries: Sequence[int]) -> None:
-    """Sticks and slips with s = +1 behind a curve."""
+    """Shade sticks and slips with s = +1."""
     for begin, end in runs_of(entries):
         if entries[begin] in (0, 1):
             axes.axvspan(motion.times[begin], motion.times[end], color=MODES[entries[begin]][1], lw=0, zorder=0)

@@ -1,1 +1,1 @@
-"""Many runs of one system: points, chunks of them, executors, observations, results on disk."""
+"""Sweeps: many runs of one system at many points, with observations and results on disk."""

@@ -1,4 +1,4 @@
-"""One chunk of points: a pure function of the sweep's content and the points, so that a task may be done again."""
+"""Running one chunk of points: a pure function of the sweep and the points, so that a task can be repeated."""
 
 from __future__ import annotations
 
@@ -31,22 +31,22 @@ from henon_ref.taylor.tape import TIME
 
 OK = "the run reached its horizon"
 POINTS = "points"
-"""The table with a row a point."""
+"""Name of the table with one row for each point."""
 KEPT_SWEEPS, KEPT_EXPRESSIONS = 8, 256
-"""Sweeps of which a worker keeps what it has read, and expressions that are kept as functions."""
+"""Numbers of sweeps, and of compiled expressions, that a worker caches."""
 Places = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
 class Tables:
-    """What is observed of a chunk."""
+    """Observations of one chunk."""
 
     points: Columns
-    """``status``, then the observations, an entry a point."""
+    """``status`` and the observations, one entry for each point."""
     ragged: Mapping[str, Columns]
-    """Tables of their own, by name; their first column is ``point``, counted from the sweep's first one."""
+    """Additional tables by name; their first column is ``point``, counted from the first point of the sweep."""
     refused: tuple[str, ...] = ()
-    """What is said of each point that has no run."""
+    """Messages for the points that have no run."""
 
 
 @lru_cache(maxsize=KEPT_SWEEPS)
@@ -56,18 +56,18 @@ def _unpickled(work: bytes) -> Work:
 
 
 def execute(work: bytes, first: int, values: Vector, size: int) -> tuple[list[Tables], float]:
-    """Do some chunks that follow each other; what is observed of each, and the processor time that it took [s].
+    """Run consecutive chunks; return the observations of each, and the processor time used [s].
 
     Parameters
     ----------
     work : bytes
-        A pickled :class:`Work`, the same for all chunks of a sweep.
+        Pickled :class:`Work`, equal for all chunks of a sweep.
     first : int
-        Number of the first point.
+        Index of the first point.
     values : ndarray, shape (K, k)
-        The points' values.
+        Values of the points.
     size : int
-        Points of a chunk; the last one may have fewer.
+        Number of points of a chunk; the last chunk may have fewer.
     """
     began = thread_time()
     runs = run_chunk(_unpickled(work), values, first)
@@ -85,7 +85,7 @@ def execute(work: bytes, first: int, values: Vector, size: int) -> tuple[list[Ta
 
 
 def observed(runs: Runs) -> Tables:
-    """What a sweep's observations make of some runs."""
+    """Return the observations of some runs."""
     points: Columns = {"status": runs.status}
     ragged: dict[str, Columns] = {}
     for observation in runs.work.observations:
@@ -96,16 +96,16 @@ def observed(runs: Runs) -> Tables:
 
 
 def _rows(table: Columns, first: int, end: int) -> Columns:
-    """Those of some points."""
+    """Return the rows of the points from ``first`` up to, but not including, ``end``."""
     rows = np.flatnonzero((table["point"] >= first) & (table["point"] < end))
     return {name: column[rows] for name, column in table.items()}
 
 
 def run_chunk(work: Work, values: Vector, first: int = 0) -> Runs:
-    """Run a chunk's points; those of a chain one after another, all chains at once.
+    """Run the points of a chunk; the points of a chain one after another, all chains in parallel.
 
-    A point at which there is no problem to solve (a parameter that is not finite, a horizon before the start) is a run
-    that ends ``failed`` where it starts.
+    A point without a valid problem (a parameter that is not finite, a horizon before the start) is a run that ends
+    ``failed`` at its start.
     """
     runs = Runs(work, values, first)
     wrong, open_kinks = refusals(runs)
@@ -121,10 +121,9 @@ def run_chunk(work: Work, values: Vector, first: int = 0) -> Runs:
 
 
 def refusals(runs: Runs) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Why each of K points has no run, as text (None where it has one), and its open kinks.
+    """Return why each of K points has no run, as text (None if it has one), and its open kinks.
 
-    What doubles do not clearly allow is read exactly, as :func:`henon_ref.simulate` reads it.
-
+    Points that are not clearly valid in doubles are checked in exact numbers, as by :func:`henon_ref.simulate`.
     Returns
     -------
     reasons : ndarray of str or None, shape (K,)
@@ -154,7 +153,7 @@ def refusals(runs: Runs) -> tuple[NDArray[Any], NDArray[Any]]:
 
 
 def problem_at(work: Work, values: Mapping[str, float]) -> Problem:
-    """The initial-value problem at a point; where there is none, a HenonRefError in the words of a run from Python."""
+    """Return the initial-value problem at a point; HenonRefError, as from ``simulate``, if it is invalid."""
     states = {name: value for name, value in values.items() if name in work.system.state}
     swept = {name: value for name, value in values.items() if name not in states}
     start = {**work.initial, **states}
@@ -162,32 +161,32 @@ def problem_at(work: Work, values: Mapping[str, float]) -> Problem:
 
 
 def _may_have_open_kinks(model: FilippovSystem, point: Mapping[str, Vector], count: int) -> NDArray[np.bool_]:
-    """Whether a kink, or a root or logarithm in it, has no value at a start, or lies where that begins."""
+    """Check whether a kink, or a root in it, has no value at a start or is at the end of its domain there."""
     found = np.zeros(count, dtype=np.bool_)
     for surface in model.surfaces if model.kinks else ():
         found |= ~np.isfinite(_values(surface, point, count))
     for i in model.kinks:
         for power in model.surfaces[i].atoms(sp.Pow):
-            if not power.exp.is_Integer:  # the end of the range where it has a value
+            if not power.exp.is_Integer:  # the end of the domain of a root
                 found |= _values(power.base, point, count) == 0.0
     return found
 
 
 def _values(expression: sp.Expr, point: Mapping[str, Vector], count: int) -> Vector:
-    """An expression at many points: NaN where it has no value."""
+    """Evaluate an expression at many points; NaN if it has no value."""
     names, function = _function(expression)
     return np.broadcast_to(np.asarray(function(*(point[name] for name in names)), dtype=np.float64), count)
 
 
 @lru_cache(maxsize=KEPT_EXPRESSIONS)
 def _function(expression: sp.Expr) -> tuple[list[str], Callable[..., Any]]:
-    """An expression as a function of arrays, and the names that it takes."""
+    """Return the names in an expression, and the expression as a function of arrays of their values."""
     symbols = sorted(expression.free_symbols, key=lambda s: s.name)
     return [s.name for s in symbols], sp.lambdify(symbols, expression, "numpy")
 
 
 def _unclear(point: Mapping[str, Vector], start: Vector, until: Vector, k: int) -> str | None:
-    """What doubles cannot hold of an exact problem; None where they hold it."""
+    """Return which number of an exact problem cannot be represented in doubles; None if all can."""
     for name, values in point.items():
         if not np.isfinite(values[k]):
             return f"'{name}' is {values[k]} in double precision; a number must be finite"
@@ -197,7 +196,7 @@ def _unclear(point: Mapping[str, Vector], start: Vector, until: Vector, k: int) 
 
 
 def _run_step(runs: Runs, own: Places, open_kinks: NDArray[Any]) -> None:
-    """Runs that do not wait for each other; one compiled system for each set of exponents, and of open kinks."""
+    """Run points that do not depend on each other, one compiled system for each set of exponents and open kinks."""
     work = runs.work
     exponents = [runs.numbers[name][own, 0] for name in work.moving_exponents]
     different, which = np.unique(np.column_stack(exponents or [np.zeros(len(own))]), axis=0, return_inverse=True)
@@ -212,7 +211,7 @@ def _run_step(runs: Runs, own: Places, open_kinks: NDArray[Any]) -> None:
 
 
 def _run_together(runs: Runs, integrator: Integrator, own: Places) -> None:
-    """Runs in one compiled call; where that cannot be, each by itself, since one of them is in the way of all."""
+    """Run points in one compiled call; if it raises an error, run each point by itself to isolate the faulty ones."""
     try:
         _run(runs, integrator, own)
     except HenonRefError as error:
@@ -248,7 +247,7 @@ def _run(runs: Runs, integrator: Integrator, own: Places) -> None:
         runs.status[own[point]], runs.message[own[point]] = made.status(point)
     for point, end in made.others.items():
         runs.status[own[point]], runs.message[own[point]] = end.status, end.reason or OK
-        if made.start(point).refused is not None:  # there is no mode to begin with
+        if made.start(point).refused is not None:  # no initial mode exists
             mode[point] = -1
     rows = runs.rows_of_modes(made.modes)
     runs.end_time[own], runs.end_state[own], runs.end_mode[own] = made.ends["time"], made.states, rows[mode]
@@ -258,7 +257,7 @@ def _run(runs: Runs, integrator: Integrator, own: Places) -> None:
 
 
 def _exact_points(work: Work, values: Vector, initial: Vector, times: Vector) -> Callable[[int], ExactPoint]:
-    """What gives the exact numbers of a point that are pairs here: what :func:`simulate` takes in their place."""
+    """Return a function that gives the exact numbers of a point whose pairs of doubles are known."""
     known = work.exact_parameters
 
     def number(pair: list[float]) -> Any:

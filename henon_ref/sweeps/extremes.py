@@ -1,12 +1,12 @@
-"""The least and the largest value of an expression along runs, from the Taylor polynomials of their steps.
+"""Minimum and maximum of an expression along runs, from the Taylor polynomials of their steps.
 
-On a step the states are polynomials in time, and the expression has a Taylor series, which the recurrences give. The
-Bernstein coefficients of its polynomial bound it between them (Farouki, *Computer Aided Geometric Design* 29 (2012)
-379-419, Sec. 3); pieces whose bounds do not reach beyond what has been found are left out, the others are halved. Where
-the coefficients turn once, so does the polynomial, and Newton's method finds where. Values themselves are never those
-of a series: the expression is evaluated at the states.
+On a step the states are polynomials in time, and the recurrences give the Taylor series of the expression. The
+Bernstein coefficients of its polynomial are bounds (Farouki, *Computer Aided Geometric Design* 29 (2012) 379-419,
+Sec. 3). Pieces whose bounds do not exceed the values already found are discarded, the others are halved. If the
+coefficients have one turning point, the polynomial has at most one, and Newton's method locates it. Reported values
+are those of the expression at the states, never values of its series.
 
-All of it is done for each run by itself, entry by entry, so that no digit depends on what runs are done together.
+All operations act on each run separately, entry by entry, so that no digit depends on which runs share an array.
 """
 
 from __future__ import annotations
@@ -32,39 +32,38 @@ from henon_ref.taylor.series import Ring, along
 from henon_ref.taylor.tape import build_tape
 
 ROUNDING = 2.0**-49
-"""What values, and bounds, are off by, beside the largest number on the way to them."""
+"""Relative rounding error of values and bounds, with respect to the largest intermediate number."""
 KEPT = 64
-"""Expressions that are kept as tapes."""
+"""Number of cached expressions."""
 MOST_HALVINGS = 50
 NEWTON = 8
-"""Steps of Newton's method, from the middle of a piece."""
+"""Number of steps of Newton's method, from the middle of a piece."""
 MOST_PIECES = 4096
-"""Pieces of one run that are halved at a time; there are more only where an expression is rounding alone."""
+"""Largest number of pieces of one run that are halved at a time; more occur only if rounding errors dominate."""
 MOST_NUMBERS = 1 << 22
-"""Coefficients of steps that are in memory at one time, but for those of one run."""
+"""Largest number of coefficients of steps in memory at one time; one run alone may exceed it."""
 _NAMES = {"asin": "arcsin", "acos": "arccos", "atan": "arctan"}
 NUMPY = Ring({name: getattr(np, _NAMES.get(name, name)) for name in (*FUNCTIONS, "sqrt")}, np.power)
-"""Arrays of doubles."""
+"""Ring of arrays of doubles."""
 
 
 class Pieces(NamedTuple):
-    """Parts of steps: the states as polynomials in the part of it that has passed, from 0 to 1."""
+    """Parts of steps, with the states as polynomials in the elapsed fraction of the part, from 0 to 1."""
 
     run: Any
-    """Number of the run that each belongs to, shape (S,); those of a run stand together."""
+    """Index of the run of each piece, shape (S,); pieces of a run are consecutive."""
     begin: Vector
-    """Where it begins [s], shape (S,)."""
+    """Start of each piece [s], shape (S,)."""
     length: Vector
-    """How long it is [s], shape (S,)."""
+    """Length of each piece [s], shape (S,)."""
     states: Vector
-    """Coefficients, shape (n, order + 1, S)."""
+    """Coefficients of the states, shape (n, order + 1, S)."""
 
     def chosen(self, rows: Any) -> Pieces:
-        """Some of them."""
         return Pieces(self.run[rows], self.begin[rows], self.length[rows], self.states[:, :, rows])
 
     def part(self, first: Vector, width: Vector) -> Pieces:
-        """A part of each, from ``first`` on (0 to 1)."""
+        """Return the part of each piece from ``first`` to ``first + width`` (0 to 1)."""
         order = self.states.shape[1] - 1
         binomials = _binomials(order)
         powers, scale = (np.cumprod([np.ones_like(a), *[a] * order], axis=0) for a in (first, width))
@@ -75,7 +74,7 @@ class Pieces(NamedTuple):
 
 
 def pieces_of(run: int, sol: DenseOutput, after: float) -> Pieces:
-    """The steps of a run that end at ``after`` or later; its end is a step without length."""
+    """Return the steps of a run that end at ``after`` or later; the end of the run is a step of length zero."""
     ends, lows = np.append(sol.begin[1:], sol.begin[-1]), np.append(sol.begin_low[1:], sol.begin_low[-1])
     kept = np.flatnonzero(ends >= after)
     length = (ends - sol.begin)[kept] + (lows - sol.begin_low)[kept]
@@ -86,7 +85,7 @@ def pieces_of(run: int, sol: DenseOutput, after: float) -> Pieces:
 
 
 def joined_pieces(parts: Sequence[Pieces], after: float = -np.inf) -> Pieces:
-    """Pieces of several runs, or several of the same, from some time on."""
+    """Concatenate pieces and cut off what is before ``after``."""
     found = Pieces(*(np.concatenate(own, axis=-1) for own in zip(*parts, strict=True)))
     early = found.begin < after
     if not early.any():
@@ -97,12 +96,12 @@ def joined_pieces(parts: Sequence[Pieces], after: float = -np.inf) -> Pieces:
 
 @lru_cache
 def _binomials(order: int) -> Vector:
-    """Binomial coefficients of j over k, shape (order + 1, order + 1, 1)."""
+    """Return the binomial coefficients of j over k, shape (order + 1, order + 1, 1)."""
     return np.array([[[comb(j, k)] for k in range(order + 1)] for j in range(order + 1)], dtype=np.float64)
 
 
 class AlongSteps:
-    """An expression along the steps of runs.
+    """Evaluation of an expression along the steps of runs.
 
     Parameters
     ----------
@@ -117,7 +116,7 @@ class AlongSteps:
         self._constants = sp.lambdify(self._symbols, list(self._tape.constants), "numpy")
 
     def extremes(self, pieces: Pieces, parameters: Mapping[str, Vector], count: int) -> tuple[Vector, Vector]:
-        """The least and the largest value on the pieces of each of ``count`` runs; infinite where it has none.
+        """Return the minimum and maximum on the pieces of each of ``count`` runs; infinite without a value.
 
         Parameters
         ----------
@@ -131,7 +130,7 @@ class AlongSteps:
             return _searched(self, pieces, numbers, count)
 
     def series(self, pieces: Pieces, numbers: Sequence[Vector], order: int) -> tuple[Vector, Vector]:
-        """Coefficients on each piece, shape (order + 1, S), and the size of the numbers on the way to the first."""
+        """Return the coefficients on each piece, shape (order + 1, S), and the largest number in the first."""
         constants = [c[pieces.run] for c in numbers]
         states = [list(own) for own in pieces.states]
         (found,), sizes = along(self._tape, constants, pieces.begin, states, order, NUMPY, pieces.length)
@@ -139,7 +138,7 @@ class AlongSteps:
         return np.array([nothing + c for c in found]), np.max([nothing, *map(np.abs, sizes)], axis=0)
 
     def value(self, pieces: Pieces, numbers: Sequence[Vector], at: Vector | float) -> Vector:
-        """The expression at a part of each piece (0 to 1), shape (S,)."""
+        """Evaluate the expression at a fraction of each piece (0 to 1), shape (S,)."""
         x = pieces.states[:, -1]
         for k in range(pieces.states.shape[1] - 2, -1, -1):
             x = x * at + pieces.states[:, k]
@@ -148,7 +147,7 @@ class AlongSteps:
 
 
 class _Bounds(NamedTuple):
-    """Bernstein coefficients of an expression on pieces, shape (order + 1, S), and what they may be off by, (S,)."""
+    """Bernstein coefficients of an expression on pieces, shape (order + 1, S), and their error bounds, shape (S,)."""
 
     coefficients: Vector
     error: Vector
@@ -158,7 +157,7 @@ class _Bounds(NamedTuple):
         return _Bounds(self.coefficients[:, rows], self.error[rows], self.size[rows])
 
     def halves(self) -> tuple[_Bounds, _Bounds]:
-        """The same on both halves (de Casteljau)."""
+        """Return the coefficients on both halves (de Casteljau)."""
         rows, lower, upper = self.coefficients, [self.coefficients[0]], [self.coefficients[-1]]
         while len(rows) > 1:
             rows = 0.5 * (rows[1:] + rows[:-1])
@@ -168,16 +167,16 @@ class _Bounds(NamedTuple):
 
     @property
     def turns(self) -> Any:
-        """How often the coefficients turn from rising to falling or back; the polynomial does so no more often."""
+        """Number of turning points of the coefficients, an upper bound for those of the polynomial."""
         slopes = np.diff(self.coefficients, axis=0)
         rising = np.where(slopes > 0, 1, -1)
         rising[slopes == 0] = 0
-        for k in range(1, len(rising)):  # a difference of 0 is no turn
+        for k in range(1, len(rising)):  # a difference of 0 continues the previous direction
             rising[k] = np.where(rising[k] == 0, rising[k - 1], rising[k])
         return np.sum(rising[1:] * rising[:-1] < 0, axis=0)
 
     def stationary(self) -> tuple[Vector, Any]:
-        """Where the derivative is zero by Newton's method, and whether that is within rounding of the value."""
+        """Return the zero of the derivative by Newton's method, and whether its effect is below rounding."""
         rows, order = self.coefficients, len(self.coefficients) - 1
         at = np.full(rows.shape[1], 0.5)
         for _ in range(NEWTON):
@@ -200,7 +199,7 @@ def _searched(of: AlongSteps, pieces: Pieces, numbers: Sequence[Vector], count: 
         np.maximum.at(largest, run, values)
 
     def beyond(run: Any, bounds: _Bounds) -> Any:
-        """Pieces on which there may be more, by more than rounding."""
+        """Return the pieces that may exceed the extremes found so far by more than rounding."""
         slack = 2.0 * ROUNDING * bounds.size - bounds.error
         rows = bounds.coefficients.min(axis=0) < least[run] - slack
         rows |= bounds.coefficients.max(axis=0) > largest[run] + slack
@@ -221,7 +220,7 @@ def _searched(of: AlongSteps, pieces: Pieces, numbers: Sequence[Vector], count: 
         rows = np.flatnonzero(~(settled & (bounds.error == 0) & (bounds.turns == 1)))
         pieces, bounds = pieces.chosen(rows), bounds.chosen(rows)
         found(pieces.run, of.value(pieces, numbers, 0.5))
-        order = np.argsort(np.tile(np.arange(len(rows)), 2), kind="stable")  # halves of one piece stand together
+        order = np.argsort(np.tile(np.arange(len(rows)), 2), kind="stable")  # halves of a piece are consecutive
         half = np.full(len(rows), 0.5)
         pieces = joined_pieces([pieces.part(first, half) for first in (0.0 * half, half)]).chosen(order)
         bounds = _Bounds(*(np.concatenate(pair, axis=-1) for pair in zip(*bounds.halves(), strict=True))).chosen(order)
@@ -234,7 +233,7 @@ def _searched(of: AlongSteps, pieces: Pieces, numbers: Sequence[Vector], count: 
 
 
 def _bounds(of: AlongSteps, pieces: Pieces, numbers: Sequence[Vector]) -> _Bounds:
-    """Bounds from the series, which is off by what its last terms, its middle and its end show."""
+    """Return bounds from the series; its error is estimated by its last terms, its midpoint and its end."""
     order = pieces.states.shape[1] - 1
     series, size = of.series(pieces, numbers, order)
     error = np.abs(series[-1]) + np.abs(series[-2])
@@ -256,16 +255,13 @@ def _bounds(of: AlongSteps, pieces: Pieces, numbers: Sequence[Vector]) -> _Bound
 
 @lru_cache(maxsize=KEPT)
 def along_steps(system: System, text: str) -> AlongSteps:
-    """An expression that is text; chunks of a sweep ask for it again."""
+    """Return the evaluation of an expression given as text; cached for the chunks of a sweep."""
     return AlongSteps(system.model.states, moving_expression(system, text, "expression"))
 
 
 @dataclass(frozen=True)
 class Extremes(Observation):
-    """See :func:`henon_ref.sweeps.observe.extremes`.
-
-    Each run is done once more by itself, with its steps.
-    """
+    """See :func:`henon_ref.sweeps.observe.extremes`; each run is repeated by itself with its dense output."""
 
     of: str
     after: float | None = None
@@ -293,7 +289,7 @@ class Extremes(Observation):
         for k, point in enumerate(runs.arguments()):
             try:
                 solution = simulate(runs.system, **point).sol
-            except HenonRefError:  # the point's row says why
+            except HenonRefError:  # the row of the point has the reason
                 continue
             assert solution is not None
             parts.append(pieces_of(k, solution, after))

@@ -1,4 +1,4 @@
-"""What is observed of runs: a class a kind, computed over all runs of a chunk at once."""
+"""Observations of runs: one class for each kind, computed over all runs of a chunk at once."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed
 
 DIRECTIONS = {"rising": 1, "falling": -1, "both": 0}
-"""Direction in which a surface is reached -> sign of the side that is come to; 0: any."""
+"""Direction in which a surface is reached -> sign of the side entered; 0: any."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Sticks(Observation):
     def columns(self, runs: Runs) -> Columns:
         run, duration, _, _ = self._whole(runs)
         last = np.full(len(runs), np.nan)
-        last[run] = duration  # in order of their ends: the last one of each run stays
+        last[run] = duration  # sorted by end: the last stick of each run remains
         return {"stick_count": np.bincount(run, minlength=len(runs)).astype(np.int64), "last_stick_duration": last}
 
     def tables(self, runs: Runs) -> dict[str, Columns]:
@@ -52,7 +52,7 @@ class Sticks(Observation):
         return {"sticks": {"point": run, "start_s": begin, "duration_s": duration, "surface": names}}
 
     def _whole(self, runs: Runs) -> tuple[NDArray[Any], ...]:
-        """Run, duration, start and surface of each whole stick that does not end before ``after``."""
+        """Return run, duration, start and surface of each complete stick that ends at ``after`` or later."""
         names = runs.system.model.sign_names
         wanted = range(len(names)) if self.surface is None else [names.index(self.surface)]
         parts = [self._on_surface(runs, i) for i in wanted]
@@ -66,14 +66,14 @@ class Sticks(Observation):
         return runs.run[end], duration, begin, surface
 
     def _on_surface(self, runs: Runs, surface: int) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-        """Places of the transitions that end sticks; when the sticks began, and what rounding that lost."""
+        """Return the transitions that end sticks (indices), and the starts of the sticks with their rounding errors."""
         at, before, after = runs.changes(surface)
         if not at.size:
             return at, np.zeros(0), np.zeros(0)
         at = at[(before == 0) != (after == 0)]
         leaves = runs.entries[runs.records["to_mode"][at], surface] != 0
         first = np.append(True, runs.run[at[1:]] != runs.run[at[:-1]]) if at.size else np.zeros(0, dtype=bool)
-        entered = np.roll(at, 1)  # what changed before: it began the stick, if it is of the same run
+        entered = np.roll(at, 1)  # the previous change began the stick, if it is of the same run
         begin = np.where(first, runs.times[runs.run[at], 0, 0], runs.records["time"][entered])
         low = np.where(first, 0.0, runs.records["time_low"][entered])
         kept = leaves & (runs.records["time"][at] >= self.after)
@@ -110,7 +110,7 @@ class Ending(Observation):
 
 @dataclass(frozen=True)
 class _AtSection(Observation):
-    """What is computed from the points of a section."""
+    """Base class of observations of the points of a section."""
 
     of: str
     after: float = 0.0
@@ -120,7 +120,7 @@ class _AtSection(Observation):
         self.expression(system)
 
     def expression(self, system: System) -> sp.Expr:
-        """The surface of that name, or the expression."""
+        """Return the surface with the name ``of``, or the expression."""
         model = system.model
         if self.of in model.sign_names:
             return model.surfaces[model.sign_names.index(self.of)]
@@ -133,14 +133,14 @@ class _AtSection(Observation):
         return Keep(after=self.after)
 
     def places(self, runs: Runs) -> NDArray[np.int64]:
-        """Places of the transitions that are section points."""
+        """Return the indices of the transitions that are section points."""
         section = runs.work.sections[self.expression(runs.system)]
         at, before, after = runs.changes(section.surface)
-        came = -section.orientation * before  # the side that lies ahead
+        came = -section.orientation * before  # the side that is approached
         wanted = DIRECTIONS[self.direction]
         reached = (before != 0) & (before != after) & ((came == wanted) | (wanted == 0))
         at = at[reached & (runs.records["time"][at] >= self.after)]
-        if self.of in runs.system.model.sign_names:  # by its name a kink is none where another branch hides it
+        if self.of in runs.system.model.sign_names:  # a section named after a kink omits its hidden crossings
             at = at[runs.visible[at]]
         return at
 
@@ -156,7 +156,7 @@ class SectionPoints(_AtSection):
     def check(self, system: System) -> None:
         super().check(system)
         if "point" in system.state:
-            raise ArgumentError("two results have the column 'point'; call the state otherwise")
+            raise ArgumentError("two results have the column 'point'; rename the state")
 
     def tables(self, runs: Runs) -> dict[str, Columns]:
         at = self.places(runs)
@@ -175,9 +175,9 @@ class Period(_AtSection):
     def columns(self, runs: Runs) -> Columns:
         at = self.places(runs)
         returns, seconds = np.full(len(runs), np.nan), np.full(len(runs), np.nan)
-        # The last points of each run, the last one first: what a run does not have is NaN, which nothing is close to.
+        # The last points of each run, last first. Missing points are NaN, which is close to nothing.
         back = rank_in_run(runs.run[at][::-1])[::-1]
-        length = min(2 * self.most, int(back.max(initial=0)) + 1)  # no more than any run has
+        length = min(2 * self.most, int(back.max(initial=0)) + 1)  # no longer than the longest run
         at, back = at[back < length], back[back < length]
         states = np.full((len(runs), length, len(runs.system.state)), np.nan)
         times = np.full((len(runs), length), np.nan)
@@ -192,22 +192,22 @@ class Period(_AtSection):
 
 
 def moving_expression(system: System, text: str, what: str) -> sp.Expr:
-    """An expression that changes in a run; an ArgumentError for one that holds neither a state nor time."""
+    """Return an expression that changes during a run; ArgumentError if it contains neither a state nor time."""
     expression = system.expression(text, f"the {what} {text[:60]!r}")
     if not expression.free_symbols & {TIME, *system.model.states}:
-        raise ArgumentError(f"the {what} {text[:60]!r} never changes: it holds no state and no t")
+        raise ArgumentError(f"the {what} {text[:60]!r} is constant: it contains neither a state nor t")
     return expression
 
 
 def _surface(system: System, name: str) -> int:
     names = system.model.sign_names
     if name not in names:
-        raise ArgumentError(f"'{name[:60]}' is no surface{did_you_mean(name, names)}; surfaces: {listed(names)}")
+        raise ArgumentError(f"'{name[:60]}' is not a surface{did_you_mean(name, names)}; surfaces: {listed(names)}")
     return names.index(name)
 
 
 def rank_in_run(run: NDArray[np.int64]) -> NDArray[np.int64]:
-    """How many entries of the same run stand before each one; entries of a run stand together.
+    """Return how many entries of the same run precede each entry; entries of a run must be consecutive.
 
     Examples
     --------

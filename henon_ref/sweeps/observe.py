@@ -1,7 +1,7 @@
-"""What a sweep may observe of its runs: ``henon_ref.observe``.
+"""Observations of the runs of a sweep: ``henon_ref.observe``.
 
-Each function makes an observation for :func:`henon_ref.sweep`; a sweep file names them, with the same arguments. A
-column holds NaN (of text: None) where there is nothing to tell.
+Each function returns an observation for :func:`henon_ref.sweep`; a sweep file uses the same names and arguments. A
+column has NaN (text: None) for a run without a value.
 """
 
 from __future__ import annotations
@@ -28,40 +28,40 @@ from henon_ref.sweeps.run_by_run import VALUE, Function, Lyapunov
 from henon_ref.text import listed
 
 LONGEST_NAME = 60
-"""Characters of a name: a table's is that of a folder."""
+"""Largest number of characters of a name; the name of a table is that of a folder."""
 MOST_RETURNS = 10_000
-"""Returns to a section that a period may have."""
+"""Largest number of returns to a section in a period."""
 
 
 @explained
 def sticks(after: float = 0, surface: str | None = None, each: bool = False) -> Observation:
-    """Whole sticks that do not end before a time, as ``measure: {after: T}`` of a case file counts them.
+    """Complete sticks that do not end before a time, counted as by ``measure: {after: T}`` of a case file.
 
-    Columns ``stick_count`` and ``last_stick_duration`` [s], that of the one that ends last.
+    Columns: ``stick_count``, and ``last_stick_duration`` [s] of the stick that ends last.
 
     Parameters
     ----------
     after : float
-        [s]
+        Earliest end of a stick [s].
     surface : str, optional
-        Sticks on this surface only; on all if left out.
+        Surface of the sticks; None: all surfaces.
     each : bool
-        A table ``sticks`` besides: a row a stick, with ``point, start_s, duration_s, surface``.
+        Whether to add a table ``sticks`` with one row for each stick: ``point, start_s, duration_s, surface``.
     """
     return Sticks(_number(after, "after"), None if surface is None else _text(surface, "surface"), _flag(each, "each"))
 
 
 @explained
 def final_state() -> Observation:
-    """Where each run ended: columns ``final_x`` for each state ``x``, and ``final_mode`` as text (``s1=-1 s2=0``)."""
+    """Final state of a run: columns ``final_x`` for each state ``x``, and ``final_mode`` as text (``s1=-1 s2=0``)."""
     return FinalState()
 
 
 @explained
 def status() -> Observation:
-    """How each run ended: columns ``end_time`` [s], ``message``, and the numbers of steps and evaluations.
+    """End of each run: columns ``end_time`` [s], ``message``, and the numbers of steps and evaluations.
 
-    The column ``status`` is there in any case.
+    The column ``status`` is part of every sweep.
     """
     return Ending()
 
@@ -75,17 +75,17 @@ def section(
     Parameters
     ----------
     of : str
-        The name of a surface, or an expression in time, states and parameters: the section is where it is zero. It is
-        located as exactly as an event. (On a surface, a transition into sticking reaches it, and leaving does not.)
-        By the name of a kink, where another branch hides it, there is none; by its expression there is.
+        Name of a surface, or an expression in time, states and parameters; the section is its zero set, located as
+        exactly as an event. On a surface, a transition into sticking is a section point, leaving it is not. A section
+        given by the name of a kink omits the crossings hidden by another branch; one given by its expression has them.
     after : float
-        Points before this time are left out [s].
+        Earliest time of a point [s].
     direction : str
         ``rising``, ``falling`` or ``both``.
     most : int, optional
-        Points of each run, the first ones.
+        Largest number of points of a run; the first ones are kept.
     name : str
-        The table's.
+        Name of the table.
     """
     points = None if most is None else whole_number(most, "most")
     return SectionPoints(_text(of, "of"), _number(after, "after"), _direction(direction), points, _name(name))
@@ -95,18 +95,18 @@ def section(
 def period(
     of: str, after: float = 0, direction: str = "rising", tolerance: float = 1e-6, most: int = 16
 ) -> Observation:
-    """The period by returning to a section: columns ``period`` [s] and ``period_returns``.
+    """Period of the motion by its returns to a section: columns ``period`` [s] and ``period_returns``.
 
-    The least number p of returns after which the last p section points repeat the p points before them.
+    ``period_returns`` is the least number p for which the last p section points repeat the p points before them.
 
     Parameters
     ----------
     of, after, direction
         As in :func:`section`.
     tolerance : float
-        Largest difference of a state, relative to the largest one.
+        Largest difference of a state, relative to the largest state.
     most : int
-        The largest p that is tried.
+        Largest p that is tried.
     """
     if not 0 < _number(tolerance, "tolerance") < 1:
         raise ArgumentError(f"tolerance is {tolerance}; wanted a number between 0 and 1")
@@ -116,16 +116,16 @@ def period(
 
 @explained
 def extremes(of: str, after: float | None = None, name: str | None = None) -> Observation:
-    """The least and the largest value of an expression: columns ``min_NAME`` and ``max_NAME``.
+    """Minimum and maximum of an expression: columns ``min_NAME`` and ``max_NAME``.
 
     Parameters
     ----------
     of : str
-        An expression in time, states and parameters.
+        Expression in time, states and parameters.
     after : float, optional
-        Only from this time on [s].
+        Start of the time interval [s]; None: start of the run.
     name : str, optional
-        The expression itself if left out.
+        NAME in the columns; None: the expression.
     """
     since = None if after is None else _number(after, "after")
     return Extremes(_text(of, "of"), since, None if name is None else _name(name))
@@ -133,39 +133,39 @@ def extremes(of: str, after: float | None = None, name: str | None = None) -> Ob
 
 @explained
 def lyapunov(span: float, discard: float = 0) -> Observation:
-    """The largest Lyapunov exponent [1/s]: column ``lyapunov`` (see :func:`henon_ref.lyapunov_exponents`).
+    """Largest Lyapunov exponent [1/s]: column ``lyapunov`` (see :func:`henon_ref.lyapunov_exponents`).
 
-    Each run is simulated by itself, with its variational equations: some milliseconds a run.
+    Each run is simulated by itself with its variational equations, which takes some milliseconds.
 
     Parameters
     ----------
     span : float
-        Time to average over [s].
+        Averaging time [s].
     discard : float
-        Time before that [s].
+        Time before the averaging [s].
     """
     if _number(span, "span") <= 0 or _number(discard, "discard") < 0:
-        raise ArgumentError("span must be larger than 0, and discard not below it")
+        raise ArgumentError("span must be larger than 0, and discard 0 or larger")
     return Lyapunov(float(span), float(discard))
 
 
 @explained
 def function(of: Callable[[Solution], Any], name: str = VALUE, dense_output: bool = False) -> Observation:
-    """A function on each run (a Solution), which the worker calls.
+    """Function of each run (a Solution), which the worker calls.
 
-    Its columns, and whether they hold numbers or text, are those of its first values, so that it is called at the first
-    point before the sweep as well. Later values have the same keys, or fewer: what is missing, and None, is NaN (of
-    text: None).
+    Its columns, and whether they hold numbers or text, follow from its first values; the function is therefore also
+    called at the first point before the sweep. Later values have the same keys or fewer: a missing key and None become
+    NaN (text: None).
 
     Parameters
     ----------
     of : callable
-        Takes a :class:`henon_ref.simulation.solution.Solution`, and returns a number or text, the column ``name``, or a
-        mapping of such, a column each.
+        Takes a :class:`henon_ref.simulation.solution.Solution`; returns a number or text (column ``name``), or a
+        mapping of numbers and texts (one column for each key).
     name : str
-        The column's.
+        Name of the column.
     dense_output : bool
-        Whether the solution has its ``sol``.
+        Whether the solution has ``sol``.
     """
     if not callable(of):
         raise ArgumentError(f"of is {str(of)[:60]}; wanted a function of a solution")
@@ -181,7 +181,7 @@ KINDS: dict[str, Callable[..., Observation]] = {
     "lyapunov": lyapunov,
     "status": status,
 }
-"""Observations that a sweep file may name. (A function cannot stand in a file.)"""
+"""Name in a sweep file -> function that makes the observation. (Functions of the user cannot be in a file.)"""
 
 
 def _number(value: Any, what: str) -> float:

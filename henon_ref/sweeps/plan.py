@@ -1,4 +1,4 @@
-"""A sweep, read and checked: what is run at which points, and in which chunks."""
+"""Plan of a sweep: its arguments checked, its points, and their division into chunks."""
 
 from __future__ import annotations
 
@@ -25,50 +25,49 @@ from henon_ref.sweeps.work import Observation, Runs, Work
 from henon_ref.workers.executors import Task
 
 FEWEST, MOST_CHUNK, CHUNKS = 16, 2000, 64
-"""Where no size is given: least and most points of a chunk, and chunks that a sweep is cut into between these bounds.
-(They do not depend on the number of workers, so that the files do not.)"""
+"""Default size of a chunk: least and largest number of points, and number of chunks aimed at between these bounds.
+(Independent of the number of workers, so that the files do not depend on it.)"""
 MOST_CHUNKS = 1_000_000
-"""Chunks that a sweep may have: their files stand in one folder, in the order of their names."""
+"""Largest number of chunks of a sweep: their files are in one folder, sorted by name."""
 FIGURES = "figures"
-"""Folder of a sweep's pictures, which no table may be called after."""
+"""Folder of a sweep's figures, and therefore no name of a table."""
 TRIED = 100
-"""Points, of the first ones, of which one at least is a problem, or the arguments are what is wrong."""
+"""Number of first points of which at least one must be a valid problem; else the arguments are at fault."""
 RTOL = 1e-10
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What is to be done."""
+    """Work, points and chunks of a sweep."""
 
     work: Work
     points: Points
     chunk: int
-    """Points a chunk; a multiple of a chain."""
+    """Number of points of a chunk; a multiple of the length of a chain."""
     tables: dict[str, tuple[str, ...]]
     """Name of each table -> its columns; the table of points first."""
 
     @cached_property
     def chunks(self) -> tuple[range, ...]:
-        """Points of each chunk."""
         count = len(self.points)
         return tuple(range(k, min(k + self.chunk, count)) for k in range(0, count, self.chunk))
 
     def task(self, numbers: Sequence[int], pickled: bytes) -> Task:
-        """What a worker is given for some chunks that follow each other."""
+        """Return the task of a worker for consecutive chunks."""
         start, stop = self.chunks[numbers[0]].start, self.chunks[numbers[-1]].stop
         return Task(numbers[0], (pickled, start, self.points.values[start:stop], self.chunk))
 
     def own_columns(self, number: int) -> Columns:
-        """The columns that a chunk has from its points: their numbers, values and labels."""
+        """Return the columns of a chunk that come from its points: their numbers, values and labels."""
         chunk = self.chunks[number]
         numbers = np.arange(chunk.start, chunk.stop, dtype=np.int64)
         return {"point": numbers, **self.points.columns(slice(chunk.start, chunk.stop))}
 
     @cached_property
     def content(self) -> str:
-        """SHA-256 of everything that decides the results and their files, in hexadecimal."""
+        """SHA-256, in hexadecimal, of everything that determines the results and their files."""
         work, system = self.work, self.work.system
-        told = {
+        identity = {
             "system": repr(system.content),
             "initial": [str(system.number(work.initial[name])) for name in system.state],
             "time": [str(system.number(value)) for value in (work.start, work.until)],
@@ -82,7 +81,7 @@ class Plan:
             "chunk": self.chunk,
             "points": _digest(np.ascontiguousarray(self.points.values).data),
         }
-        return _digest(json.dumps(told, sort_keys=True).encode())
+        return _digest(json.dumps(identity, sort_keys=True).encode())
 
 
 def planned(
@@ -98,7 +97,7 @@ def planned(
     mode: Mapping[str, int] | None = None,
     max_steps: int = MOST_STEPS,
 ) -> Plan:
-    """Check the arguments of a sweep (see :func:`henon_ref.sweeps.sweep.sweep`); a HenonRefError for invalid ones."""
+    """Check the arguments of a sweep (see :func:`henon_ref.sweeps.sweep.sweep`); HenonRefError if they are invalid."""
     tolerance = tolerance_of(rtol)
     points = points_of(grid)
     if not isinstance(system, System):
@@ -106,7 +105,7 @@ def planned(
     check_names(points.names, system)
     given, until, start, mode = start_of(system, initial, until, start, mode)
     if not isinstance(given, Mapping) or (mode is not None and not isinstance(mode, Mapping)):
-        problem_of(system, given, until=until, start=start, mode=mode)  # which says what is wrong with it
+        problem_of(system, given, until=until, start=start, mode=mode)  # raises the error for it
     named = {str(name): value for name, value in given.items()}
     most = min(whole_number(max_steps, "max_steps"), NO_LIMIT)
     work = Work(
@@ -114,13 +113,13 @@ def planned(
     )
     work = replace(work, observations=_checked(observe, system, _horizon(work, points)))
     size = _chunk_size(chunk, points)
-    _tables(work, points)  # checks all names before functions of one's own are called
+    _tables(work, points)  # check all names before a function of the user is called
     work = replace(work, observations=with_columns(work, points))
     return Plan(work, points, size, _tables(work, points))
 
 
 def _horizon(work: Work, points: Points) -> float:
-    """The horizon of the system's own values; where these make no problem, of the first point that makes one."""
+    """Return the horizon for the system's own values, or, if these are invalid, for the first valid point."""
     refused: list[HenonRefError] = []
     for values in ({}, *(dict(zip(points.names, row, strict=True)) for row in points.values[:TRIED].tolist())):
         try:
@@ -137,7 +136,7 @@ def _checked(observe: Sequence[Observation], system: System, until: float) -> tu
         raise ArgumentError("observe must be a list of observations, as in [henon_ref.observe.sticks(after=400)]")
     for observation in observe:
         if not isinstance(observation, Observation):
-            raise ArgumentError(f"observe holds {str(observation)[:60]}; wanted those of henon_ref.observe")
+            raise ArgumentError(f"observe holds {str(observation)[:60]}; wanted observations of henon_ref.observe")
         observation.check(system)
         after = getattr(observation, "after", None)
         if after is not None and after >= until:
@@ -146,7 +145,7 @@ def _checked(observe: Sequence[Observation], system: System, until: float) -> tu
 
 
 def _tables(work: Work, points: Points) -> dict[str, tuple[str, ...]]:
-    """Name of each table -> its columns, the table of points first, of which no two have the same name."""
+    """Return the columns of each table, the table of points first; CaseError if two names are equal."""
     runs, own = Runs(work, points.values[:0]), [*points.names, *points.labels, "status"]
     columns, ragged = ["point", *own], list[tuple[str, Columns]]()
     for observation in work.observations:
@@ -160,9 +159,7 @@ def _tables(work: Work, points: Points) -> dict[str, tuple[str, ...]]:
 def _check_once(what: str, names: Sequence[str]) -> None:
     for name, count in Counter(names).items():
         if count > 1:
-            raise ArgumentError(
-                f"two results have the {what} '{name[:60]}'; call one of them otherwise, or leave it out"
-            )
+            raise ArgumentError(f"two results have the {what} '{name[:60]}'; rename one of them, or leave it out")
 
 
 def _chunk_size(chunk: int | None, points: Points) -> int:
@@ -172,8 +169,8 @@ def _chunk_size(chunk: int | None, points: Points) -> int:
     if wanted < least:
         if chunk is not None:
             raise ArgumentError(
-                f"chunk is {wanted}, so that {len(points)} points are more than {MOST_CHUNKS} chunks; wanted {least} "
-                "points a chunk, or more"
+                f"chunk is {wanted}, which makes more than {MOST_CHUNKS} chunks of {len(points)} points; wanted "
+                f"{least} points or more"
             )
         wanted = least
     return max(wanted // points.chain, 1) * points.chain
@@ -184,7 +181,7 @@ def _digest(content: bytes | memoryview) -> str:
 
 
 def _named(observation: Observation) -> str:
-    """An observation as text; a function by its name and code, for what it does cannot be told."""
+    """Return an observation as text; for a function its name and code, since its behaviour cannot be compared."""
     function = getattr(observation, "of", None)
     if callable(function):
         name = f"{getattr(function, '__qualname__', '?')} {getattr(observation, 'name', '')}"
@@ -193,8 +190,8 @@ def _named(observation: Observation) -> str:
 
 
 def _code(code: Any) -> Any:
-    """What a function's code says, without the place that it stands at; constants of it as they are."""
-    if isinstance(code, frozenset):  # whose order is another one in each process
+    """Return the content of a function's code, without its location; other constants as text."""
+    if isinstance(code, frozenset):  # its order differs between processes
         return sorted(map(repr, code))
     if not isinstance(code, CodeType):
         return repr(code)

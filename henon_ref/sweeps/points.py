@@ -1,4 +1,4 @@
-"""The points of a sweep, ``henon_ref.points``: values of parameters and initial values, a row a run."""
+"""Points of a sweep, ``henon_ref.points``: values of parameters and initial values, one row for each run."""
 
 from __future__ import annotations
 
@@ -23,45 +23,41 @@ if TYPE_CHECKING:
 __all__ = ["Points", "continuation", "grid", "random", "table"]
 
 LONGEST_AXES = 5_000
-"""Values of all axes of a grid that a sweep file lists."""
+"""Largest number of grid values that a sweep file lists."""
 DIRECTION = "direction"
 """Column of a continuation: ``up`` or ``down``."""
 OWN_COLUMNS = ("point", "status", DIRECTION)
-"""Columns of a sweep's table that no parameter, state or observation may be called after."""
+"""Columns of the table of a sweep, which no parameter, state or observation may use as a name."""
 METHODS = ("independent", "sobol")
 DISTRIBUTIONS = {"uniform": "its least and largest value", "normal": "its mean and standard deviation"}
-"""Distribution -> what its two numbers are."""
+"""Distribution -> meaning of its two numbers."""
 
 
 @dataclass(frozen=True)
 class Points:
-    """Values of parameters and states, a row a run.
-
-    ``values`` has shape (N, names).
-    """
+    """Values of parameters and states, shape (N, names): one row for each run."""
 
     names: tuple[str, ...]
-    """Parameters and states, each once."""
+    """Names of parameters and states, each once."""
     values: Vector
     chain: int = 1
-    """Points in a row that make a chain, of which each starts where the one before it ended; 1: none does."""
+    """Number of consecutive points in a chain, each starting in the final state of the previous one; 1: none."""
     labels: Mapping[str, NDArray[Any]] = field(default_factory=dict)
-    """Further columns of text, each of N entries."""
+    """Additional columns of text, with N entries each."""
     written: Mapping[str, Any] = field(default_factory=dict)
-    """The same in the words of a sweep file's ``points``; if left out they are a table beside it."""
+    """``points`` as in a sweep file; if empty, the file refers to a table of the values."""
 
     def __len__(self) -> int:
         return len(self.values)
 
     def columns(self, rows: slice) -> dict[str, NDArray[Any]]:
-        """Columns of some rows, by name."""
         part = self.values[rows]
         own = {name: np.ascontiguousarray(part[:, k]) for k, name in enumerate(self.names)}
         return own | {name: column[rows] for name, column in self.labels.items()}
 
 
 def grid(axes: Mapping[str, Any]) -> Points:
-    """Every combination of some values; the last name changes fastest.
+    """Every combination of values; the last name changes fastest.
 
     Parameters
     ----------
@@ -71,7 +67,7 @@ def grid(axes: Mapping[str, Any]) -> Points:
     Raises
     ------
     ArgumentError
-        For no name, no value, and a value that is no finite number.
+        If there is no name or no value, or a value is not a finite number.
 
     Examples
     --------
@@ -85,7 +81,7 @@ def grid(axes: Mapping[str, Any]) -> Points:
 
 
 def table(source: pd.DataFrame | Mapping[str, Any] | str | Path) -> Points:
-    """A row a run: a data frame, columns by name, or a CSV or Parquet file.
+    """Points from a table with one row for each run: a data frame, columns by name, or a CSV or Parquet file.
 
     Parameters
     ----------
@@ -95,14 +91,14 @@ def table(source: pd.DataFrame | Mapping[str, Any] | str | Path) -> Points:
     Raises
     ------
     ArgumentError
-        For a file that cannot be read, columns of different lengths, and a value that is no finite number.
+        If a file cannot be read, columns differ in length, or a value is not a finite number.
     """
     if isinstance(source, str | Path):
         source = read_table(Path(source))
     columns = {name: numbers(source[key], f"column '{name}'") for name, key in _named(source, "a table").items()}
     lengths = {len(column) for column in columns.values()}
     if len(lengths) != 1 or 0 in lengths:
-        raise ArgumentError("a table of points needs columns of one length, with a row at least")
+        raise ArgumentError("a table of points needs columns of equal length, with at least one row")
     check_size(max(lengths), len(columns), "a table of points")
     values = np.column_stack(list(columns.values()))
     return Points(tuple(columns), values)
@@ -111,24 +107,24 @@ def table(source: pd.DataFrame | Mapping[str, Any] | str | Path) -> Points:
 def continuation(
     along: Mapping[str, Any], axes: Mapping[str, Any] | None = None, directions: Sequence[str] = ("up", "down")
 ) -> Points:
-    """Points along a line, each starting in the state in which its neighbour ended: hysteresis shows.
+    """Points along a line, each starting in the final state of its neighbour, so that hysteresis becomes visible.
 
-    A point whose neighbour did not end ``ok`` starts at the sweep's initial values. Time begins anew at each point:
-    where a system depends on time, choose a whole number of its periods as the horizon.
+    A point whose neighbour did not end ``ok`` starts at the sweep's initial values. Time starts anew at each point: for
+    a time-dependent system, choose a whole number of periods as the horizon.
 
     Parameters
     ----------
     along : mapping
         One parameter -> its values in order, as in :func:`grid`.
     axes : mapping, optional
-        A grid of other parameters and states: a chain for each of its points.
+        Grid of other parameters and states, with one chain for each of its points.
     directions : sequence of str
-        ``up``, ``down``, or both: the values in their order, and then back from the last one.
+        ``up``, ``down``, or both: the values in their order, then in reverse.
 
     Raises
     ------
     ArgumentError
-        For more or less than one parameter, and what :func:`grid` refuses.
+        If ``along`` does not have exactly one parameter, or :func:`grid` would refuse the values.
 
     Examples
     --------
@@ -138,14 +134,14 @@ def continuation(
     """
     line = _axes(along, "along")
     if len(line) != 1:
-        raise ArgumentError("a continuation goes along one parameter, as in {'vb': {'from': 0, 'to': 1, 'count': 50}}")
+        raise ArgumentError("'along' must have one parameter, as in {'vb': {'from': 0, 'to': 1, 'count': 50}}")
     if not directions or len(set(directions)) != len(directions) or not set(directions) <= {"up", "down"}:
         raise ArgumentError(f"directions are {listed(list(map(str, directions)))}; wanted 'up', 'down', or both")
     ((name, values),) = line.items()
     path = np.concatenate([values if d == "up" else values[::-1] for d in directions])
     across = _axes(axes, "grid") if axes else {}
     if name in across:
-        raise ArgumentError(f"'{name}' stands in 'along' and in the grid")
+        raise ArgumentError(f"'{name}' is in 'along' and in the grid; leave it out of one of them")
     chains = prod(map(len, across.values()))
     check_size(len(path) * chains, len(across) + 1, "a continuation")
     made = np.column_stack([np.repeat(_combined(across), len(path), axis=0), np.tile(path, chains)])
@@ -166,15 +162,15 @@ def random(draws: Mapping[str, Any], *, count: int, seed: int = 0, method: str =
     count : int
         Number of points.
     seed : int
-        The same seed gives the same points.
+        Equal seeds give equal points.
     method : str
         ``independent`` draws (Monte Carlo), or ``sobol``: a scrambled Sobol sequence, which fills the ranges evenly
-        (:class:`scipy.stats.qmc.Sobol`; its balance is best where ``count`` is a power of 2).
+        (:class:`scipy.stats.qmc.Sobol`; best balanced if ``count`` is a power of 2).
 
     Raises
     ------
     ArgumentError
-        For anything that is none of these.
+        If an argument has another form.
 
     Examples
     --------
@@ -198,7 +194,7 @@ def random(draws: Mapping[str, Any], *, count: int, seed: int = 0, method: str =
 
 
 def points_of(given: Any) -> Points:
-    """Points from what the argument ``grid`` of a sweep may be: a mapping, a data frame, a file, or points."""
+    """Return the points of the argument ``grid`` of a sweep: a mapping, a data frame, a file, or points."""
     if isinstance(given, Points):
         _check(given)
         return given
@@ -213,7 +209,7 @@ def points_of(given: Any) -> Points:
 
 
 def check_names(names: Sequence[str], system: System) -> None:
-    """Refuse a name that is neither a parameter nor a state, and one that a table of results has for itself."""
+    """Raise ArgumentError if a name is neither a parameter nor a state, or is a column of the result."""
     known = [*system.parameters, *system.state]
     for name in names:
         if name not in known:
@@ -222,11 +218,11 @@ def check_names(names: Sequence[str], system: System) -> None:
                 f"parameters: {listed(system.parameters)}; states: {listed(system.state)}"
             )
         if name in OWN_COLUMNS:
-            raise ArgumentError(f"'{name}' is a column of the result; call the parameter or state otherwise")
+            raise ArgumentError(f"'{name}' is a column of the result; rename the parameter or state")
 
 
 def numbers(given: Any, what: str) -> Vector:
-    """Finite numbers as an array of one dimension; an ArgumentError for what is none."""
+    """Return finite numbers as a one-dimensional array; ArgumentError if they are not."""
     if isinstance(given, str | bytes | Mapping):
         raise ArgumentError(f"{what} is {str(given)[:60]!r}; wanted a list or array of numbers")
     try:
@@ -254,7 +250,7 @@ def _axes(axes: Mapping[str, Any], what: str) -> dict[str, Vector]:
 
 
 def _named(given: Mapping[Any, Any], what: str) -> dict[str, Any]:
-    """Each key as text -> the key."""
+    """Return each key as text -> the key."""
     found: dict[str, Any] = {}
     for key in given:
         if str(key) in found:
@@ -264,7 +260,7 @@ def _named(given: Mapping[Any, Any], what: str) -> dict[str, Any]:
 
 
 def _size(given: Any, what: str) -> int:
-    """How many values an axis has, before any of a range is made."""
+    """Return the number of values of an axis, without creating them."""
     if not isinstance(given, Mapping):
         return len(given) if hasattr(given, "__len__") else 1
     if set(given) != {"from", "to", "count"}:
@@ -278,12 +274,12 @@ def _axis(given: Any, what: str) -> Vector:
         given = np.linspace(first, last, _size(given, what))
     values = numbers(given, what)
     if not values.size:
-        raise ArgumentError(f"{what} is empty; wanted a number at least")
+        raise ArgumentError(f"{what} is empty; wanted at least one number")
     return values
 
 
 def _combined(axes: Mapping[str, Vector]) -> Vector:
-    """Every combination of the axes' values, a row each; of none one row without values."""
+    """Return every combination of the axes' values, one per row; without axes, one row of no values."""
     made = np.empty((prod(map(len, axes.values())), len(axes)))
     inner = len(made)
     for k, axis in enumerate(axes.values()):
@@ -293,7 +289,7 @@ def _combined(axes: Mapping[str, Vector]) -> Vector:
 
 
 def _written(axes: Mapping[Any, Any], values: Mapping[str, Vector]) -> dict[str, Any]:
-    """Axes in the words of a sweep file."""
+    """Return axes as in a sweep file."""
     return {
         name: {"from": float(given["from"]), "to": float(given["to"]), "count": int(given["count"])}
         if isinstance(given, Mapping)
@@ -303,14 +299,14 @@ def _written(axes: Mapping[Any, Any], values: Mapping[str, Vector]) -> dict[str,
 
 
 def _check(points: Points) -> None:
-    """Check points that somebody has put together."""
+    """Check points that were constructed directly."""
     values, names = points.values, points.names
     if not isinstance(values, np.ndarray) or values.dtype != np.float64 or values.ndim != 2 or not len(values):
         raise ArgumentError("the values of points must be an array of doubles, of shape (points, names)")
     if values.shape[1] != len(names) or len(set(names)) != len(names):
         raise ArgumentError(f"points have {values.shape[1]} columns and the names {listed(names)}; wanted one each")
     if points.chain < 1 or len(values) % points.chain or any(len(own) != len(values) for own in points.labels.values()):
-        raise ArgumentError("chains and labels of points must be as long as the points are")
+        raise ArgumentError("chains must divide the number of points, and labels must be as many as the points")
     check_size(len(values), len(names), "'points'")
     wrong = np.argwhere(~np.isfinite(values))
     if len(wrong):
@@ -329,7 +325,7 @@ def _distribution(name: Any, given: Any) -> tuple[str, float, float]:
 
 
 def _unit_cube(dimensions: int, count: int, seed: int, method: str) -> Vector:
-    """Points of the open unit cube, shape (count, dimensions)."""
+    """Return points of the open unit cube, shape (count, dimensions)."""
     generator = np.random.Generator(np.random.PCG64(seed))
     if method == "independent":
         found = generator.random((count, dimensions))
@@ -337,7 +333,9 @@ def _unit_cube(dimensions: int, count: int, seed: int, method: str) -> Vector:
         from scipy.stats import qmc
 
         engine = qmc.Sobol(dimensions, scramble=True, rng=generator)
-        found = engine.random_base2(max(count - 1, 0).bit_length())[:count]  # drawn whole: no word of its balance
+        found = engine.random_base2(max(count - 1, 0).bit_length())[
+            :count
+        ]  # a power of 2: SciPy warns for other numbers
     return np.maximum(found, 2.0**-54)
 
 

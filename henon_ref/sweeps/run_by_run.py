@@ -1,4 +1,4 @@
-"""Observations of a run by itself: Lyapunov exponents, and functions of the user."""
+"""Observations that simulate each run by itself: Lyapunov exponents, and functions of the user."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from henon_ref.sweeps.table_files import Columns
 from henon_ref.sweeps.work import Observation, Runs, Work
 
 VALUE = "value"
-"""Column of a function that has no name of its own."""
+"""Default column of a function."""
 LOOKED_AT = 100
-"""Points, of the first ones, whose values show a function's columns; one that has none there is of numbers."""
+"""Number of first points whose values determine the columns of a function; a column without a value has numbers."""
 Cell = float | str | None
 
 
@@ -39,7 +39,7 @@ class Lyapunov(Observation):
             del point["until"], point["max_steps"]
             try:
                 spectrum = lyapunov_exponents(runs.system, span=self.span, discard=self.discard, **point)
-            except HenonRefError:  # such as two surfaces that change at one instant: there is nothing to tell
+            except HenonRefError:  # no exponent, for example if two surfaces change at one instant
                 continue
             if spectrum.status == "ok":
                 found[k] = spectrum.exponents[0]
@@ -54,7 +54,7 @@ class Function(Observation):
     name: str = VALUE
     dense_output: bool = False
     kinds: Mapping[str, type[float | str]] | None = None
-    """Its columns, of numbers or of text, once its first values have shown them (see :func:`with_columns`)."""
+    """Column -> type of its values, determined from the first values (see :func:`with_columns`)."""
     kind: ClassVar[str] = "function"
 
     def columns(self, runs: Runs) -> Columns:
@@ -74,11 +74,11 @@ class Function(Observation):
         return {name: _column([row.get(name) for row in rows], kind) for name, kind in kinds.items()}
 
     def rows(self, runs: Runs) -> Iterator[dict[str, Cell]]:
-        """What the function returns for each run, by column; nothing for a run that could not begin."""
+        """Yield what the function returns for each run, by column; an empty mapping if the run could not start."""
         for k, point in enumerate(runs.arguments()):
             try:
                 run = simulate(runs.system, dense_output=self.dense_output, **point)
-            except HenonRefError:  # the point's row says why
+            except HenonRefError:  # the row of the point has the reason
                 yield {}
                 continue
             try:
@@ -94,23 +94,23 @@ class Function(Observation):
         for key, entry in given.items():
             cell, name = _cell(entry), str(key)
             if name in found or not _is_written(name):
-                raise self._refused(f"the key {key!r:.60}", point, "wanted keys whose texts differ")
+                raise self._refused(f"the key {key!r:.60}", point, "wanted keys that differ as text")
             if cell is NotImplemented:
                 raise self._refused(f"{entry!r:.60}", point, "wanted a number, text, None, or a mapping of these")
             found[name] = cell
         return found
 
     def _refused(self, what: str, point: str, wanted: str) -> ArgumentError:
-        return ArgumentError(f"the function '{self.name}' has returned {what} at {point}; {wanted}")
+        return ArgumentError(f"the function '{self.name}' returned {what} at {point}; {wanted}")
 
 
 _WORDS: dict[type, str] = {float: "numbers", str: "text"}
 
 
 def with_columns(work: Work, points: Points) -> tuple[Observation, ...]:
-    """A sweep's observations, with the columns of functions of one's own: those of the values at its first points.
+    """Return a sweep's observations, with the columns of functions of the user determined at the first points.
 
-    So that the table is the same however the points are cut into chunks. Whatever a function raises is passed on.
+    The table is then independent of the division into chunks. Exceptions of the functions propagate.
     """
     return tuple(replace(o, kinds=_kinds(o, work, points)) if isinstance(o, Function) else o for o in work.observations)
 
@@ -128,7 +128,7 @@ def _kinds(function: Function, work: Work, points: Points) -> dict[str, type]:
 
 
 def _cell(value: Any) -> Any:
-    """A value as a column holds it; NotImplemented where none can."""
+    """Return a value as stored in a column; NotImplemented if it cannot be stored."""
     if value is None:
         return None
     if isinstance(value, str):
@@ -144,7 +144,7 @@ def _cell(value: Any) -> Any:
 
 
 def _is_written(text: str) -> bool:
-    """Whether a file can hold a text: half of a surrogate pair is none."""
+    """Check whether a text can be written to a file (a lone surrogate cannot)."""
     try:
         text.encode()
     except UnicodeEncodeError:

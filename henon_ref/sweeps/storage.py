@@ -1,10 +1,10 @@
-"""The folder of a sweep: a Parquet file a chunk and table, each there as a whole or not at all.
+"""Folder of a sweep: one Parquet file for each chunk and table, written atomically.
 
-``points/000000.parquet`` and so on have a row a point, ``NAME/000000.parquet`` those of a table of its own. A chunk is
-finished once its points' file is there, which is written last. ``sweep.yaml``, which a table of points may stand
-beside, runs it again.
+``points/000000.parquet`` and so on have one row for each point; ``NAME/000000.parquet`` has the rows of an additional
+table. A chunk is finished once its file in ``points`` exists, which is written last. ``sweep.yaml``, with a table of
+points if necessary, repeats the sweep.
 
-The manifest says by a key of its own that the folder is a sweep's, and which names in it are: nothing else is ever
+A key of the manifest marks the folder as that of a sweep and lists the sweep's names in it. Nothing else is ever
 removed or replaced, and nothing is written through a link.
 """
 
@@ -38,29 +38,27 @@ _LOG = logging.getLogger(__name__)
 
 MANIFEST, SWEEP_FILE = "manifest.json", "sweep.yaml"
 PAGE = "index.html"
-"""The page of a finished sweep."""
 KEY = "henon_ref_sweep"
-"""Of the manifest: what in the folder is the sweep's."""
-KEPT = "finished chunks are kept: --resume (resume=True) goes on from them"
-OTHER = "holds another sweep, or one of other chunks; remove it, or name another folder"
+"""Key of the manifest with the names that belong to the sweep."""
+KEPT = "finished chunks are kept: --resume (resume=True) continues from them"
+OTHER = "holds a different sweep, or different chunks; remove it, or choose another folder"
 
 
 @dataclass(frozen=True)
 class Owned:
-    """What in a folder is a sweep's, beside the manifest."""
+    """Files and folders that belong to a sweep, in addition to the manifest."""
 
     content: str
-    """Identifies the sweep, its points and chunks included."""
+    """Hash of the sweep, its points and chunks included."""
     chunks: int
-    """Files of each table: 000000.parquet and so on."""
+    """Number of files of each table: 000000.parquet and so on."""
     tables: tuple[str, ...]
-    """Their folders."""
     files: tuple[str, ...]
-    """Files, and the folder of pictures."""
+    """Names of other files, and of the folder of figures."""
 
 
 def owned(folder: Path) -> Owned | None:
-    """What in a folder is a sweep's; None where its manifest does not say so."""
+    """Return what belongs to a sweep in a folder; None if the manifest does not list it."""
     manifest = folder / MANIFEST
     if manifest.is_symlink() or not manifest.is_file():
         return None
@@ -70,19 +68,19 @@ def owned(folder: Path) -> Owned | None:
         names = [*own.tables, *own.files]
         if [*map(type, vars(own).values())] == [str, int, list, list] and all(map(_is_name, names)):
             return own
-    except (ValueError, TypeError, KeyError, RecursionError):  # no manifest, or somebody else's
+    except (ValueError, TypeError, KeyError, RecursionError):  # not a manifest of a sweep
         pass
     return None
 
 
 def chunk_files(folder: Path, table: str) -> list[Path]:
-    """The files of one of a sweep's tables that are there, in order."""
+    """Return the existing files of one table of a sweep, in order."""
     own = owned(folder)
     return [] if own is None else [path for _, path in _numbered(folder / table, own.chunks)]
 
 
 class SweepFolder:
-    """Where the results of a plan go."""
+    """Folder for the results of a plan."""
 
     def __init__(self, path: Path, plan: Plan) -> None:
         check_arrow("a sweep with a folder")
@@ -92,29 +90,29 @@ class SweepFolder:
         self, *, resume: bool, name: str = "sweep", title: str = "A sweep from Python", source: str | None = None,
         further: Sequence[str] = (PAGE,),
     ) -> None:  # fmt: skip
-        """Make the folder, and write down what is in it.
+        """Create the folder, and write the manifest and the sweep file.
 
         Parameters
         ----------
         resume : bool
-            Keep chunks that are finished; else the files of an earlier sweep are removed.
+            Whether to keep finished chunks; else the files of an earlier sweep are removed.
         name, title, source : str
-            Of the sweep, for its file.
+            Name, title and source of the sweep file.
         further : sequence of str
-            Names of what is written there once the sweep is done.
+            Names of files that are written once the sweep is finished.
 
         Raises
         ------
         CaseError
-            Where the folder is no sweep's, or to be resumed and another sweep's; where something of somebody else's is
-            in the way; and where it cannot be written. Nothing has been changed then, but in the last case.
+            If the folder has files but no sweep, or (to resume) a different sweep; if a name is taken by a file that
+            is not the sweep's; or if it cannot be written. Only in the last case may something have been changed.
         """
         files = _files(self.plan, name, title, source)
         own = Owned(self.plan.content, len(self.plan.chunks), tuple(self.plan.tables), (*sorted(files), *further))
         try:
             before = owned(self.path)
             if before is None and self.path.exists() and any(f.name[0] != "." for f in self.path.iterdir()):
-                raise CaseError("this folder holds files, and no sweep's; name another one", file=str(self.path))
+                raise CaseError("this folder has files, but no sweep; choose another folder", file=str(self.path))
             if resume and before is not None and before.content != own.content:
                 raise CaseError(f"this folder {OTHER}", file=str(self.path))
             self._check_free(own, before)
@@ -130,7 +128,7 @@ class SweepFolder:
             raise _unwritten(error, self.path, "") from error
 
     def finished(self) -> Iterator[tuple[int, Tables]]:
-        """Number and tables of each chunk that is there, whole and of the plan's points; others are to be run again."""
+        """Yield number and tables of each chunk that is complete and of this plan; other chunks must be run again."""
         for number in range(len(self.plan.chunks)):
             if os.path.lexists(self.path / POINTS / _file(number)):
                 found = self.read(number)
@@ -142,7 +140,7 @@ class SweepFolder:
                     )
 
     def write(self, number: int, tables: Tables) -> None:
-        """Write a chunk; where that cannot be (a full disk, say) no file that is there is harmed."""
+        """Write a chunk; if this fails (for example on a full disk), existing files are unharmed."""
         points = {**self.plan.own_columns(number), **tables.points}
         try:
             for name, columns in {**tables.ragged, POINTS: points}.items():
@@ -153,7 +151,7 @@ class SweepFolder:
             raise _unwritten(error, self.path, KEPT) from error
 
     def read(self, number: int) -> Tables | None:
-        """A finished chunk's tables, as they were observed; None where they are not all there, as they were written."""
+        """Return a finished chunk's tables as observed; None if a file is missing or differs from what was written."""
         tables, chunk = {}, self.plan.chunks[number]
         for name, columns in self.plan.tables.items():
             found = read_parquet(self.path / name / _file(number))
@@ -168,7 +166,7 @@ class SweepFolder:
         return Tables(points, tables) if within else None
 
     def _check_free(self, own: Owned, before: Owned | None) -> None:
-        """Refuse to write where something stands that no sweep has written."""
+        """Raise CaseError if a name to be written is taken by a file that no sweep has written."""
         known = () if before is None else (*before.files, *before.tables)
         for name in (*own.files, *own.tables):
             path = self.path / name
@@ -181,8 +179,8 @@ class SweepFolder:
                     raise _foreign(path)
 
     def _remove(self, before: Owned) -> None:
-        """Remove the files of an earlier sweep, and folders that nothing else is in; pictures are only replaced."""
-        for table in sorted(before.tables, key=lambda name: name != POINTS):  # a chunk is there with its points
+        """Remove the files of an earlier sweep, and folders that are then empty; figures are only replaced."""
+        for table in sorted(before.tables, key=lambda name: name != POINTS):  # a chunk exists if its points do
             folder = self.path / table
             for _, path in _numbered(folder, before.chunks):
                 path.unlink()
@@ -199,7 +197,7 @@ def _is_name(name: object) -> bool:
 
 
 def _numbered(folder: Path, chunks: int) -> Iterator[tuple[int, Path]]:
-    """Number and path of the chunks' files in a folder, in order; of one that is a link, or not there, none."""
+    """Yield number and path of the chunks' files in a folder, in order; nothing if the folder is a link or missing."""
     if folder.is_symlink() or not folder.is_dir():
         return
     for path in sorted(folder.iterdir()):
@@ -208,7 +206,7 @@ def _numbered(folder: Path, chunks: int) -> Iterator[tuple[int, Path]]:
 
 
 def _same(one: Any, other: Any) -> bool:
-    """Whether two columns are the same to the last bit."""
+    """Check whether two columns are equal to the last bit."""
     if one.dtype != other.dtype or one.shape != other.shape:
         return False
     return bool(one.tolist() == other.tolist()) if one.dtype == object else bool(one.tobytes() == other.tobytes())
@@ -220,16 +218,16 @@ def _file(number: int) -> str:
 
 def _foreign(path: Path) -> CaseError:
     what = "is a link" if path.is_symlink() else "was not written by a sweep"
-    return CaseError(f"{what}, so it is not replaced; remove it, or name another folder", file=str(path))
+    return CaseError(f"{what}, so it is not replaced; remove it, or choose another folder", file=str(path))
 
 
 def _unwritten(error: OSError, folder: Path, kept: str) -> CaseError:
-    told = f"cannot be written: {error.strerror or error}"
-    return CaseError("; ".join(part for part in (told, kept) if part), file=error.filename or str(folder))
+    reason = f"cannot be written: {error.strerror or error}"
+    return CaseError("; ".join(part for part in (reason, kept) if part), file=error.filename or str(folder))
 
 
 def _files(plan: Plan, name: str, title: str, source: str | None) -> dict[str, bytes]:
-    """Name -> content of the files that run the sweep again; a function of one's own cannot stand in them."""
+    """Return name -> content of the files that repeat the sweep; functions of the user cannot be in them."""
     from ruamel.yaml import YAML
 
     buffer, yaml = io.StringIO(), YAML(typ="safe", pure=True)
@@ -248,7 +246,7 @@ def _sweep_file(plan: Plan, name: str, title: str, source: str | None, table: st
     work, system = plan.work, plan.work.system
     initial = {state: written(work.initial[state], state) for state in system.state}
     mode = {"mode": {str(sign): int(side) for sign, side in work.mode.items()}} if work.mode else {}
-    told = {
+    entries = {
         "schema": 1,
         "name": re.sub("[^a-z0-9_]", "_", name.lower())[:64] or "sweep",
         "title": title,
@@ -262,7 +260,7 @@ def _sweep_file(plan: Plan, name: str, title: str, source: str | None, table: st
         "chunk": plan.chunk,
         "max_steps": work.max_steps,
     }
-    return {key: value for key, value in told.items() if value is not None}
+    return {key: value for key, value in entries.items() if value is not None}
 
 
 def _observation(observation: Observation) -> Mapping[str, Any]:
@@ -271,11 +269,11 @@ def _observation(observation: Observation) -> Mapping[str, Any]:
 
 
 def _manifest(plan: Plan) -> dict[str, Any]:
-    """What the results were made with, and how to make them again."""
+    """Return the manifest: how the results were made, and how to repeat them."""
     own = any(o.kind == "function" for o in plan.work.observations)
     return {
         "rerun": shlex.join(["henon-ref", "sweep", SWEEP_FILE, "--out", "again"]),
-        "left_out": "functions of one's own, which no file can hold" if own else "",
+        "left_out": "functions of the user, which a file cannot hold" if own else "",
         "points": len(plan.points),
         "chunk": plan.chunk,
         "commit": commit(),

@@ -26,33 +26,33 @@ from henon_ref.terminal import Line, in_notebook, notice_if_slow
 from henon_ref.workers.executors import EndedError, check_executor, finished, processors
 
 _LOG = logging.getLogger(__name__)
-MOST_TOLD = 5
-"""Points without a run, of which a warning says why."""
+MOST_WARNINGS = 5
+"""Largest number of warnings about points without a run."""
 TASK_SECONDS = 0.1
-"""Processor time that a task takes at least [s], where it can: short chunks go together, for a task has its price."""
+"""Intended processor time of a task [s]; short chunks are combined, because each task has an overhead."""
 FASTER = 8
-"""How many times as many chunks as the last one a task has at most."""
+"""Largest factor by which the number of chunks grows from one task to the next."""
 PERIOD = 0.2
-"""Seconds between two pictures of the progress."""
-KEPT_NOWHERE = "and lost: nothing is kept without a folder (out=)"
+"""Interval between two updates of the progress line [s]."""
+KEPT_NOWHERE = "but lost, since no folder (out=) was given"
 
 
 class SweepTable(pd.DataFrame):
-    """A row a point, in the points' order; its index is ``point``.
+    """Results of a sweep, one row for each point, in the order of the points; the index is ``point``.
 
-    Columns: the points' own, ``status``, and what was observed.
+    Columns: those of the points, ``status``, and the observations.
 
     Attributes
     ----------
     frames : mapping
-        Name -> data frame of a ragged observation, whose column ``point`` says which row each of its rows belongs to.
+        Name -> data frame of a ragged observation; its column ``point`` refers to a row of this table.
     """
 
     _metadata: ClassVar[list[str]] = ["frames"]
     frames: Mapping[str, pd.DataFrame]
 
     @property
-    def _constructor(self) -> Any:  # what is cut out of it, or computed from it, is a plain data frame
+    def _constructor(self) -> Any:  # slices and results of operations are plain data frames
         return pd.DataFrame
 
 
@@ -80,41 +80,42 @@ def sweep(
     ----------
     system : System
     initial : mapping, or array of shape (n,)
-        Every state -> number, or the numbers in their order; a state of the grid has the grid's values instead. May be
-        left out of a system from a case, as in :func:`henon_ref.simulate`.
+        Every state -> number, or the numbers in order; for a state of the grid, the grid's values apply. May be
+        omitted for a system from a case, as in :func:`henon_ref.simulate`.
     until, start : number
         Horizon and initial time of each run [s].
     grid : mapping, DataFrame, str, Path or Points
-        Parameter or state -> numbers, or ``{"from": a, "to": b, "count": n}``: every combination is a point, the last
-        name changes fastest. A data frame, CSV or Parquet file has a point a row; others: :mod:`henon_ref.points`.
+        Parameter or state -> numbers, or ``{"from": a, "to": b, "count": n}``: every combination is a point; the
+        last name changes fastest. A data frame, CSV or Parquet file has one point per row. For other points see
+        :mod:`henon_ref.points`.
     observe : sequence
-        Of :mod:`henon_ref.observe`.
+        Observations of :mod:`henon_ref.observe`.
     rtol, mode, max_steps
         As in :func:`henon_ref.simulate`.
     jobs : int, optional
-        Worker processes; as many as there are processors if left out. With 1 everything is done in this process.
+        Number of worker processes; None: number of processors. With 1, everything runs in this process.
     chunk : int, optional
-        Points that are run in one go, and stand in one file; 16 to 2000 if left out.
+        Number of points that are run together and stored in one file; None: 16 to 2000.
     executor : concurrent.futures.Executor or dask.distributed.Client, optional
-        In place of processes of our own; threads do as well.
+        Used instead of worker processes; its workers may be threads.
     out : str or Path, optional
-        A folder for the results, as Parquet files; nothing is written without it.
+        Folder for the results, as Parquet files; None: nothing is written.
     resume : bool
-        Chunks that an earlier sweep of the same content has finished in ``out`` are not run again.
+        Whether to skip the chunks in ``out`` that an earlier sweep of the same content has finished.
 
     Returns
     -------
     SweepTable
-        A data frame with a row a point, in the points' order: their columns, ``status``, and what was observed. A run
-        that ends before its horizon is a row that says so. Ragged observations are data frames by name in its
-        attribute ``frames``; their column ``point`` is the row's number. Every number is the same to the last bit,
-        however the points are cut into chunks and whoever runs them.
+        Data frame with one row for each point, in the order of the points: their columns, ``status``, and the
+        observations. A run that ends before its horizon has its row, too. Ragged observations are data frames in the
+        attribute ``frames``; their column ``point`` is the number of the row. All numbers are the same to the last
+        bit, however the points are divided into chunks and by whatever they are run.
 
     Raises
     ------
     HenonRefError
-        Also a ValueError, before anything is run or written, for invalid arguments. A CaseError where the folder
-        cannot be written.
+        If an argument is invalid; it is also a ValueError, raised before anything is run or written. A CaseError if
+        the folder cannot be written.
 
     Examples
     --------
@@ -140,7 +141,7 @@ def sweep(
 
 
 def assembled(points: Points, chunks: Sequence[tuple[int, Tables]]) -> SweepTable:
-    """The chunks of a sweep, each with its number, as one table."""
+    """Return the numbered chunks of a sweep as one table."""
     own, tables = points.columns(slice(None)), [found for _, found in sorted(chunks, key=itemgetter(0))]
     table = SweepTable(
         {**own, **_concatenated([chunk.points for chunk in tables])}, index=pd.RangeIndex(len(points), name="point")
@@ -159,12 +160,12 @@ def _concatenated(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 def done(
     plan: Plan, folder: SweepFolder | None, *, jobs: int, executor: Any = None, quiet: bool = False
 ) -> Iterator[tuple[int, Tables]]:
-    """Run what is not finished, write it, show the progress, and hand out each chunk's number and tables.
+    """Run the unfinished chunks, write them, show the progress, and yield each chunk's number and tables.
 
     Raises
     ------
     HenonRefError
-        Where workers, or whoever hands out the work, end: with what is finished, and what resumes it.
+        If the workers or the executor end; the message gives the finished chunks and how to resume.
     """
     with progress(len(plan.points), quiet=quiet) as advance:
         before = set()
@@ -180,7 +181,7 @@ def _run(
     plan: Plan, folder: SweepFolder | None, ahead: Sequence[int], jobs: int, executor: Any, advance: Advance
 ) -> Iterator[tuple[int, Tables]]:
     with notice_if_slow("compiling the system"):
-        plan.work.integrator()  # compiled here and now: workers find it in the cache
+        plan.work.integrator()  # compile now, so that workers find it in the cache
     pickled = plan.work.pickled()
     refused: list[str] = []
     count = len(plan.chunks) - len(ahead)
@@ -194,33 +195,33 @@ def _run(
                     if folder is not None:
                         folder.write(number, tables)
                     count += 1
-                    refused += tables.refused[: MOST_TOLD - len(refused)]
+                    refused += tables.refused[: MOST_WARNINGS - len(refused)]
                     advance(len(plan.chunks[number]), False)
                     yield number, tables
     except EndedError as error:
         there = f"{count} of {len(plan.chunks)} chunks are finished"
-        where = f"and lie in {folder.path}; --resume (resume=True) goes on from them" if folder else KEPT_NOWHERE
+        where = f"and stored in {folder.path}; --resume (resume=True) continues from them" if folder else KEPT_NOWHERE
         raise EndedError(f"{error}; {there} {where}") from error
     for words in refused:
         _LOG.warning("%s", words)
 
 
 class _Groups(Iterator[list[int]]):
-    """Numbers of chunks, those that go together in one task at a time: more of them, the less time they take.
+    """Iterator over groups of chunk numbers, one for each task; the faster the chunks, the larger the groups.
 
     Parameters
     ----------
     numbers : sequence of int
-        In order; a task has such as follow each other.
+        Numbers of chunks in order; a group has consecutive numbers only.
     most : int
-        In one task.
+        Largest size of a group.
     """
 
     def __init__(self, numbers: Sequence[int], most: int) -> None:
         self._numbers, self._most, self._size, self._next = numbers, most, 1, 0
 
     def took(self, count: int, seconds: float) -> None:
-        """Note how much processor time so many chunks took [s]."""
+        """Record the processor time of a number of chunks [s]."""
         wanted = int(count * min(TASK_SECONDS / max(seconds, 1e-9), FASTER))
         self._size = min(max(wanted, 1), self._most)
 
@@ -234,14 +235,14 @@ class _Groups(Iterator[list[int]]):
 
 
 class Advance(Protocol):
-    """Takes a number of points that are done, and whether they are kept from before."""
+    """Callback: number of points that are finished, and whether they were finished before."""
 
     def __call__(self, points: int, kept: bool, /) -> None: ...
 
 
 @contextmanager
 def progress(total: int, *, quiet: bool = False) -> Iterator[Advance]:
-    """Show points done, runs a second and the time left on a terminal or in a notebook, where it stays."""
+    """Show finished points, runs per second and the time left, in a terminal or a notebook (where it remains)."""
     line, began, drawn, done, run = Line(), time.monotonic(), 0.0, 0, 0
 
     def advance(points: int, kept: bool, /) -> None:

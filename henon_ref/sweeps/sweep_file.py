@@ -1,4 +1,4 @@
-"""A sweep file to a plan; what is wrong in it is told with its line and column."""
+"""Reading a sweep file into a plan; faults are reported with line and column."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ from henon_ref.text import did_you_mean, listed
 
 def _size(value: Any) -> int:
     if type(value) is not int or value < 1:
-        raise ValueError("must be a whole number from 1 on")
+        raise ValueError("must be a whole number, 1 or larger")
     return value
 
 
@@ -76,13 +76,13 @@ class SweepForm(Form):
 
 T = TypeVar("T")
 CASE_KEYS = ("schema", "name", "title", "source", "system", "scene", "sliding", "resets", "initial", "until")
-"""Keys that a sweep file has in common with a case file."""
+"""Keys that sweep files and case files have in common."""
 POINT_KINDS = ("grid", "table", "random", "continuation")
 
 
 @dataclass(frozen=True)
 class SweepFile:
-    """A sweep, read from a file."""
+    """Plan of a sweep, with the name, title and source of its file."""
 
     name: str
     title: str
@@ -91,7 +91,7 @@ class SweepFile:
 
 
 def load_sweep(path: str | Path) -> SweepFile:
-    """Read a sweep file; a CaseError with file, line and column of what is wrong."""
+    """Read a sweep file; a fault raises CaseError with file, line and column."""
     tree = read_yaml(path)
     whole = Source(tree, str(path))
     form = read_form(SweepForm, whole)
@@ -124,7 +124,7 @@ def load_sweep(path: str | Path) -> SweepFile:
 
 
 def _placed(source: Source, path: KeyPath, make: Callable[[], T], *, key: bool = False) -> T:
-    """What a function returns; its error is one of the file, at what the path leads to."""
+    """Return the result of a function; an ArgumentError becomes a CaseError at the path."""
     try:
         return make()
     except ArgumentError as error:
@@ -136,7 +136,7 @@ def _points(source: Source, system: System, folder: Path) -> Points:
     path: KeyPath = ("points", kind)
     if kind not in POINT_KINDS:
         raise source.error(
-            path, f"unknown kind '{kind}'{did_you_mean(kind, POINT_KINDS)}; {listed(POINT_KINDS)}", key=True
+            path, f"unknown kind '{kind}'{did_you_mean(kind, POINT_KINDS)}; allowed: {listed(POINT_KINDS)}", key=True
         )
     node = child(source.tree, path)
     if kind == "table":
@@ -164,7 +164,7 @@ def _points(source: Source, system: System, folder: Path) -> Points:
 
 
 def _axes(source: Source, system: System, path: KeyPath) -> dict[str, Any]:
-    """Values of a grid, each checked by itself, so that an error has its place."""
+    """Return the values of a grid, checked axis by axis, so that an error has the place of its axis."""
     _check_keys(source, system, path)
     found: dict[str, Any] = _value(source, child(source.tree, path))
     for name, given in found.items():
@@ -173,7 +173,7 @@ def _axes(source: Source, system: System, path: KeyPath) -> dict[str, Any]:
 
 
 def _check_keys(source: Source, system: System, path: KeyPath) -> None:
-    """Refuse keys of a mapping that are neither parameters nor states."""
+    """Raise CaseError if a key of a mapping is neither a parameter nor a state."""
     names = source.keys(path)
     if not names:
         raise source.error(path, f"'{path[-1]}' must be a mapping of parameters and states, as in {{vb: [0.1, 0.2]}}")
@@ -197,7 +197,7 @@ def _observation(source: Source, system: System, k: int) -> Observation:
     node = child(source.tree, path)
     nothing = isinstance(node, ScalarNode) and node.value is None
     if not nothing and not isinstance(node, MappingNode):
-        raise source.error(path, f"'{kind}' must be a mapping of its arguments, {{}} for none")
+        raise source.error(path, f"'{kind}' must be a mapping of its arguments ({{}} if it has none)")
     if not nothing:
         _known(source, path, tuple(inspect.signature(KINDS[kind]).parameters))
     arguments = {} if nothing else _value(source, node)
@@ -209,13 +209,13 @@ def _observation(source: Source, system: System, k: int) -> Observation:
 def _called(function: Callable[..., T], arguments: Mapping[str, Any]) -> T:
     try:
         inspect.signature(function).bind(**arguments)
-    except TypeError as error:  # a missing argument: unknown ones have been found
+    except TypeError as error:  # an argument is missing; unknown ones were refused before
         raise ArgumentError(f"'{function.__name__}': {error}") from None
     return function(**arguments)
 
 
 def _value(source: Source, node: Node | None) -> Any:
-    """A value as Python has it: numbers as int and float."""
+    """Return a node as Python values, with numbers as int and float."""
     if isinstance(node, MappingNode):
         return {key: _value(source, entry) for key, entry in node.entries.items()}
     if isinstance(node, SequenceNode):
@@ -226,5 +226,5 @@ def _value(source: Source, node: Node | None) -> Any:
     number = float(node.value)
     if not math.isfinite(number):
         place = {"line": node.place.line, "column": node.place.column}
-        raise CaseError(f"{node.text} is no finite number", file=source.file, **place)
+        raise CaseError(f"{node.text} is not a finite number", file=source.file, **place)
     return number

@@ -1,4 +1,4 @@
-"""Tables as files: those of points, which are read within bounds, whatever they are, and those of results."""
+"""Tables as files: reading tables of points, of bounded size, and writing and reading tables of results."""
 
 from __future__ import annotations
 
@@ -22,36 +22,36 @@ Vector = NDArray[np.float64]
 Columns = dict[str, NDArray[Any]]
 
 MOST_NUMBERS = 2**25
-"""Numbers that all points of a sweep may have, together: a quarter of a GiB."""
+"""Largest number of values of all points of a sweep: 256 MiB."""
 LONGEST_LINE = 2**20
-"""Bytes of a CSV file that are read at a time; no line may be longer."""
+"""Number of bytes of a CSV file that are read at a time; no line may be longer."""
 MOST_WRITTEN = 2**18
-"""Numbers of a table that is written as CSV; more are written as Parquet."""
+"""Largest number of values of a table that is written as CSV; larger tables are written as Parquet."""
 CSV, PARQUET = "points.csv", "points.parquet"
-"""Names of the table of points beside a sweep's results."""
+"""File names of the table of points among a sweep's results."""
 
 
 def check_size(points: int, names: int, what: str) -> None:
-    """Refuse points of more than ``MOST_NUMBERS`` numbers, before anything is made of them."""
+    """Raise ArgumentError if points have more than ``MOST_NUMBERS`` values, before memory is allocated."""
     if points * names > MOST_NUMBERS:
-        told = "1 name" if names == 1 else f"{names} names"
-        raise ArgumentError(f"{what} has {points} points of {told}; at most {MOST_NUMBERS // names} are allowed")
+        width = "1 name" if names == 1 else f"{names} names"
+        raise ArgumentError(f"{what} has {points} points of {width}; at most {MOST_NUMBERS // names} are allowed")
 
 
 def check_arrow(what: str) -> None:
-    """Refuse what is named, with an UnavailableError, where pyarrow is not installed, which it needs."""
+    """Raise UnavailableError if pyarrow, which ``what`` requires, is not installed."""
     if find_spec("pyarrow") is None:
         raise UnavailableError(f"{what} needs pyarrow, which is not installed: pip install 'henon-ref[sweep]'")
 
 
 def read_table(path: Path) -> Mapping[str, Vector]:
-    """The columns of a CSV or Parquet file; an ArgumentError for what is no regular file, no table, or too large."""
+    """Read the columns of a CSV or Parquet file; ArgumentError if it is not a file, not a table, or too large."""
     check_arrow("a table of points")
     import pyarrow as pa
 
     try:
         if not stat.S_ISREG(path.stat().st_mode):
-            raise ArgumentError(f"the table {path} is no regular file; wanted a CSV or Parquet file")
+            raise ArgumentError(f"the table {path} is not a regular file; wanted a CSV or Parquet file")
         return _parquet_columns(path) if path.suffix == ".parquet" else _csv_columns(path)
     except ArgumentError:
         raise
@@ -78,7 +78,7 @@ def _parquet_columns(path: Path) -> Mapping[str, Vector]:
 
 
 def _csv_columns(path: Path) -> Mapping[str, Vector]:
-    """Columns of a CSV file, read in blocks, so that neither a long file nor a long line takes memory."""
+    """Read the columns of a CSV file in blocks, so that long files and long lines need little memory."""
     import pyarrow as pa
     import pyarrow.csv as csv
 
@@ -100,12 +100,12 @@ def _csv_columns(path: Path) -> Mapping[str, Vector]:
 
 
 def _doubles(column: pa.Array) -> Vector:
-    """Numbers of a column of text, each to the nearest double."""
+    """Convert a column of text to the nearest doubles."""
     import pyarrow as pa
 
     try:
         return np.asarray(column.cast(pa.float64()).to_numpy(zero_copy_only=False), dtype=np.float64)
-    except pa.ArrowInvalid:  # Python reads more, such as +1.5
+    except pa.ArrowInvalid:  # Python accepts more formats, such as +1.5
         return np.array(column.to_pylist(), dtype=np.float64)
 
 
@@ -116,13 +116,13 @@ def _check_names(path: Path, names: list[str]) -> None:
 
 
 def csv_bytes(names: tuple[str, ...], values: Vector) -> bytes:
-    """Points as a CSV file, each number as it reads back to the same double."""
+    """Return points as a CSV file; each number reads back as the same double."""
     rows = (",".join(map(repr, row)) for row in values.tolist())
     return "".join(f"{row}\n" for row in (",".join(names), *rows)).encode()
 
 
 def parquet(columns: Columns) -> bytes:
-    """Columns as a Parquet file: the same bytes for the same columns."""
+    """Return columns as a Parquet file; equal columns give equal bytes."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -138,14 +138,14 @@ def parquet(columns: Columns) -> bytes:
 
 
 def read_parquet(file: Path) -> Columns | None:
-    """The columns that :func:`parquet` has written; None where they are not there, or not whole (by checksums)."""
+    """Read columns written by :func:`parquet`; None if the file is missing or damaged (by its checksums)."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     if not file.is_file():
         return None
     try:
-        # One file, not a dataset: the folders' names mean nothing.
+        # Read as one file, not as a dataset, which would interpret the names of folders.
         with pq.ParquetFile(file, page_checksum_verification=True) as found:
             table = found.read()
         return {

@@ -1,4 +1,4 @@
-"""What a sweep does at each of its points, what is observed of its runs, and what they leave behind as arrays."""
+"""Work of a sweep that its points share, base class of observations, and results of runs as arrays."""
 
 from __future__ import annotations
 
@@ -31,24 +31,24 @@ from henon_ref.text import listed
 
 NO_KINKS = frozenset[int]()
 START, UNTIL = "initial time", "horizon"
-"""What these two numbers go by beside states, whose names have no blank."""
+"""Names of these two numbers among those of states; names of states have no space."""
 KEPT_SYSTEMS = 64
-"""Systems of one sweep that are kept: another one for each set of exponents."""
+"""Number of cached compiled systems of a sweep (one for each set of exponents)."""
 
 
 class Section(NamedTuple):
-    """Where an expression stands among the surfaces of a system."""
+    """Surface of a system that belongs to an expression."""
 
     surface: int
     orientation: int
-    """+1 or -1: the sign of the expression is that of the surface's, times this."""
+    """+1 or -1: ratio of the sign of the expression to that of the surface."""
 
 
 def with_sections(system: System, expressions: Sequence[sp.Expr]) -> tuple[System, dict[sp.Expr, Section]]:
-    """A system that has some expressions (in time, states, parameters) among its surfaces, and where each stands.
+    """Return a system with additional surfaces for some expressions in time, states and parameters, and their indices.
 
-    An expression that is a surface times a factor which always has one sign is that surface. Fields do not depend on
-    the sign of one that is added: its normal velocity is the same on both sides, and it is always crossed.
+    An expression that equals a surface up to a factor of constant sign uses that surface. The field does not depend on
+    the sign of an added surface: its normal velocity is equal on both sides, so it is always crossed.
     """
     model = system.model
     added: dict[sp.Symbol, sp.Expr] = {}
@@ -61,7 +61,7 @@ def with_sections(system: System, expressions: Sequence[sp.Expr]) -> tuple[Syste
         form, way = signed_form(expression, model.parameters)
         if form not in known:
             known[form] = len(model.surfaces) + len(added), way
-            added[sp.Symbol(f"section {len(added) + 1}", real=True)] = expression  # no name has a blank
+            added[sp.Symbol(f"section {len(added) + 1}", real=True)] = expression  # distinct, since names have no space
         index, own = known[form]
         found[expression] = Section(index, way * own)
     return (system.with_surfaces(added) if added else system), found
@@ -69,47 +69,44 @@ def with_sections(system: System, expressions: Sequence[sp.Expr]) -> tuple[Syste
 
 @dataclass(frozen=True)
 class Observation:
-    """Base class: what every observation is asked.
+    """Base class of observations.
 
-    An observation adds columns to the table of points, or is a table of its own, which belongs to points by its column
-    ``point``. It is computed over all runs of a chunk at once. Of no runs it gives the same columns, empty.
+    An observation adds columns to the table of points, or is an additional table whose column ``point`` refers to
+    points. It is computed over all runs of a chunk at once. For no runs it returns the same columns, empty.
     """
 
     kind: ClassVar[str]
-    """Its name in a sweep file."""
+    """Name in a sweep file."""
 
     def check(self, system: System) -> None:
-        """Check that it can be made of a system, before anything runs.
+        """Check, before anything runs, that the observation is possible for a system.
 
         Raises
         ------
         ArgumentError
-            For what it cannot mean.
+            If it is not.
         """
 
     def sections(self, system: System) -> Sequence[sp.Expr]:
-        """Expressions whose zeros have to be located."""
+        """Return expressions whose zeros must be located."""
         return ()
 
     def kept(self) -> Keep:
-        """Transitions that it is computed from, of whatever surface."""
+        """Return which transitions, of any surface, the observation needs."""
         return NOTHING
 
     def columns(self, runs: Runs) -> Columns:
-        """Columns of the table of points, an entry a run; NaN (of text: None) where there is nothing to tell."""
+        """Return columns of the table of points, one entry for each run; NaN (text: None) if there is no value."""
         return {}
 
     def tables(self, runs: Runs) -> dict[str, Columns]:
-        """Tables of its own, by name; their column ``point`` is the number of a run within the chunk."""
+        """Return additional tables by name; their column ``point`` is the index of a run within the chunk."""
         return {}
 
 
 @dataclass(frozen=True)
 class Work:
-    """What all runs of a sweep have in common: with a point's values, all that a worker needs to know.
-
-    Numbers are int, float, Fraction or text, as :func:`henon_ref.simulate` takes them.
-    """
+    """Everything that the runs of a sweep have in common; numbers as in :func:`henon_ref.simulate`."""
 
     system: System
     initial: Mapping[str, Any]
@@ -120,22 +117,22 @@ class Work:
     max_steps: int = MOST_STEPS
     observations: tuple[Observation, ...] = ()
     names: tuple[str, ...] = ()
-    """Of the points' values."""
+    """Names of the points' values."""
     chain: int = 1
-    """Points in a row of which each starts where the one before it ended."""
+    """Number of consecutive points in a chain, where each run starts in the final state of the previous one."""
 
     def __getstate__(self) -> dict[str, Any]:
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
     def pickled(self) -> bytes:
-        """As bytes; functions of one's own go along by value, wherever they are defined."""
+        """Return the work as bytes; functions of the user are included by value, wherever they are defined."""
         import cloudpickle
 
         return bytes(cloudpickle.dumps(self))
 
     @cached_property
     def numbers(self) -> dict[str, Number]:
-        """Parameters that are not swept, initial values, initial time and horizon, in swept parameters."""
+        """Parameters that are not swept, initial values, initial time and horizon, in terms of the swept parameters."""
         system = self.system
         swept = frozenset(self.names) - frozenset(system.state)
         exact = {symbol.name: value for symbol, value in system.model.parameters.items()}
@@ -148,27 +145,24 @@ class Work:
         return {name: Number(expression) for name, expression in own.items()}
 
     def pairs(self, columns: Mapping[str, Vector], count: int) -> dict[str, Vector]:
-        """All numbers of some points, by name, as pairs of doubles (:mod:`henon_ref.integrator.pairs`).
-
-        Their own values stand for the decimal numbers that they are printed as.
-        """
+        """Return all numbers of some points, by name, as pairs of doubles; a swept value is read as it prints."""
         found = {name: number.pairs(columns, count) for name, number in self.numbers.items() if name not in columns}
         return found | {name: decimal_pairs(values) for name, values in columns.items()}
 
     @cached_property
     def moving_exponents(self) -> list[str]:
-        """Parameters in exponents that are not the same at all points: with other values it is another system."""
+        """Parameters in exponents that vary between points; each of their values requires its own compiled system."""
         numbers = self.numbers
         return sorted(p for p in self.system.exponent_parameters if p not in numbers or numbers[p].names)
 
     @cached_property
     def exact_parameters(self) -> dict[tuple[float, float], sp.Expr]:
-        """The system's own values by their pairs of doubles."""
+        """Pair of doubles -> exact value of a parameter of the system."""
         return {double_double(value): value for value in self.system.model.parameters.values()}
 
     @cached_property
     def keep(self) -> Keep:
-        """Transitions that some observation is computed from, of which each finds its own."""
+        """Transitions that at least one observation needs."""
         some = [keep for keep in (o.kept() for o in self.observations) if keep != NOTHING]
         if not some:
             return NOTHING
@@ -179,50 +173,50 @@ class Work:
 
     @cached_property
     def sections(self) -> dict[sp.Expr, Section]:
-        """Expression, as an observation has it -> surface of the system that is integrated."""
+        """Expression of an observation -> surface of the integrated system."""
         return self._with_sections(self.system)[1]
 
     @cached_property
     def integrator(self) -> Callable[..., Integrator]:
-        """See :meth:`_integrator`; what it returns is kept."""
+        """Cached :meth:`_integrator`."""
         return lru_cache(maxsize=KEPT_SYSTEMS)(self._integrator)
 
     def _integrator(self, *exponents: float, open_kinks: frozenset[int] = NO_KINKS) -> Integrator:
-        """The compiled system, sections included, at some values of :attr:`moving_exponents` (its own if left out)."""
+        """Compile the system with its sections, at some values of :attr:`moving_exponents` (default: the system's)."""
         named = dict(zip(self.moving_exponents, exponents, strict=True)) if exponents else {}
         system, _ = self._with_sections(self.system.with_parameters(named) if named else self.system)
         return integrator_of(system, local_error(self.rtol), open_kinks)
 
 
 class Runs:
-    """K runs of one system, and the R transitions of them that are kept.
+    """K runs of one system, and R transitions of them.
 
     Parameters
     ----------
     work : Work
     values : ndarray, shape (K, names)
-        The points' values.
+        Values of the points.
     first : int
-        Number of the first one among all points of the sweep.
+        Index of the first run among all points of the sweep.
 
     Attributes
     ----------
     values : dict
-        Parameter or state -> its value in each run, shape (K,); what is not there is the work's.
+        Parameter or state -> its value in each run, shape (K,); other values are those of the work.
     numbers : dict
         Every parameter -> pairs of doubles, shape (K, 2).
     initial, times : ndarray, shape (K, n, 2), (K, 2, 2)
-        Pairs of the initial state; of initial time and horizon [s].
+        Pairs of doubles of the initial state, and of initial time and horizon [s].
     status, message : ndarray of str, shape (K,)
     end_time : ndarray, shape (K,)
-        Where each run ended [s].
+        End of each run [s].
     end_state : ndarray, shape (K, n)
     end_mode : ndarray of int, shape (K,)
-        Row of ``modes``; -1 where there was none.
+        Index in ``modes``; -1 if there was no mode.
     counts : ndarray of int, shape (K, 3)
-        Steps, expansions, evaluations of guards.
+        Numbers of steps, expansions, evaluations of guards.
     refused : ndarray of bool, shape (K,)
-        Runs that could not begin: to begin with all.
+        Whether a run could not start; initially True for all runs.
     """
 
     def __init__(self, work: Work, values: Vector, first: int = 0) -> None:
@@ -244,19 +238,19 @@ class Runs:
         return len(self.status)
 
     def keep(self, records: NDArray[Any], own: NDArray[np.int64], rows: NDArray[np.int64]) -> None:
-        """Keep transitions of some runs: ``own`` has their numbers, ``rows`` those of the modes in the records."""
+        """Store transitions of some runs; ``own`` has the indices of the runs, ``rows`` those of the records' modes."""
         kept = records.copy()
         kept["point"] = own[records["point"]]
         kept["from_mode"], kept["to_mode"] = rows[records["from_mode"]], rows[records["to_mode"]]
         self._records.append(kept)
 
     def rows_of_modes(self, modes: Sequence[Mode]) -> NDArray[np.int64]:
-        """Rows of some modes in ``modes``, then -1."""
+        """Return the indices of some modes in ``modes``, followed by -1."""
         return np.array([*(self._rows.setdefault(mode, len(self._rows)) for mode in modes), -1])
 
     @cached_property
     def records(self) -> NDArray[Any]:
-        """Transitions in order of runs, and of time in each: :func:`henon_ref.integrator.records.transition_dtype`."""
+        """Transitions sorted by run and time: :func:`henon_ref.integrator.records.transition_dtype`."""
         if not self._records:
             return np.zeros(0, dtype=transition_dtype(len(self.system.state)))
         found = np.concatenate(self._records)
@@ -264,12 +258,12 @@ class Runs:
 
     @cached_property
     def run(self) -> NDArray[np.int64]:
-        """Which run each transition belongs to, shape (R,)."""
+        """Run of each transition, shape (R,)."""
         return self.records["point"].astype(np.int64) if self._records else np.zeros(0, dtype=np.int64)
 
     @cached_property
     def modes(self) -> tuple[Mode, ...]:
-        """Modes by the numbers that the records hold: an entry a surface, those of sections last."""
+        """Modes in the order of their indices in the records; one entry for each surface, sections last."""
         return tuple(self._rows)
 
     @cached_property
@@ -278,21 +272,21 @@ class Runs:
         return np.array(self.modes or np.zeros((0, 1)), dtype=np.int64)
 
     def mode_names(self, rows: NDArray[np.int64]) -> NDArray[Any]:
-        """Texts of modes by their numbers, without the sections; None for -1."""
+        """Return the texts of modes by index, without the sections; None for -1."""
         names = self.system.model.sign_names
         different, places = np.unique(rows, return_inverse=True)
         modes = [None if row < 0 else self._kinks.shown(self.modes[row][: len(names)]) for row in different.tolist()]
         return np.array([mode and mode_text(mode, names) for mode in modes], dtype=object)[places]
 
     def changes(self, surface: int) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-        """Transitions of one surface: their places, and the surface's entry of the mode before and after each."""
+        """Return the indices of a surface's transitions, and its entry in the mode before and after each."""
         at = np.nonzero(self.records["surface"] == surface)[0]
         column = self.entries[:, surface] if len(self.entries) else np.zeros(0, dtype=np.int64)
         return at, column[self.records["from_mode"][at]], column[self.records["to_mode"][at]]
 
     @cached_property
     def visible(self) -> NDArray[np.bool_]:
-        """Of each transition whether it is one: it is not on a kink that another branch hides."""
+        """For each transition, whether it is not on a kink that is hidden by another branch."""
         return self._kinks.are_transitions(self.records, self.modes)
 
     @cached_property
@@ -300,18 +294,18 @@ class Runs:
         return HiddenKinks(self.system.model)
 
     def point_words(self, run: int) -> str:
-        """Which point a run is of, in words: ``point 3 (F = 0.5)``."""
+        """Return a text that identifies the point of a run: ``point 3 (F = 0.5)``."""
         words = [f"{name} = {repr(float(own[run])).removesuffix('.0')}" for name, own in self.values.items()]
         return f"point {self.first + run} ({listed(words, 4)})"
 
     def rows(self, at: NDArray[np.int64]) -> Columns:
-        """Transitions as columns: ``point`` (number within the chunk), ``time_s``, then the states by name."""
+        """Return transitions as columns: ``point`` (index within the chunk), ``time_s``, then the states by name."""
         kept = self.records[at]
         states = dict(zip(self.system.state, kept["state"].T, strict=True))
         return {"point": self.run[at], "time_s": kept["time"], **states}
 
     def arguments(self) -> Iterator[dict[str, Any]]:
-        """For each run, the arguments of ``simulate`` that repeat it."""
+        """Yield, for each run, the arguments of ``simulate`` that repeat it."""
         work, names = self.work, self.system.state
         start, until = (self._fixed(value) for value in (work.start, work.until))
         for k in range(len(self)):

@@ -1,1 +1,1 @@
-"""Processes that do work: their start, what they hold and have used, and the machine that they run on."""
+"""Worker processes: their start, their use of memory and processor time, and the machine that they run on."""

@@ -1,12 +1,12 @@
-"""The way between a caller and a worker: whole messages, each with its job's token, from the worker alone.
+"""Channel between a caller and a worker: complete messages from the worker alone, each with the token of its job.
 
-A message is a head (magic, token, process, length) and a pickle. What another process than the worker sends, such as
-a child that a solver has forked, is dropped by the number of its process, for which the kernel vouches on Linux;
-elsewhere the message says it. What carries the token of another job came late, and is dropped as well. Anything else
-that is no message is the worker's own doing: :class:`NoReply`.
+A message is a header (magic number, token, process, length) and a pickle. Messages of other processes, such as a child
+forked by a solver, are dropped by their process number, which the kernel guarantees on Linux and the header gives
+elsewhere. A message with the token of another job is late and is dropped, too. Any other data come from the worker
+itself and raise :class:`NoReply`.
 
-The connections of :mod:`multiprocessing` wait for the rest of a message once it has begun, and do not tell who sent it:
-a worker that sends half of one would stop its caller. Here no call of the caller's end ever waits.
+The connections of :mod:`multiprocessing` wait for the rest of a message once it has begun, and do not identify the
+sender: a worker that sends half a message would block its caller. No call at the caller's end of this channel blocks.
 """
 
 from __future__ import annotations
@@ -19,50 +19,50 @@ import sys
 from collections.abc import Iterator
 
 LARGEST = 2**28
-"""Bytes that one message of a solver may have."""
+"""Largest size of a solver's message [bytes]."""
 MAGIC = b"hr1\n"
 TOKEN = 16
 NO_TOKEN = bytes(TOKEN)
-"""Of what a worker sends before its first job."""
+"""Token of messages that a worker sends before its first job."""
 _HEAD = struct.Struct(f"=4s{TOKEN}siQ")
-"""Magic, token, number of the sender's process, length of the pickle."""
+"""Magic number, token, process number of the sender, length of the pickle."""
 _CREDENTIALS = struct.Struct("=iii")
 _AT_ONCE, _IN_A_ROW = 1 << 18, 64
-"""Bytes taken with one call, and calls before others have their turn, however much there is."""
+"""Number of bytes read by one call, and number of consecutive calls for one worker."""
 _VOUCHED = sys.platform == "linux"
 
 
-class NoReply(Exception):  # noqa: N818  (says what came, not that we failed)
-    """What a worker sent is no message."""
+class NoReply(Exception):  # noqa: N818  (describes the data, not a failure of the caller)
+    """Data from a worker that are not a message."""
 
 
 def new_token() -> bytes:
-    """What a job's messages are known by; nobody can guess it."""
+    """Return a random token that identifies the messages of one job."""
     return secrets.token_bytes(TOKEN)
 
 
 def framed(token: bytes, pickled: bytes) -> bytes:
-    """A message as it is sent."""
+    """Return a message in the form in which it is sent."""
     return _HEAD.pack(MAGIC, token, os.getpid(), len(pickled)) + pickled
 
 
 class Channel:
-    """The caller's end.
+    """The caller's end of the channel.
 
     Parameters
     ----------
     own : socket
     largest : int, optional
-        Bytes that one message may have; None: as many as there are.
+        Largest size of a message [bytes]; None: unlimited.
 
     Attributes
     ----------
     sender : int or None
-        The worker's process: the one that sends first, before any job.
+        Process number of the worker: the first sender, before any job.
     waiting : bytearray
-        What is still to be sent.
+        Data still to be sent.
     closed : bool
-        Nothing will come any more.
+        Whether the worker's end is closed.
     """
 
     def __init__(self, own: socket.socket, largest: int | None = LARGEST) -> None:
@@ -76,27 +76,27 @@ class Channel:
         self._come = bytearray()
 
     def send(self, token: bytes, pickled: bytes) -> None:
-        """Send a message, or what of it there is room for; :meth:`go_on` sends the rest."""
+        """Send as much of a message as possible without blocking; :meth:`go_on` sends the rest."""
         self.waiting += framed(token, pickled)
         self.go_on()
 
     def go_on(self) -> None:
-        """Send what is still to be sent, as far as there is room for it."""
+        """Send as much of the remaining data as possible without blocking."""
         try:
             while self.waiting:
                 del self.waiting[: self.socket.send(bytes(self.waiting[:_AT_ONCE]))]
         except BlockingIOError:
             return
-        except OSError:  # nobody is there to take it: seen as the worker's end
+        except OSError:  # the worker has ended, which is detected elsewhere
             self.waiting.clear()
 
     def receive(self) -> Iterator[tuple[bytes, bytes]]:
-        """Token and pickle of the worker's messages that are here by now; of very much, a part.
+        """Yield token and pickle of the worker's messages that have arrived; of a large amount of data, a part.
 
         Raises
         ------
         NoReply
-            Where something else came from the worker, or a message that is too large.
+            If the worker has sent other data, or a message that is too large.
         """
         yield from self._messages()
         for _ in range(_IN_A_ROW):
@@ -122,7 +122,7 @@ class Channel:
         return self.socket.recvmsg(_AT_ONCE, socket.CMSG_SPACE(_CREDENTIALS.size))[:2]
 
     def _messages(self) -> Iterator[tuple[bytes, bytes]]:
-        """Whole messages out of what has come."""
+        """Yield the complete messages among the received data."""
         come = self._come
         while come:
             if not come.startswith(MAGIC[: len(come)]):
@@ -131,7 +131,7 @@ class Channel:
                 return
             _, token, pid, length = _HEAD.unpack_from(come)
             if self.largest is not None and length > self.largest:
-                raise NoReply(f"the worker sent a reply of {length} bytes, {self.largest} are allowed")
+                raise NoReply(f"the worker sent a reply of {length} bytes; at most {self.largest} are allowed")
             end = _HEAD.size + length
             if len(come) < end:
                 return
@@ -143,7 +143,7 @@ class Channel:
 
 
 def read_message(theirs: socket.socket) -> tuple[bytes, bytes] | None:
-    """The next message as the worker reads it, waiting for it: token and pickle; None where the caller has closed."""
+    """Wait for the next message at the worker's end; return token and pickle, or None if the caller has closed."""
     head = _exactly(theirs, _HEAD.size)
     if head is None:
         return None

@@ -1,6 +1,6 @@
-"""Who does the chunks: this process, processes of our own, an executor of somebody's, or a Dask cluster.
+"""Execution of tasks: in this process, in worker processes, by an executor of the user, or on a Dask cluster.
 
-A task is a pure function of what it is given, so that one whose worker has died is done again.
+A task is a pure function of its arguments, so that it can be repeated if its worker dies.
 """
 
 from __future__ import annotations
@@ -21,65 +21,65 @@ from henon_ref.workers.pool import Jobs, WorkerPool
 from henon_ref.workers.worker import Failure, Job, WorkerState
 
 AHEAD = 3
-"""Tasks that are handed in to an executor, for each of its workers."""
+"""Number of submitted tasks for each worker of an executor."""
 TRIES = 3
-"""How often a task is begun whose worker ends in the middle of it."""
+"""Number of attempts at a task whose worker dies."""
 WORKERS_ASSUMED = 16
-"""Workers of an executor that does not tell how many it has."""
+"""Assumed number of workers of an executor that does not report it."""
 
 
 class EndedError(HenonRefError):
-    """Whoever does the tasks has ended before they were done."""
+    """The workers or the executor ended before the tasks were finished."""
 
 
 class Task(NamedTuple):
-    """A number that it goes by, and what its function is called with."""
+    """Number that identifies a task, and the arguments of its function."""
 
     number: int
     arguments: tuple[Any, ...]
 
 
 def processors() -> int:
-    """Processors that this process may use."""
+    """Return the number of processors that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def check_executor(executor: Any) -> None:
-    """Check that tasks can be handed to it.
+    """Check that tasks can be submitted to an executor.
 
     Raises
     ------
     ArgumentError
-        For what is neither an Executor nor a Dask Client, and for a client that is closed.
+        If it is neither an Executor nor a Dask Client, or is a closed client.
     """
     if executor is not None and not isinstance(executor, Executor) and not hasattr(executor, "get_executor"):
         raise ArgumentError(
             f"executor is a {type(executor).__name__}; wanted a concurrent.futures.Executor, a Dask Client, or None"
         )
     if getattr(executor, "status", None) in ("closing", "closed"):
-        raise ArgumentError("executor is a client that is closed; wanted one of a cluster that runs")
+        raise ArgumentError("executor is a closed client; wanted a client of a running cluster")
 
 
 def finished(
     function: Callable[..., Any], tasks: Iterable[Task], *, executor: Any = None, jobs: int = 1
 ) -> Generator[tuple[int, Any], None, None]:
-    """Do tasks, and hand out each one's number and what its function returned, as they are finished.
+    """Execute tasks, and yield the number of each and the value of its function as they finish.
 
     Parameters
     ----------
     function : callable
-        That of a module, so that workers find it by its name.
+        Function of a module, so that workers can import it by name.
     tasks : iterable of Task
-        Taken as workers become free: memory does not grow with their number.
+        Consumed as workers become free, so that memory does not grow with the number of tasks.
     executor : Executor or Client, optional
-        In place of processes of our own. It is not shut down.
+        Used instead of worker processes; it is not shut down.
     jobs : int
-        Processes; with one, the tasks are done in this one.
+        Number of worker processes; with 1, the tasks run in this process.
 
     Raises
     ------
     EndedError
-        Where workers end again and again, or the executor ends. Whatever a task raises is passed on.
+        If workers die repeatedly, or the executor ends. Exceptions of a task propagate.
     """
     if executor is not None:
         yield from _on_executor(function, iter(tasks), executor)
@@ -110,17 +110,17 @@ def _on_executor(function: Callable[..., Any], tasks: Iterator[Task], executor: 
 
 @contextmanager
 def _reached() -> Iterator[None]:
-    """What goes wrong where an executor is asked for something says that it has ended."""
+    """Convert exceptions from requests to an executor into an EndedError."""
     try:
         yield
-    except (OSError, RuntimeError) as error:  # of a cluster; and of an executor that is shut down, or broken
+    except (OSError, RuntimeError) as error:  # from a cluster, or from an executor that is shut down or broken
         raise _ended(error) from error
 
 
 def _ended(error: Exception) -> EndedError:
     why = f": {error}" if str(error) else ""
     return EndedError(
-        f"the executor has ended, or dropped its tasks, as where the scheduler of a cluster dies "
+        f"the executor has ended or dropped its tasks, for example because the scheduler of a cluster died "
         f"({type(error).__name__}{why:.200})"
     )
 
@@ -132,7 +132,7 @@ def _flow(
     running: dict[Future[Any], Task],
     most: int,
 ) -> Iterator[tuple[int, Any]]:
-    """Keep so many tasks handed in. What is in ``running`` at the end has not been finished."""
+    """Keep ``most`` tasks submitted; tasks still in ``running`` at the end are unfinished."""
     for task in tasks:
         with _reached():
             running[executor.submit(function, *task.arguments)] = task
@@ -150,7 +150,7 @@ def _done(running: dict[Future[Any], Task]) -> Iterator[tuple[int, Any]]:
 
 @dataclass(frozen=True)
 class _Call(Job):
-    """A task as a worker's job; the result is whether it has succeeded, and its value or error."""
+    """Task as a job of a worker; its result is whether it succeeded, and its value or exception."""
 
     function: Callable[..., Any]
     arguments: tuple[Any, ...]
@@ -159,22 +159,22 @@ class _Call(Job):
     def run(self, state: WorkerState) -> tuple[bool, Any]:
         try:
             return True, self.function(*self.arguments)
-        except Exception as error:  # noqa: BLE001 - whatever it is, it is the caller's to raise
+        except Exception as error:  # noqa: BLE001 - any exception is raised again in the caller
             return False, _sendable(error)
 
 
 def _sendable(error: Exception) -> Exception:
-    """The error with a note of where it arose, or its text where it cannot be pickled."""
+    """Return an exception with a note of its traceback, or with its text alone if it cannot be pickled."""
     error.add_note("In a worker process:\n" + "".join(traceback.format_exception(error)))
     try:
         pickle.loads(pickle.dumps(error))
-    except Exception:  # noqa: BLE001 - whatever its own pickling raises
+    except Exception:  # noqa: BLE001 - its pickling may raise anything
         return HenonRefError(f"{type(error).__name__} in a worker process: {error}")
     return error
 
 
 def _by_workers(function: Callable[..., Any], tasks: Iterator[Task], jobs: int) -> Iterator[tuple[int, Any]]:
-    """Do tasks in processes of our own. One whose worker has ended is done again by another one."""
+    """Execute tasks in worker processes; a task whose worker dies is repeated by a new worker."""
     results: deque[tuple[int, Any]] = deque()
 
     def sequence() -> Jobs:
@@ -185,8 +185,8 @@ def _by_workers(function: Callable[..., Any], tasks: Iterator[Task], jobs: int) 
                     break
             else:
                 raise EndedError(
-                    f"{TRIES} workers have ended while they were at chunk {task.number}: killed, or out of memory "
-                    f"(smaller chunks take less of it); the last one: {result.reason}"
+                    f"{TRIES} workers ended while running chunk {task.number}, killed or out of memory "
+                    f"(smaller chunks need less memory); the last one: {result.reason}"
                 )
             succeeded, value = result
             if not succeeded:
@@ -197,6 +197,6 @@ def _by_workers(function: Callable[..., Any], tasks: Iterator[Task], jobs: int) 
     for _ in range(jobs):
         pool.add("tasks", sequence())
     with closing(pool.turns()) as turns:
-        for _ in turns:  # who has done a task is at the next one by now
+        for _ in turns:  # a worker that has finished a task is at the next one by now
             while results:
                 yield results.popleft()

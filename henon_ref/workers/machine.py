@@ -1,6 +1,6 @@
-"""What the runs ran on: processor, memory, system, libraries and their kernels, commit.
+"""Description of the machine and software of a run: processor, memory, system, libraries, commit.
 
-psutil names no processor, so that it would replace the two numbers of ``_memory`` alone; py-cpuinfo takes 1.2 s a call.
+psutil gives no processor name, so it would replace only the two calls of ``_memory``; py-cpuinfo takes 1.2 s per call.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from pathlib import Path
 import numpy as np
 
 LIBRARIES = ("henon-ref", "numpy", "sympy", "llvmlite", "python-flint", "pandas", "pydantic", "ruamel.yaml")
-"""Packages whose versions a run of the reference, or a sweep, depends on."""
+"""Packages whose versions affect runs of the reference and sweeps."""
 BUILDS = ("numpy", "scipy", "scikit_sundae")
-"""Packages whose wheels bring linear algebra."""
+"""Packages whose wheels contain linear algebra libraries."""
 
 
 def machine() -> dict[str, object]:
-    """Processor, cores, memory, operating system, Python and linear algebra of this machine."""
+    """Return the processor, cores, memory, operating system, Python and linear algebra of this machine."""
     return {
         "processor": _processor(),
         "architecture": platform.machine(),
@@ -37,7 +37,7 @@ def machine() -> dict[str, object]:
 
 @cache
 def library_versions(names: tuple[str, ...] = LIBRARIES) -> dict[str, str]:
-    """Versions of packages, an empty text for one that is not installed; read once, from many files."""
+    """Return the versions of packages, empty for a package that is not installed; cached, as it reads many files."""
     found = {}
     for name in names:
         try:
@@ -48,7 +48,7 @@ def library_versions(names: tuple[str, ...] = LIBRARIES) -> dict[str, str]:
 
 
 def commit() -> str:
-    """The commit of the checkout that this package lies in, with ``+`` where files differ; else empty."""
+    """Return the commit of the checkout that contains this package, with ``+`` if files differ; else empty."""
     root = Path(__file__).resolve().parents[2]
     if not (root / ".git").exists():
         return ""
@@ -75,11 +75,11 @@ def _processor() -> str:
 
 
 def _linear_algebra() -> str:
-    """Libraries of linear algebra, the kernels they chose by the processor or were told to take, and whose they are.
+    """Return the linear algebra libraries with their kernels (chosen by processor or setting) and their packages.
 
-    The last digits of implicit methods depend on them, and with these, at a horizon, whether an event is before it.
-    Wheels bring builds of their own, which need not choose alike: those of packages that this process has not loaded
-    are loaded to be asked (a hundredth of what the packages would take).
+    The last digits of implicit methods depend on them, and may decide whether an event occurs before the horizon. The
+    builds in different wheels may choose different kernels. Builds of packages that are not imported yet are loaded
+    without the package, in a hundredth of the time.
     """
     from threadpoolctl import threadpool_info
 

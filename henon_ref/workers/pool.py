@@ -1,19 +1,19 @@
-"""The worker pool: jobs in worker processes, with deadlines and a limit on memory, so that one failure stays one.
+"""Worker pool: jobs in worker processes, with deadlines and a memory limit, so that a failure ends one job only.
 
-Who wants jobs done writes a sequence of them: a generator that yields a job and gets its result, or the
-:class:`~henon_ref.workers.worker.Failure` that it came to, as the value of the ``yield``. What it does in between it
-does in the caller's process. The jobs of a sequence are done by one worker; sequences of one queue share workers, too,
-one after the other, and where workers are free several are at work on a queue.
+The caller writes sequences of jobs: generators that yield a job and receive its result, or its
+:class:`~henon_ref.workers.worker.Failure`, as the value of the ``yield``. Code between two jobs runs in the caller's
+process. All jobs of a sequence run in one worker. Sequences of a queue share workers, one after the other; if workers
+are free, several work on a queue.
 
-A worker that misses its deadline, dies, outgrows its memory or sends what is no reply is killed with all that it has
-started; its job has failed, and the sequence goes on with a new worker. Deadlines are in processor time, of the worker
-and all that it has started; behind that stands a limit on wall time, :data:`WALL` times as long, from which the time is
-taken for which it, or the caller, was ready to run while others had the processors. Where nothing tells the processor
-time (elsewhere than on Linux) that limit alone holds, and memory is bounded by the system's own limit a process, if at
-all. Leaving :meth:`WorkerPool.run`, by whatever exception, leaves no worker behind.
+A worker that misses its deadline, dies, exceeds its memory or sends anything but a reply is killed with its
+descendants. Its job has then failed, and the sequence continues with a new worker. Deadlines are in processor time of
+the worker and its descendants. A second limit is on wall time, :data:`WALL` times as long, not counting the time in
+which the worker or the caller was ready to run but had no processor. If processor time is unknown (outside Linux),
+only the limit on wall time holds, and memory is bounded at most by the system's limit per process. When
+:meth:`WorkerPool.run` ends, by whatever exception, no worker is left.
 
-The executors of the standard library, of Pebble and loky are no substitute: no shared memory limit, no killing of what
-a worker has started, no job for the one worker that holds its prepared run.
+The executors of the standard library, Pebble and loky lack a common memory limit, killing of a worker's descendants,
+and jobs for the one worker that has a prepared run.
 """
 
 from __future__ import annotations
@@ -34,41 +34,40 @@ from henon_ref.workers.worker import REPLY, Failure, Job, failure_of
 from henon_ref.workers.worker_process import FORK, WorkerProcess, exchange, start_method
 
 POLL = 0.05
-"""Seconds between two looks at the clock and at memory."""
+"""Interval between two checks of time and memory [s]."""
 WALL = 3.0
-"""Wall time that a job may take, in its deadlines."""
+"""Wall time that a job may take, as a multiple of its deadline."""
 COMPILE_SECONDS = 120.0
-"""Processor time that a job's run may take for what its preparation could not foresee [s]."""
+"""Processor time that a job may spend on compiling that its preparation did not cover [s]."""
 BEGIN_SECONDS = 120.0
-"""Wall time after which a worker that does not begin is given up [s]."""
+"""Wall time after which a worker that has not started is abandoned [s]."""
 MOST_LOST = 3
-"""Workers that end before they have begun until the pool gives up."""
+"""Number of workers that may end before they have started; one more raises an error."""
 ABSENCE = 1.0
-"""Wall time between two looks beyond which the caller was busy itself: no worker's time [s]."""
+"""Interval between two checks above which the caller was busy; it does not count as the worker's time [s]."""
 REUSED = 0.25
-"""Part of its memory by which a worker may have grown that begins another sequence."""
+"""Largest growth of a worker that is reused for another sequence, as a fraction of its memory limit."""
 
 Jobs = Generator[Job, Any, None]
-"""A sequence of jobs; each one's result, or its Failure, is the value of the ``yield``."""
+"""Sequence of jobs; the value of each ``yield`` is the result of the job, or its Failure."""
 
 
 class _Task:
-    """A sequence at work: its worker, and the job that it is at."""
+    """A running sequence, with its worker and its current job."""
 
     def __init__(self, queue: str, jobs: Jobs, worker: WorkerProcess | None) -> None:
         self.queue, self.jobs, self.worker = queue, jobs, worker
         self.job: Job | None = None
         self.token = NO_TOKEN
-        """Of the job that the worker has been sent; ``NO_TOKEN`` while there is none."""
+        """Token of the job sent to the worker; ``NO_TOKEN`` if there is none."""
 
     def begin(self, worker: WorkerProcess) -> None:
-        """The job begins: from now on the worker's time is the job's."""
         self.began, self.used_before = worker.clock, worker.used
         self.compiled = 0.0
         self.compiling_since: tuple[float, float] | None = None
 
     def compiling(self, spent: float | None, worker: WorkerProcess) -> None:
-        """Compiling begins (None), or has ended after so much processor time: the job's clock stands meanwhile."""
+        """Stop the job's clock while it compiles (None), or restart it after so much processor time of compiling."""
         if spent is None:
             self.compiling_since = worker.clock, worker.used
         elif self.compiling_since is not None:
@@ -77,13 +76,12 @@ class _Task:
             self.compiling_since = None
 
     def pause(self, seconds: float) -> None:
-        """Nobody has looked for so long: that is no time of the job."""
+        """Exclude a period in which nothing was checked from the job's time."""
         self.began += seconds
         if self.compiling_since is not None:
             self.compiling_since = self.compiling_since[0] + seconds, self.compiling_since[1]
 
     def is_late(self, worker: WorkerProcess) -> bool:
-        """Whether the job is past its deadline."""
         if self.job is None or self.job.seconds == math.inf:
             return False
         used, now = worker.used, worker.clock
@@ -96,18 +94,18 @@ class _Task:
 
 
 class WorkerPool:
-    """Does sequences of jobs, a few at a time.
+    """Runs sequences of jobs, several at a time.
 
     Parameters
     ----------
     workers : int
-        How many are at work at once.
+        Largest number of workers at a time.
     memory : int, optional
-        Bytes that one worker may hold, with all that it has started; None: as many as there are.
+        Largest memory of one worker with its descendants [bytes]; None: unlimited.
     main : bool
-        Whether jobs hold objects of the caller's main module.
+        Whether jobs contain objects of the caller's main module.
     modules : sequence of str
-        What workers need to have imported.
+        Modules that workers must have imported.
     """
 
     def __init__(
@@ -122,19 +120,19 @@ class WorkerPool:
         self._looked = time.monotonic()
 
     def add(self, queue: str, jobs: Jobs, *, first: bool = False) -> None:
-        """Put a sequence at the end of a queue; ``first``: the queue comes before all others."""
+        """Append a sequence to a queue; with ``first``, the queue is placed before all other queues."""
         if first and queue not in self._waiting:
             self._waiting = {queue: deque(), **self._waiting}
         self._waiting.setdefault(queue, deque()).append(jobs)
 
     def run(self, tick: Callable[[], None] = lambda: None) -> None:
-        """Do all that has been added, and is added meanwhile; ``tick`` is called several times a second."""
+        """Run all sequences, including those added meanwhile; ``tick`` is called several times a second."""
         with closing(self.turns()) as turns:
             for _ in turns:
                 tick()
 
     def turns(self) -> Generator[None, None, None]:
-        """The same for who has something to do several times a second: that is done between two turns."""
+        """Run all sequences as a generator, which yields to the caller several times a second."""
         self._looked = time.monotonic()
         try:
             while self._waiting or self._tasks:
@@ -158,7 +156,7 @@ class WorkerPool:
             self._stopped.clear()
 
     def _begin(self, queue: str, worker: WorkerProcess | None) -> None:
-        """Begin the next sequence of a queue, with a worker that has done one before."""
+        """Start the next sequence of a queue, with a worker from a previous sequence if one is given."""
         task = _Task(queue, self._waiting[queue].popleft(), worker)
         if not self._waiting[queue]:
             del self._waiting[queue]
@@ -166,18 +164,18 @@ class WorkerPool:
         self._next(task, None)
 
     def _next(self, task: _Task, result: Any) -> None:
-        """Go on with a sequence, whose present job has this result."""
+        """Continue a sequence with the result of its current job."""
         try:
             task.job = task.jobs.send(result)
         except StopIteration:
             self._end(task)
             return
         if task.worker is not None and task.worker.ended is not None and not task.job.rests:
-            self._without_worker(task)  # what it died of was no job of this one
+            self._without_worker(task)  # the worker did not die of a job of this sequence
         self._send(task)
 
     def _end(self, task: _Task) -> None:
-        """A sequence is over: its worker goes on with the next one of the queue."""
+        """Remove a finished sequence; its worker continues with the next one of the queue."""
         self._tasks.remove(task)
         worker = task.worker
         if worker is None:
@@ -196,10 +194,10 @@ class WorkerPool:
             task.worker = None
 
     def _send(self, task: _Task) -> None:
-        """Have a job done by the sequence's worker, or a new one."""
+        """Send the sequence's job to its worker, or to a new one."""
         try:
             pickled = pickle.dumps(task.job, pickle.HIGHEST_PROTOCOL)
-        except Exception as error:  # whatever the solver's own classes do on the way into a pickle
+        except Exception as error:  # pickling of the solver's classes may raise anything
             raise HenonRefError(
                 f"a job of {task.queue} cannot be sent to its worker ({failure_of(error).reason}); "
                 "define solvers at the top of a module"
@@ -214,7 +212,6 @@ class WorkerPool:
         task.worker.channel.send(task.token, pickled)
 
     def _receive(self, task: _Task) -> None:
-        """Take the messages of a worker on its job."""
         worker, result = task.worker, None
         if worker is None or task.token == NO_TOKEN:
             return
@@ -233,14 +230,14 @@ class WorkerPool:
         except NoReply as error:
             self._finish(task, Failure("failed", str(error)), sound=False)
             return
-        except (Exception, SystemExit) as error:  # noqa: BLE001 - whatever the solver's classes do out of a pickle
-            reason = f"what the worker sent cannot be read: {failure_of(error).reason}"
+        except (Exception, SystemExit) as error:  # noqa: BLE001 - unpickling may raise anything
+            reason = f"the worker's reply cannot be read: {failure_of(error).reason}"
             self._finish(task, Failure("failed", short_line(reason)), sound=False)
             return
         self._finish(task, result, sound=not (isinstance(result, Failure) and result.status == "failed"))
 
     def _enforce(self) -> None:
-        """End the jobs whose worker has ended, and those past their deadline or their memory."""
+        """End jobs whose worker has ended, and jobs that exceed their deadline or memory."""
         now = time.monotonic()
         absent, self._looked = now - self._looked, now
         for task in list(self._tasks):
@@ -255,7 +252,7 @@ class WorkerPool:
                 self._finish(task, failure, sound=False)
 
     def _failure(self, task: _Task, worker: WorkerProcess) -> Failure | None:
-        """Why a job has to be ended; None where it has not."""
+        """Return why a job must be ended; None if it may continue."""
         if worker.ended is not None:
             return worker.crash()
         most = self.memory
@@ -266,24 +263,24 @@ class WorkerPool:
         return None
 
     def _finish(self, task: _Task, result: Any, *, sound: bool) -> None:
-        """A job has its result; ``sound``: its worker can go on."""
+        """Record the result of a job; ``sound``: whether its worker can be used further."""
         task.token = NO_TOKEN
         if not sound:
             self._without_worker(task)
         self._next(task, result)
 
     def _replace_unbegun(self, task: _Task, worker: WorkerProcess) -> None:
-        """Send a job to another worker where its own does not come to its beginning: that is no fault of the job's.
+        """Send a job to a new worker if its worker does not start, which is not a failure of the job.
 
         Raises
         ------
         HenonRefError
-            Where that has happened too often.
+            If this has happened too often.
         """
         if worker.ended is None and time.monotonic() - worker.asked < BEGIN_SECONDS:
             return
         self._without_worker(task)
         self._lost += 1
         if self._lost > MOST_LOST:
-            raise HenonRefError(f"worker processes have ended before they began, {self._lost} times")
+            raise HenonRefError(f"{self._lost} worker processes ended before they had started")
         self._send(task)

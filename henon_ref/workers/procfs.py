@@ -1,7 +1,7 @@
-"""What processes hold and have used, by Linux's ``/proc``; a process counts with all that it has started.
+"""Memory and processor time of processes and their descendants, from Linux's ``/proc``.
 
-Elsewhere there is no ``/proc``: only a process itself is known then, and neither its memory nor its time. psutil would
-read the same files, a family's members by a look at every process of the machine, and has no call for ``prctl``.
+Other systems have no ``/proc``: only the process itself is known, but not its memory or time. psutil reads the same
+files, finds descendants by checking every process of the machine, and has no call for ``prctl``.
 """
 
 from __future__ import annotations
@@ -15,18 +15,15 @@ from contextlib import suppress
 from pathlib import Path
 
 KNOWN = sys.platform == "linux" and Path("/proc/self/stat").exists()
-"""Whether the system tells what is asked for here."""
+"""Whether the system has this information."""
 _TIMES, _RESIDENT = slice(11, 15), 21
-"""Fields of ``/proc/PID/stat`` behind the name: time of the process, and of children that it has waited for."""
+"""Fields of ``/proc/PID/stat`` after the name: times of the process and of its reaped children; resident pages."""
 _DEATH_SIGNAL, _SUBREAPER = 1, 36
-"""Numbers of requests to the kernel (``prctl``)."""
+"""Numbers of ``prctl`` requests."""
 
 
 def family(pid: int) -> list[int]:
-    """A process and all that it has started and what those have, whether in its session or not, parents first.
-
-    Whatever has lost its parent is among them where the process has asked for that (:func:`adopt_orphans`).
-    """
+    """Return a process and its descendants, parents first; orphans only if it has called :func:`adopt_orphans`."""
     found = [pid]
     for parent in found:
         found += children(parent)
@@ -34,30 +31,30 @@ def family(pid: int) -> list[int]:
 
 
 def children(pid: int) -> list[int]:
-    """What a process has started, or adopted, that has not been waited for."""
+    """Return the children of a process, and the orphans it has adopted, that have not been reaped."""
     found: list[int] = []
     try:
         for task in Path(f"/proc/{pid}/task").iterdir():
             found += map(int, (task / "children").read_text(encoding="ascii").split())
-    except (OSError, ValueError):  # it ends just now
+    except (OSError, ValueError):  # the process has just ended
         pass
     return found
 
 
 def processor_seconds(pids: Iterable[int]) -> float:
-    """Processor time that processes have used, with children that they have waited for [s]."""
+    """Return the processor time of processes and their reaped children [s]."""
     ticks = sum(sum(map(int, fields[_TIMES])) for pid in pids if (fields := _stat(pid)))
     return ticks / os.sysconf("SC_CLK_TCK") if KNOWN else 0.0
 
 
 def resident_bytes(pids: Iterable[int]) -> int:
-    """Memory that processes hold; what they share counts for each."""
+    """Return the resident memory of processes [bytes]; shared memory counts for each of them."""
     pages = sum(int(fields[_RESIDENT]) for pid in pids if (fields := _stat(pid)))
     return pages * os.sysconf("SC_PAGE_SIZE") if KNOWN else 0
 
 
 def data_bytes() -> int:
-    """Data of this process, whether it is in memory or only reserved, as the system's limit on data counts it."""
+    """Return the data size of this process [bytes], reserved memory included, as counted by the system's limit."""
     if not KNOWN:
         return 0
     pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[5])
@@ -65,17 +62,17 @@ def data_bytes() -> int:
 
 
 def own_bytes(pids: Iterable[int]) -> int:
-    """Memory that processes hold, what they share counted once (slower to tell)."""
+    """Return the memory of processes [bytes], shared memory counted once (slower than :func:`resident_bytes`)."""
     total = 0
     for pid in pids:
-        with suppress(OSError, ValueError, StopIteration):  # it ends just now
+        with suppress(OSError, ValueError, StopIteration):  # the process has just ended
             lines = Path(f"/proc/{pid}/smaps_rollup").read_text(encoding="ascii").splitlines()
             total += 1024 * int(next(line for line in lines if line.startswith("Pss:")).split()[1])
     return total
 
 
 def _stat(pid: int) -> list[str]:
-    """Fields of a process behind its name; empty where there is no such process."""
+    """Return the fields of a process after its name; empty if there is no such process."""
     try:
         return Path(f"/proc/{pid}/stat").read_text(encoding="ascii", errors="replace").rpartition(")")[2].split()
     except OSError:
@@ -83,7 +80,7 @@ def _stat(pid: int) -> list[str]:
 
 
 def kill_family(pid: int) -> None:
-    """Kill a process and all that it has started; elsewhere than on Linux, what is in its process group."""
+    """Kill a process and its descendants; outside Linux, its process group."""
     for each in family(pid):
         with suppress(ProcessLookupError, PermissionError):
             os.kill(each, signal.SIGKILL)
@@ -92,12 +89,12 @@ def kill_family(pid: int) -> None:
 
 
 def adopt_orphans() -> None:
-    """Have whatever loses its parent among those that this process has started become its child."""
+    """Make this process the parent of its descendants that lose theirs."""
     _request(_SUBREAPER, 1)
 
 
 def signal_with_parent(number: int) -> None:
-    """Ask for a signal when the process that this one was begun by ends, however it ends."""
+    """Request a signal for the time when this process's parent ends, for whatever reason."""
     _request(_DEATH_SIGNAL, number)
 
 

@@ -1,6 +1,6 @@
-"""What a server of workers imports first: it looks for garbage seldom, and ends at once when its caller has ended.
+"""First import of a fork server: collects garbage rarely, and exits at once when its caller has ended.
 
-Taking apart all that it has imported would take up to a second, for which it holds the caller's standard output.
+A normal exit would take up to a second to free all imports, during which it keeps the caller's standard output open.
 """
 
 import atexit

@@ -1,12 +1,12 @@
-"""The inside of a worker: a process of its own that does one job after another, a request and a reply each.
+"""Code of a worker: a process that executes one job after another, with one request and one reply for each.
 
-What a job leaves in the worker's state the next one finds there. Whatever goes wrong in a job, a library's own
-exceptions included, becomes its reply; only a signal ends the worker without one.
+Jobs can leave objects in the worker's state for later jobs. Any exception in a job becomes its reply; only a signal
+ends the worker without a reply.
 
-On Linux the process that the caller begins is a guard, and the worker a fork of it: whatever the worker has started, in
-sessions of its own, too, loses its parent to the worker, and when that ends, to the guard, which kills it. The guard
-ends as its worker has ended, or when the caller does. Daemons of multiprocessing give nothing of this: a daemon must
-not start processes, and what it starts by other means outlives it.
+On Linux, the caller starts a guard process, and the worker is a fork of the guard. The worker, and after its end the
+guard, adopts orphaned descendants of the worker, even in other sessions; the guard kills them. The guard ends after its
+worker, or with the caller. Daemons of multiprocessing cannot replace this: they must not start processes, and
+processes that they start by other means outlive them.
 """
 
 from __future__ import annotations
@@ -38,51 +38,51 @@ if TYPE_CHECKING:
     from henon_ref.trajectory import Status
 
 REPLY, COMPILING = "reply", "compiling"
-"""Kinds of messages: a job's result; and that its run's clock stands still (None) or goes on (seconds it stood)."""
+"""Kinds of messages: result of a job; the job's clock stops (None) or continues (seconds of the interruption)."""
 SELDOM = 200_000
-"""Objects made between two looks for garbage."""
+"""Number of allocations between two garbage collections."""
 LAST_SECONDS = 5.0
-"""Time for what has been killed to be gone [s]."""
+"""Time to wait for killed processes to disappear [s]."""
 
 
 @dataclass
 class WorkerState:
-    """What a worker keeps from job to job."""
+    """State that a worker keeps between jobs."""
 
     tell: Callable[[str, Any], None]
-    """Sends a message on the present job to the caller."""
+    """Sends a message about the current job to the caller."""
     kept: dict[str, Any] = field(default_factory=dict)
-    """What jobs leave for those that follow, by name."""
+    """Objects that jobs leave for later jobs, by name."""
 
     def off_the_clock(self) -> AbstractContextManager[None]:
-        """Where what is compiled does not count for the deadline of the job."""
+        """Return a context in which compiling does not count for the job's deadline."""
         return compile_listener(lambda seconds: self.tell(COMPILING, seconds))
 
 
 class Job(ABC):
-    """A piece of work for a worker; goes into a pickle."""
+    """Job of a worker; it must be picklable."""
 
     rests: ClassVar[bool] = False
-    """Whether it rests on what jobs before it have left in the worker."""
+    """Whether the job depends on objects that previous jobs have left in the worker."""
 
     @property
     @abstractmethod
     def seconds(self) -> float:
-        """Its deadline: processor time that the worker, and all that it starts, may use for it [s]."""
+        """Deadline: processor time of the worker and its descendants for this job [s]."""
 
     @abstractmethod
     def run(self, state: WorkerState) -> Any:
-        """Do the work, in the worker; what it returns is the job's result."""
+        """Do the work in the worker, and return the result of the job."""
 
 
 @dataclass(frozen=True)
 class Failure:
-    """The result of a job that did not come to its end."""
+    """Result of a job that failed."""
 
     status: Status
     reason: str
     ignored: bool = False
-    """The deadline was ignored: the job was stopped from outside."""
+    """Whether the job ignored its deadline and was stopped from outside."""
 
 
 def work(
@@ -92,31 +92,31 @@ def work(
     guarded: bool,
     environment: Mapping[str, str] | None,
 ) -> NoReturn:
-    """What the process does that a caller begins.
+    """Run as the process started by a caller: serve jobs, or guard a fork that does.
 
     Parameters
     ----------
     theirs : socket
-        The worker's end of a :class:`~henon_ref.workers.channel.Channel`.
+        Worker's end of a :class:`~henon_ref.workers.channel.Channel`.
     log : socket, optional
-        Takes the place of standard output and standard error.
+        Replaces standard output and standard error.
     memory : int, optional
-        Bytes of data that the worker may allocate.
+        Limit on the data of the worker [bytes].
     guarded : bool
-        Whether the worker is a fork of this process.
+        Whether the worker is to be a fork of this process.
     environment : mapping, optional
-        The caller's, where this process has not got it: it is a fork of one that was begun earlier.
+        Environment of the caller, if this process is a fork of a server that was started earlier.
     """
     if environment is not None:
         os.environ.clear()
         os.environ.update(environment)
-    faulthandler.disable()  # a crash is told by its signal; the parent's handler would write to its terminal
+    faulthandler.disable()  # a crash is reported by its signal; the parent's handler would write to its terminal
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     if os.name == "posix":
         import resource
 
-        os.setsid()  # a terminal's interrupts and stops are the caller's own
+        os.setsid()  # interrupts and stops from the terminal go to the caller only
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     if guarded:
         signal.signal(signal.SIGCHLD, signal.SIG_DFL)
@@ -128,28 +128,28 @@ def work(
         adopt_orphans()
         os.setsid()
         signal_with_parent(signal.SIGKILL)
-        if os.getppid() != guard:  # it ended before the request was in force
+        if os.getppid() != guard:  # the guard ended before the request took effect
             os._exit(1)
     try:
         _bound(log, memory)
-        with suppress(BrokenPipeError, ConnectionResetError):  # the caller wants no more of it
+        with suppress(BrokenPipeError, ConnectionResetError):  # the caller has closed the channel
             _serve(theirs)
-        os._exit(0)  # what a library leaves to be done at the end of a process must not hang
-    except BaseException:  # noqa: BLE001 - nothing comes back from here into a copy of the caller
+        os._exit(0)  # skip exit handlers of libraries, which may hang
+    except BaseException:  # noqa: BLE001 - never return into the copy of the caller's code
         traceback.print_exc()
     finally:
         os._exit(1)
 
 
 def _guard(worker: int, theirs: socket.socket, log: socket.socket | None) -> NoReturn:
-    """Wait for the worker's end, or the caller's, and let nothing of what has been started outlive it."""
+    """Wait for the end of the worker or the caller, and kill every descendant that is left."""
     if log is not None:
         log.close()
-    signal_with_parent(signal.SIGCONT)  # a guard that has been stopped wakes up to see that the caller is gone
+    signal_with_parent(signal.SIGCONT)  # wakes a stopped guard, which then finds the caller gone
 
     def end_with_channel() -> None:
         channel = select.poll()
-        channel.register(theirs, 0)  # nothing but that the caller's end is closed
+        channel.register(theirs, 0)  # reports only that the caller's end is closed
         channel.poll()
         kill_family(worker)
 
@@ -172,14 +172,14 @@ def _guard(worker: int, theirs: socket.socket, log: socket.socket | None) -> NoR
 
 
 def _bound(log: socket.socket | None, memory: int | None) -> None:
-    """Quiet, and within its memory; elsewhere than on POSIX quiet alone."""
+    """Redirect the output to ``log`` and limit the memory (on POSIX only)."""
     if log is not None:
         for stream in (sys.stdout, sys.stderr):
-            if stream is not None:  # as where the shell has closed it
+            if stream is not None:  # None if the shell has closed it
                 stream.flush()
         nothing = os.open(os.devnull, os.O_RDWR)
-        said = log.fileno() if os.name == "posix" else nothing
-        for descriptor, target in ((nothing, 0), (said, 1), (said, 2)):
+        output = log.fileno() if os.name == "posix" else nothing
+        for descriptor, target in ((nothing, 0), (output, 1), (output, 2)):
             os.dup2(descriptor, target)
         os.close(nothing)
         log.close()
@@ -189,49 +189,49 @@ def _bound(log: socket.socket | None, memory: int | None) -> None:
 
     # Not RLIMIT_AS: LLVM and thread stacks reserve far more address space than they use.
     _, hard = resource.getrlimit(resource.RLIMIT_DATA)
-    limit = memory + data_bytes()  # what a fork has brought along is not its own
+    limit = memory + data_bytes()  # memory inherited by the fork does not count
     limit = limit if hard == resource.RLIM_INFINITY else min(limit, hard)
     resource.setrlimit(resource.RLIMIT_DATA, (limit, hard))
 
 
 def _serve(theirs: socket.socket) -> None:
-    """Do jobs until the caller closes the channel."""
+    """Execute jobs until the caller closes the channel."""
     collect_seldom()
-    gc.freeze()  # nor need what a fork has brought along be looked through again and again
+    gc.freeze()  # objects inherited by the fork need no further collections
     me, state = os.getpid(), WorkerState(lambda kind, value: None)
     theirs.sendall(framed(NO_TOKEN, b""))
     while (request := read_message(theirs)) is not None:
         token, pickled = request
 
         def tell(kind: str, value: Any, token: bytes = token, me: int = me) -> None:
-            if os.getpid() == me:  # a fork of the worker has nothing to say
+            if os.getpid() == me:  # a fork of the worker must not reply
                 theirs.sendall(framed(token, pickle.dumps((kind, value), pickle.HIGHEST_PROTOCOL)))
 
         state.tell = tell
         try:
             result = pickle.loads(pickled).run(state)
-        except BaseException as error:  # noqa: BLE001 - a library's failure is a row, not the end of the others
+        except BaseException as error:  # noqa: BLE001 - a failure of a library must not end the other jobs
             result = failure_of(error)
-        if os.getpid() != me:  # a fork that came back out of the solver: it is none
+        if os.getpid() != me:  # a fork made by the solver has returned from it
             os._exit(1)
         try:
             tell(REPLY, result)
         except ConnectionError:
             raise
-        except Exception as error:  # noqa: BLE001 - whatever the solver's own classes do on the way into a pickle
+        except Exception as error:  # noqa: BLE001 - pickling of the solver's classes may raise anything
             tell(REPLY, failure_of(error))
 
 
 def collect_seldom() -> None:
-    """What is imported and compiled stays: looking through it again and again would be for nothing."""
+    """Make garbage collections rare: imported and compiled objects stay, and scanning them costs time."""
     gc.set_threshold(SELDOM)
 
 
 def failure_of(error: BaseException) -> Failure:
-    """Status and reason of an exception that a job raised."""
+    """Return the status and the reason of an exception that a job raised."""
     try:
         text = short_line(str(error))
-    except Exception:  # noqa: BLE001 - it cannot even say its own words
+    except Exception:  # noqa: BLE001 - its own __str__ fails
         text = ""
     if isinstance(error, UnsupportedError):
         return Failure("unsupported", text)

@@ -1,11 +1,12 @@
-"""A worker's process, from its caller: how it begins, what it is sent and sends, what it holds and uses, how it ends.
+"""A worker's process as seen by its caller: start, communication, memory and processor time, end.
 
-It begins by :mod:`multiprocessing`: on Linux as a copy of the caller where that has a single thread, else as a copy of
-the standard library's fork server, which has imported what workers need; elsewhere, and with ``HENON_REF_START=spawn``,
-afresh. What the standard library does not give is added here: deadlines in processor time, a limit on what a worker and
-all that it has started hold together, their common end (:mod:`henon_ref.workers.worker`), and a caller that never waits
-for half a message (:mod:`henon_ref.workers.channel`). Where there is no ``/proc``, neither processor time nor memory is
-known; without a guard what a worker has started ends with it only by its process group, and on Windows not at all.
+It is started by :mod:`multiprocessing`: on Linux as a fork of the caller if the caller has a single thread, else as a
+fork of the standard library's fork server, which has imported what workers need. On other systems, and with
+``HENON_REF_START=spawn``, it is a new process. In addition to the standard library there are deadlines in processor
+time, a memory limit for the worker and its descendants together, their common end (:mod:`henon_ref.workers.worker`),
+and a caller that never waits for half a message (:mod:`henon_ref.workers.channel`). Without ``/proc``, processor time
+and memory are unknown. Without a guard, descendants end with the worker only if they are in its process group, and on
+Windows not at all.
 """
 
 from __future__ import annotations
@@ -34,47 +35,47 @@ from henon_ref.workers.procfs import KNOWN, family, kill_family, own_bytes, proc
 from henon_ref.workers.worker import LAST_SECONDS, Failure, work
 
 START_VARIABLE = "HENON_REF_START"
-"""Environment variable: with ``spawn`` every process begins afresh, as where there is no fork."""
+"""Environment variable; with ``spawn``, every worker is a new process, as on systems without fork."""
 ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-"""A worker is one thread: those of linear algebra would only get in the way of the others."""
+"""Workers use one thread each: threads of linear algebra would compete with other workers."""
 FORK, SERVER, SPAWN = "fork", "forkserver", "spawn"
 SERVER_START = "henon_ref.workers.server_start"
-"""The module that a fork server imports first."""
+"""First module that a fork server imports."""
 LOG_TAIL = 4000
-"""Bytes of a worker's output that are kept, for its last words."""
+"""Number of bytes kept of the end of a worker's output."""
 _AT_ONCE = 1 << 16
 _served = False
-"""Whether a fork server has been begun for this process's workers."""
+"""Whether this process has started a fork server."""
 _own_ends: set[socket.socket] = set()
-"""The caller's ends of all ways to workers: none of them is a later worker's."""
+"""Caller's ends of all channels, which a forked worker closes."""
 
 
 def start_method() -> str:
-    """How processes begin: a copy is made of a process that holds no lock of a thread which the copy does not have."""
+    """Return how workers start; a process is forked only if no other thread can hold a lock."""
     if sys.platform != "linux" or os.environ.get(START_VARIABLE) == SPAWN:
         return SPAWN
     return FORK if threading.active_count() == 1 and not _served else SERVER
 
 
 def begin_server(*modules: str) -> None:
-    """Have workers begin, from here on, as copies of a process that imports some modules while this one goes on.
+    """Start a fork server that imports some modules in the background, and fork later workers from it.
 
-    Only where there is a second core for it. It is the standard library's, and ends with this process.
+    Only if a second core is available. It is the server of the standard library, and ends with this process.
     """
     global _served
     if sys.platform != "linux" or len(os.sched_getaffinity(0)) < 2 or start_method() == SPAWN:
         return
     server.set_forkserver_preload([SERVER_START, *modules])
-    with suppress(OSError), _fresh(main=False):  # such as where no socket can be made
+    with suppress(OSError), _fresh(main=False):  # for example, no socket can be created
         server.ensure_running()
         _served = True
 
 
 @contextmanager
 def _fresh(*, main: bool) -> Iterator[None]:
-    """What a process that begins afresh is told: to have one thread, and to leave the caller's main module alone.
+    """Prepare the start of a new process: a single thread, and no import of the caller's main module.
 
-    So that neither script nor notebook needs a guard, but where jobs hold objects of that module (``main``).
+    Scripts and notebooks then need no guard. If jobs contain objects of the main module (``main``), it is imported.
     """
     if main and not {"init_main_from_name", "init_main_from_path"} & set(get_preparation_data("worker")):
         raise CaseError(
@@ -102,28 +103,30 @@ def _work(*arguments: Any) -> None:
 
 
 class WorkerProcess:
-    """A worker, from its caller's side.
+    """A worker as seen by its caller.
 
     Parameters
     ----------
     memory : int, optional
-        Bytes that it may allocate; what it prints is kept then. None: it is neither bounded nor quiet.
+        Limit on its data [bytes]; the end of its output is then kept. None: no limit, and its output is not captured.
     main : bool
-        Whether jobs hold objects of the caller's main module.
+        Whether jobs contain objects of the caller's main module.
     modules : sequence of str
-        What it needs to have imported.
+        Modules that it must have imported.
 
     Attributes
     ----------
     ended : int or None
-        Exit status, once it has ended and all that it has sent is here.
+        Exit status, set when the worker has ended; all data that it has sent can then be read.
     began_with : int or None
-        Bytes that it held as it began; None until it has.
+        Memory of the worker at its start [bytes]; None until it has started.
     """
 
     def __init__(self, memory: int | None = None, *, main: bool = False, modules: Sequence[str] = ()) -> None:
-        if getattr(current_process(), "_inheriting", False):  # of a worker that imports the main module
-            raise HenonRefError('the script compares where it is imported: put that under if __name__ == "__main__"')
+        if getattr(current_process(), "_inheriting", False):  # a worker is importing the main module
+            raise HenonRefError(
+                'the script starts workers when it is imported: put the call under if __name__ == "__main__"'
+            )
         method = start_method()
         ours, theirs = socket.socketpair()
         self.channel = Channel(ours, LARGEST if memory is not None else None)
@@ -141,7 +144,7 @@ class WorkerProcess:
         self._tail = b""
         self._guarded = method != SPAWN
         with warnings.catch_warnings():
-            # The threads that linear algebra has of its own survive a fork by handlers of theirs.
+            # Threads of linear algebra libraries survive a fork, by handlers of these libraries.
             warnings.simplefilter("ignore", DeprecationWarning)
             given = theirs, log, memory, self._guarded, dict(os.environ) if method == SERVER else None
             context: Any = get_context(method)
@@ -156,34 +159,34 @@ class WorkerProcess:
 
     @property
     def family(self) -> list[int]:
-        """It and all that it has started, as far as that is known."""
+        """The worker and its descendants, as far as known."""
         return family(self.channel.sender) if KNOWN and self.channel.sender else []
 
     @property
     def resident(self) -> int:
-        """Bytes that it holds, with all that it has started."""
+        """Resident memory of the worker and its descendants [bytes]."""
         return resident_bytes(self.family)
 
     @property
     def own(self) -> int:
-        """The same, what they share counted once (slower to tell)."""
+        """Memory of the worker and its descendants, shared memory counted once (slower) [bytes]."""
         return own_bytes(self.family)
 
     @property
     def used(self) -> float:
-        """Processor time that it has used, with all that it has started [s]."""
+        """Processor time of the worker and its descendants [s]."""
         return processor_seconds(self.family)
 
     @property
     def clock(self) -> float:
-        """Wall time, less what it, all that it has started, and this process have waited for a processor [s]."""
-        for pid in (os.getpid(), *self.family):  # one that has ended since, of which nothing is told, has, too
+        """Wall time, minus the time that the worker, its descendants and this process waited for a processor [s]."""
+        for pid in (os.getpid(), *self.family):  # ended processes keep their last value
             self._waited[pid] = max(self._waited.get(pid, 0.0), waited_seconds(pid))
         return time.monotonic() - sum(self._waited.values())
 
     def look(self) -> None:
-        """Take note of its end, then take what it has printed, and send what there is room for."""
-        self.ended = self._process.exitcode  # first of all: what it has sent before its end is there then
+        """Update the exit status, read the worker's output, and send remaining data."""
+        self.ended = self._process.exitcode  # must come first: all data sent before the end can then be read
         self.channel.go_on()
         if self._log is None:
             return
@@ -194,7 +197,7 @@ class WorkerProcess:
                 self._listened.remove(self._log)
 
     def crash(self) -> Failure:
-        """What it died of."""
+        """Return the failure for a worker that died: exit code or signal, and its last line of output."""
         how = f"the worker ended with code {self.ended}"
         if self.ended is not None and self.ended < 0:
             how = f"the library was ended by signal {signal.Signals(-self.ended).name}"
@@ -203,21 +206,21 @@ class WorkerProcess:
         return Failure("failed", f"{how}: {words}" if words else how)
 
     def stop(self) -> None:
-        """Kill it and everything it has started; :meth:`join` waits for its end."""
-        for end in (self.channel.socket, self._log):  # this its guard sees, which has to be awake for that
+        """Kill the worker and its descendants; :meth:`join` waits for their end."""
+        for end in (self.channel.socket, self._log):  # the guard, once awake, notices the closed channel
             if end is not None:
                 _own_ends.discard(end)
                 end.close()
         if self._process.exitcode is not None:
             return
         if self._guarded:
-            with suppress(ProcessLookupError):  # it has seen it and is gone, which its exit status may say later
+            with suppress(ProcessLookupError):  # the guard has already ended
                 os.kill(self._process.pid, signal.SIGCONT)
         else:
             self._kill()
 
     def join(self) -> None:
-        """Wait until it and all that it has started are gone."""
+        """Wait until the worker and its descendants have ended."""
         self._process.join(LAST_SECONDS + 1.0)
         if self._process.exitcode is None:
             self._kill()
@@ -231,7 +234,7 @@ class WorkerProcess:
 
 
 def exchange(workers: Sequence[WorkerProcess], seconds: float) -> None:
-    """Send and take what can be, waiting so long at most for something to come [s]."""
+    """Exchange data with workers, waiting at most ``seconds`` for new data."""
     with selectors.DefaultSelector() as selector:
         for worker in workers:
             waiting = selectors.EVENT_WRITE if worker.channel.waiting else 0

@@ -59,10 +59,10 @@ def test_rational_parameters_may_use_each_other_in_a_long_chain() -> None:
         (changed("t - F*s", "t - G*s"), "9:16", "unknown name 'G'"),
         (changed('["t - F*s"]', "[t - F*s, x]"), "9:10", "one for each state"),
         (changed("t - F*s", "__import__('os')"), "9:12", "unknown name '__import__'"),
-        (changed("t - F*s", "t - s*floor(x)"), "9:18", "jumps without end"),
-        (changed("t - F*s", "t - s*abs(F)"), "9:11", "F holds neither t nor a state"),
+        (changed("t - F*s", "t - s*floor(x)"), "9:18", "jumps infinitely often"),
+        (changed("t - F*s", "t - s*abs(F)"), "9:11", "F contains neither t nor a state"),
         (changed("t - F*s", "t - s/(1 + sign(x - 1))"), "9:11", "division by zero (where x - 1 has the sign -1)"),
-        (changed("{F: 1}", "{kink1: 1}").replace("F*s", "kink1*abs(x - 1)"), "9:3", "'kink1' is taken"),
+        (changed("{F: 1}", "{kink1: 1}").replace("F*s", "kink1*abs(x - 1)"), "9:3", "rename the 'kink1'"),
         (changed("t - F*s", "t - s/(F - 1)"), "9:17", "division by zero (with the values"),
         (changed("t - F*s", "t/(1 + s)"), "9:13", "division by zero (at s = -1)"),
         (changed('["t - F*s"]', "\n    - >-\n      t -\n      G*s"), "10:7", "unknown name 'G'"),
@@ -74,7 +74,7 @@ def test_rational_parameters_may_use_each_other_in_a_long_chain() -> None:
         (changed("{F: 1}", "{F: true}"), "7:19", "number or an expression"),
         (changed("{F: 1}", "{F: 2001-01-01}"), "7:19", "2001-01-01 is a date"),
         (changed("until: 3", "until: 2001-01-01"), "12:8", "2001-01-01 is a date"),
-        (changed('{s: "x"}', "{}").replace("F*s", "F"), "5:1", "name a surface"),
+        (changed('{s: "x"}', "{}").replace("F*s", "F"), "5:1", "add a surface"),
         (changed("[x]", f"[{', '.join(f'x{i}' for i in range(257))}]"), "6:10", "at most 256 entries"),
         (
             changed('{s: "x"}', f"{{{', '.join(f's{i}: x' for i in range(257))}}}"),
@@ -88,41 +88,41 @@ def test_rational_parameters_may_use_each_other_in_a_long_chain() -> None:
         (SLIDE + "steps: [1e-400]\n", "19:9", "larger than 0"),
         (SLIDE + "orbit: {period: 1, sticks: [-0.5]}\n", "19:29", "larger than 0"),
         (SLIDE + "sliding: {s: {field: [0], release: [{when: x, direction: rising, to: true}]}}", "19:70", "-1 or 1"),
-        (changed("{F: 1}", "{F: 2*G, G: H, H: F}"), "7:19", "in a circle: F -> G -> H -> F"),
-        (changed("{F: 1}", "{F: 1, pi: 3}"), "7:22", "'pi' is taken"),
+        (changed("{F: 1}", "{F: 2*G, G: H, H: F}"), "7:19", "in a cycle: F -> G -> H -> F"),
+        (changed("{F: 1}", "{F: 1, pi: 3}"), "7:22", "'pi' is reserved"),
         (changed("{F: 1}", "{F: 1, lambda: 3}"), "7:22", "'lambda'"),
         (changed("{F: 1}", "{F: 1, x: 3}"), "6:11", "already the name of a parameter"),
-        (changed("[x]", "[x, time_s]"), "6:14", "'time_s' is a column of transitions.csv"),
-        (changed("[x]", "[x, outcome]"), "6:14", "'outcome' is a column of transitions.csv"),
-        (changed('{s: "x"}', "{s: F}"), "8:17", "never changes"),
+        (changed("[x]", "[x, time_s]"), "6:14", "'time_s' is the name of another column of transitions.csv"),
+        (changed("[x]", "[x, outcome]"), "6:14", "'outcome' is the name of another column of transitions.csv"),
+        (changed('{s: "x"}', "{s: F}"), "8:17", "is constant"),
         (changed('{s: "x"}', "{s: x + s}"), "8:21", "unknown name 's'"),
         (changed("{t: 0, x: 0}", "{t: 0}"), "11:1", "lacks the state x"),
-        (changed("{t: 0, x: 0}", "{t: 0, x: 0, y: 1}"), "11:23", "'y' is no state"),
+        (changed("{t: 0, x: 0}", "{t: 0, x: 0, y: 1}"), "11:23", "'y' is not a state"),
         (changed("{t: 0, x: 0}", "{t: 0, x: 0, mode: {s: 2}}"), "11:33", "-1 or 1"),
-        (changed("{t: 0, x: 0}", "{t: 0, x: 0, mode: {q: 1}}"), "11:30", "'q' is no surface"),
+        (changed("{t: 0, x: 0}", "{t: 0, x: 0, mode: {q: 1}}"), "11:30", "'q' is not a surface"),
         (changed("{t: 0, x: 0}", "{t: 0, x: 1/3, mode: {s: 0}}"), "11:35", "not on the surface"),
-        (changed('["t - F*s"]', "[t]").replace("x: 0}", "x: 0, mode: {s: 0}}"), "11:29", "no mode slides like that"),
+        (changed('["t - F*s"]', "[t]").replace("x: 0}", "x: 0, mode: {s: 0}}"), "11:29", "cannot slide together"),
         (changed("until: 3", "until: 0"), "12:8", "later than the start"),
         (changed("until: 3", "until: 1e-400"), "12:8", "later than the start"),
         (changed("until: 3", "until: soon"), "12:8", "unknown name 'soon'"),
         (changed("[1.00]", "[one]"), "14:31", "not the text 'one'"),
-        (changed('["1"]', '["2", "1"]'), "15:33", "in order"),
-        (changed('["1"]', '["7/2"]'), "15:28", "beyond 'until'"),
+        (changed('["1"]', '["2", "1"]'), "15:33", "in increasing order"),
+        (changed('["1"]', '["7/2"]'), "15:28", "after 'until'"),
         (changed("[1e-6, 1e-9", "[1e-6, 1e-19"), "17:20", "between 1e-16 and 1"),
         (changed("[1e-6, 1e-9", "[1e-6, '1e-9'"), "17:20", "not the text"),
-        (changed("[1e-6, 1e-9", "[1e-6, 1e-6"), "17:20", "stands twice"),
+        (changed("[1e-6, 1e-9", "[1e-6, 1e-6"), "17:20", "is listed twice"),
         (changed("gate: {henon", "gate: {cvode-bdf"), "18:8", "not among 'solvers'"),
         (SLIDE + "expect: {time: 99}\n", "19:16", "ends at 'until', 3; leave 'time' out"),
         (SLIDE + "expect: {status: ok, time: 1}\n", "19:28", "ends at 'until', 3; leave 'time' out"),
-        (SLIDE + "expect: {status: failed, time: 99}\n", "19:32", "between its start, 0, and 'until', 3"),
-        (SLIDE + "expect: {status: failed, time: -F}\n", "19:32", "between its start, 0, and 'until', 3"),
+        (SLIDE + "expect: {status: failed, time: 99}\n", "19:32", "between the start, 0, and 'until', 3"),
+        (SLIDE + "expect: {status: failed, time: -F}\n", "19:32", "between the start, 0, and 'until', 3"),
         (changed("{max_time_error: 1e-11}", "{at: 1e-7, max_time_error: 1}"), "18:20", "not among 'tolerances'"),
         (changed("{max_time_error: 1e-11}", "{max_error: 1e-11}"), "18:16", "did you mean 'max_time_error'"),
         (SLIDE + "until: 4\n", "19:1", "twice"),
         (SLIDE + "scene: {bodies: {a: {mass: 1}}, connections: []}\n", "19:1", "either 'system' or 'scene'"),
         ("scene: {bodies: {a: {mass: 1}}, connections: []}\n" + SLIDE, "6:1", "either 'system' or 'scene'"),
         (SLIDE[: SLIDE.index("system:")] + SLIDE[SLIDE.index("initial:") :], "1:1", "either 'system' or 'scene'"),
-        (SLIDE + "sliding: {q: {field: [0], release: [{when: x, direction: rising, to: 1}]}}", "19:11", "no surface"),
+        (SLIDE + "sliding: {q: {field: [0], release: [{when: x, direction: rising, to: 1}]}}", "19:11", "is not a"),
         (SLIDE + "sliding: {s: {field: [0], release: [{when: x, direction: up, to: 1}]}}", "19:58", "'rising'"),
         (SLIDE + "sliding: {s: {field: [0, 0], release: [{when: x, direction: rising, to: 1}]}}", "19:22", "one for"),
         (SLIDE + "expect: {status: fine, reason: why}\n", "19:18", "'nonunique'"),
@@ -137,7 +137,7 @@ def test_what_cannot_be_used_is_refused_with_its_place(text: str, place: str, sa
 def test_a_fixed_step_solver_has_no_row_at_a_tolerance() -> None:
     text = changed("{max_time_error: 1e-11}", "{max_time_error: 1e-11, at: 1e-6}")
     error = refusal(text, fixed_step=lambda name: name == "henon")
-    assert str(error).startswith("case.yaml:18:39: 'henon' has steps and no tolerances")
+    assert str(error).startswith("case.yaml:18:39: 'henon' has steps, not tolerances")
     assert parse_case(text, fixed_step=lambda name: False).readings[0].gate["henon"].at == 1e-6
 
 
@@ -184,7 +184,7 @@ def test_a_scene_without_friction_is_no_case() -> None:
     model = SLIDE[SLIDE.index("system:") : SLIDE.index("initial:")]
     scene = "scene: {bodies: {a: {mass: 1}}, connections: [force: {on: a, value: 1}]}\n"
     error = refusal(SLIDE.replace(model, scene).replace("x: 0}", "x_a: 1, v_a: 0}"))
-    assert "without friction or a stop" in error.message
+    assert "add a friction or a stop" in error.message
     assert (error.line, error.column) == (5, 33)
 
 

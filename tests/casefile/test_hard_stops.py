@@ -93,7 +93,7 @@ def test_a_parameter_e_is_no_euler_number() -> None:
          "resets: {g_a_wall: {map: {v_a: 1}}}\n", "11:10", "is a hard stop of the scene"),
         ("[a, wall], gap: 0", "{x_a: 1, v_a: 0, x_b: 0, v_b: 0}",
          "sliding: {g_a_wall: {field: [0, 0, 0, 0], release: [{when: x_a, direction: rising, to: 1}]}}\n",
-         "11:11", "is a hard stop, on which a body rests in its own way"),
+         "11:11", "is a hard stop; its sliding mode (a body at rest) cannot be replaced"),
     ],
 )  # fmt: skip
 def test_what_does_not_fit_a_stop_is_refused_with_its_place(

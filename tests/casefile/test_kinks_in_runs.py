@@ -222,7 +222,7 @@ def test_a_kink_may_hold_signs(
 def test_a_kink_of_more_signs_than_can_be_tried_is_refused_with_its_place() -> None:
     text = SIGNED.format(surface="v", rate="-abs(x - s - a - b - c - d)")
     text = text.replace('s: "v"', "s: v, a: x - 2, b: x - 3, c: x - 4, d: x - 5")
-    with pytest.raises(CaseError, match="a kink of what holds more than 4 signs") as caught:
+    with pytest.raises(CaseError, match="the argument of a kink has more than 4 signs") as caught:
         parse_case(HEAD + text, file="case.yaml")
     assert str(caught.value).startswith("case.yaml:7:14: ")
 

@@ -37,14 +37,14 @@ def test_a_reset_is_read_and_belongs_to_the_mathematics() -> None:
 @pytest.mark.parametrize(
     ("old", "new", "place", "message"),
     [
-        ("  s: {when", "  z: {when", (10, 3), "'z' is no surface; surfaces: s"),
-        ('{v: "-r*v"}', '{w: "-r*v"}', (10, 28), "'w' is no state; states: x, v"),
+        ("  s: {when", "  z: {when", (10, 3), "'z' is not a surface; surfaces: s"),
+        ('{v: "-r*v"}', '{w: "-r*v"}', (10, 28), "'w' is not a state; states: x, v"),
         ('{v: "-r*v"}', '{v: "-q*v"}', (10, 33), "in 'v': unknown name 'q'"),
-        ('{v: "-r*v"}', '{v: "v"}', (10, 22), "the map leaves every state as it is; leave the reset out"),
+        ('{v: "-r*v"}', '{v: "v"}', (10, 22), "the map changes no state; leave the reset out"),
         ('{v: "-r*v"}', "{}", (10, 27), "map"),
         ("falling", "rising", (10, 13), "falling"),
         ("until: 3", "until: 3\nsliding: {s: {field: [v, 0], release: [{when: v, direction: rising, to: 1}]}}",
-         (10, 3), "'s' has sliding of its own; a surface has that or a reset"),
+         (10, 3), "'s' has a sliding mode under 'sliding'; a surface may have that or a reset, not both"),
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_refused_with_its_place(old: str, new: str, place: tuple[int, int], message: str) -> None:

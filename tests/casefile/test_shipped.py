@@ -72,7 +72,7 @@ def test_a_case_named_twice_is_read_once() -> None:
     ("name", "similar"), [("fig9", "fig8"), ("hard/grazin", "hard/grazing"), ("Classic", "classic")]
 )
 def test_an_unknown_name_is_told_with_similar_ones(name: str, similar: str) -> None:
-    with pytest.raises(CaseError, match=f"^{name}: there is no such file or folder, nor a case .*: .*{similar}"):
+    with pytest.raises(CaseError, match=f"^{name}: no file, folder or shipped case has this name.*: .*{similar}"):
         read_cases([Path(name)])
 
 

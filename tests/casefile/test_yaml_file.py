@@ -56,7 +56,7 @@ BOMB = "a: &a [x,x,x,x,x,x,x,x,x]\n" + "".join(
 @pytest.mark.parametrize(
     ("text", "place", "says"),
     [
-        (BOMB, "5:11", "aliases written out"),
+        (BOMB, "5:11", "aliases expanded"),
         ("a: &x {b: *x}", "1:11", "contains itself"),
         ("a: *x", "1:4", "no anchor"),
         ("a: 1\nb: 2\na: 3", "3:1", "twice (first in line 1)"),
@@ -74,9 +74,9 @@ BOMB = "a: &a [x,x,x,x,x,x,x,x,x]\n" + "".join(
         ("a: {b: 1", "1:9", "not YAML"),
         ("a: 'x", "1:6", "not YAML"),
         ("a: b\x07", "1:5", "control character"),
-        ("%YAML 1.3\n---\na: 1", "1:1", "a version other than 1.1 and 1.2"),
-        ('a: 1\nb: "\\U00110000"', "2:2", "a character that there is not"),
-        ('a: 1\nb: "\\UFFFFFFFF"', "2:2", "a character that there is not"),
+        ("%YAML 1.3\n---\na: 1", "1:1", "a YAML version other than 1.1 and 1.2"),
+        ('a: 1\nb: "\\U00110000"', "2:2", "a character number above 10FFFF"),
+        ('a: 1\nb: "\\UFFFFFFFF"', "2:2", "a character number above 10FFFF"),
     ],
 )
 def test_a_hostile_or_broken_file_is_refused_with_its_place(text: str, place: str, says: str) -> None:
@@ -92,7 +92,7 @@ def test_a_path_that_is_no_file_is_refused(tmp_path: Path) -> None:
     for path, says in (
         (tmp_path, "folder"),
         (tmp_path / "missing.yaml", "no such file"),
-        (tmp_path / "pipe", "no regular file"),
+        (tmp_path / "pipe", "not a regular file"),
         (tmp_path / "a\0b", "cannot be read"),
     ):
         with pytest.raises(CaseError, match=says):

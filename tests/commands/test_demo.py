@@ -27,4 +27,4 @@ def test_the_picture_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     text = (tmp_path / "belt.svg").read_text()
     assert "<title" in text
     assert command(["--out", str(tmp_path / "belt.doc")]) == 2
-    assert "a picture's name ends with .png, .svg, .pdf" in capsys.readouterr().err
+    assert "the name of a figure must end with one of .png, .svg, .pdf" in capsys.readouterr().err

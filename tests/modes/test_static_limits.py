@@ -121,5 +121,5 @@ def test_between_two_fixed_bodies_there_is_no_friction() -> None:
 initial: {x_m: 1.2, v_m: 0.2}
 until: 4
 """
-    with pytest.raises(CaseError, match="acts on nothing, both are fixed"):
+    with pytest.raises(CaseError, match="has no effect: both are fixed"):
         parse_case(HEAD + text)

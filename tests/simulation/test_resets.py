@@ -74,7 +74,7 @@ def test_systems_with_other_resets_are_other_systems(ball: hr.System) -> None:
         )  # fmt: skip
 
     assert made("-e*v") == ball != made("-e*v/2")
-    with pytest.raises(HenonRefError, match="'w' is no state"):
+    with pytest.raises(HenonRefError, match="'w' is not a state"):
         hr.System(
             state=["x"], parameters={}, surfaces={"s": "x"}, field=["-1"], resets={"s": {"map": {"w": 1}}}
         )  # fmt: skip

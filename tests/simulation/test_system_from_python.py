@@ -195,12 +195,12 @@ def test_kinks_of_sympy_are_those_of_a_file() -> None:
     ("rate", "says"),
     [
         (sp.Piecewise((1, sp.Symbol("x") > 2)), r"end it with \(value, True\)"),
-        (sp.Piecewise((1, sp.Eq(sp.Symbol("x"), 2)), (0, True)), "compares with <, <=, > or >="),
+        (sp.Piecewise((1, sp.Eq(sp.Symbol("x"), 2)), (0, True)), "compare with <, <=, > or >="),
         ("Piecewise((1, x > 0), (0, True))", r"write piecewise\(value, condition"),
-        ("np.sin(x)", "functions stand by themselves"),
-        ("piecewise(1, x > 0 and x < 1, 0)", "one piecewise in another"),
-        ("piecewise(1, (x > 0) & (x < 1), 0)", "one piecewise in another"),
-        ("piecewise(1, x > 0 & x < 1, 0)", "one piecewise in another"),
+        ("np.sin(x)", "write functions without a prefix"),
+        ("piecewise(1, x > 0 and x < 1, 0)", "a piecewise inside another"),
+        ("piecewise(1, (x > 0) & (x < 1), 0)", "a piecewise inside another"),
+        ("piecewise(1, x > 0 & x < 1, 0)", "a piecewise inside another"),
         ("piecewise(1, x == 1, 0)", "compare with <, <=, > or >="),
         ("-µ*x", "write μ"),
         ("π*x", "write pi"),
@@ -264,7 +264,7 @@ def test_a_tolerance_that_is_text_is_told_so() -> None:
 
 
 def test_kinks_in_maps_are_refused_with_what_can_be_written() -> None:
-    with pytest.raises(hr.HenonRefError, match=r"abs\(v\) is -v"):
+    with pytest.raises(hr.HenonRefError, match=r"write -v for abs\(v\)"):
         hr.System(["x", "v"], {}, {"s": "x"}, ["v", "-1"], resets={"s": {"map": {"v": "0.8*abs(v)"}}})
     bounce = hr.System(["x", "v"], {}, {"s": "x"}, ["v", "-1"], resets={"s": {"map": {"v": "0.8*(-v)"}}})
     assert hr.simulate(bounce, {"x": 1, "v": 0}, until=2).status == "ok"

@@ -66,7 +66,7 @@ def test_a_folder_whose_manifest_is_somebody_elses_is_left_alone(tmp_path: Path,
     (place / "manifest.json").write_bytes(manifest if isinstance(manifest, bytes) else manifest.encode())
     before = content(tmp_path)
     for resume in (False, True):
-        with pytest.raises(HenonRefError, match="holds files, and no sweep's"):
+        with pytest.raises(HenonRefError, match="has files, but no sweep"):
             swept(place, resume=resume)
         assert content(tmp_path) == before
 

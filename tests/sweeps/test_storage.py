@@ -62,7 +62,7 @@ def test_resuming_writes_no_finished_chunk_again(tmp_path: Path) -> None:
 def test_another_sweep_is_not_resumed_but_replaced(tmp_path: Path) -> None:
     swept(tmp_path / "out")
     other = {"vb": np.linspace(0.05, 1, 5)}
-    with pytest.raises(CaseError, match="another sweep"):
+    with pytest.raises(CaseError, match="a different sweep"):
         swept(tmp_path / "out", resume=True, grid=other)
     swept(tmp_path / "out", grid=other)
     assert len(pd.read_parquet(tmp_path / "out" / "points")) == 5
@@ -70,7 +70,7 @@ def test_another_sweep_is_not_resumed_but_replaced(tmp_path: Path) -> None:
 
 def test_a_folder_of_other_things_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / "thesis.tex").write_text("...")
-    with pytest.raises(CaseError, match="no sweep's"):
+    with pytest.raises(CaseError, match="but no sweep"):
         swept(tmp_path)
     assert [p.name for p in tmp_path.iterdir()] == ["thesis.tex"]
 

@@ -154,7 +154,7 @@ def test_a_table_is_a_regular_file(tmp_path: Path, kind: str) -> None:
         path.symlink_to("/dev/zero")
     else:
         path.mkdir()
-    with pytest.raises(ArgumentError, match="no regular file"):
+    with pytest.raises(ArgumentError, match="not a regular file"):
         table(path)
 
 

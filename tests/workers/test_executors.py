@@ -148,11 +148,9 @@ def test_a_scheduler_that_dies_leaves_word_of_what_is_finished(tmp_path: Path, a
     assert 3 <= finished < 24
     assert len(said) == 2
     for words in said:
-        assert words.startswith(
-            "the executor has ended, or dropped its tasks, as where the scheduler of a cluster dies"
-        )
+        assert words.startswith("the executor has ended or dropped its tasks, for example because the scheduler")
         assert words.endswith(
-            f"{finished} of 24 chunks are finished and lie in {out}; --resume (resume=True) goes on from them"
+            f"{finished} of 24 chunks are finished and stored in {out}; --resume (resume=True) continues from them"
         )
     whole = swept(jobs=1, chunk=1, until=4000)
     assert_same(swept(jobs=1, chunk=1, until=4000, out=out, resume=True), whole)
@@ -161,7 +159,7 @@ def test_a_scheduler_that_dies_leaves_word_of_what_is_finished(tmp_path: Path, a
 def test_an_executor_that_is_shut_down_says_so() -> None:
     executor = ThreadPoolExecutor(1)
     executor.shutdown()
-    with pytest.raises(HenonRefError, match="0 of 8 chunks are finished and lost: nothing is kept without a folder"):
+    with pytest.raises(HenonRefError, match="0 of 8 chunks are finished but lost, since no folder"):
         swept(executor=executor, chunk=3)
 
 
@@ -206,7 +204,7 @@ def test_a_task_whose_worker_is_killed_is_done_again(processes: str, tmp_path: P
 def test_a_task_that_kills_every_worker_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     """However they begin; a copy of this process begins sooner."""
     monkeypatch.setattr(worker_process, "start_method", lambda: "fork" if sys.platform == "linux" else "spawn")
-    with pytest.raises(HenonRefError, match=f"{TRIES} workers have ended"):
+    with pytest.raises(HenonRefError, match=f"{TRIES} workers ended"):
         dict(finished(_dies, [Task(0, (0,))], jobs=2))
 
 

@@ -99,7 +99,7 @@ def test_what_a_job_keeps_the_next_one_finds():
         ("abort", "failed", "SIGABRT: LLVM ERROR: out of registers"),
         ("abort_while_a_child_holds_the_way", "failed", "SIGABRT: the end"),
         ("raise", "failed", "ValueError: bad value"),
-        ("trap", "failed", "what the worker sent cannot be read: RuntimeError: out of the pickle"),
+        ("trap", "failed", "the worker's reply cannot be read: RuntimeError: out of the pickle"),
         ("local", "failed", "local"),
         ("unsupported", "unsupported", "no events"),
         ("unavailable", "unavailable", "not installed"),
@@ -345,5 +345,5 @@ def test_a_script_that_compares_where_it_is_imported_is_told_so_and_leaves_nothi
     path.write_text(path.read_text().replace('if __name__ == "__main__":', "if True:"))
     done = subprocess.run([sys.executable, str(path)], capture_output=True, text=True, timeout=600)
     assert done.returncode == 1
-    assert 'put that under if __name__ == "__main__"' in done.stderr
-    assert "have ended before they began, 4 times" in done.stderr
+    assert 'put the call under if __name__ == "__main__"' in done.stderr
+    assert "4 worker processes ended before they had started" in done.stderr

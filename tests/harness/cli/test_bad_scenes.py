@@ -56,7 +56,7 @@ BAD = {
         "stop: {between: [wall, a], gap: -1, restitution: 0.8, @stiffness: 10}",
         "'restitution' (hard) or 'stiffness' (elastic), not both",
     ),
-    "neither restitution nor stiffness": (STOP, "@stop: {between: [wall, a], gap: -1}", "give one of the two"),
+    "neither restitution nor stiffness": (STOP, "@stop: {between: [wall, a], gap: -1}", "(elastic)"),
     "a misspelt kind": (SPRING, "@sprng: {between: [a, wall], stiffness: k}", "did you mean 'spring'"),
     "one name twice, of two contacts": (
         FRICTION,
@@ -68,8 +68,8 @@ BAD = {
         "friction: {between: [b, belt], law: coulomb, force: 1, @name: x_a}",
         "'x_a' is already the name of a state; give the friction another 'name'",
     ),
-    "one name twice, of two bodies": ("b: {mass: 1}", "@a: {mass: 1}", "'a' stands here twice"),
-    "an initial value of no state": ("x_b: 0, v_b: 0", "x_b: 0, v_b: 0, @v_belt: 1", "'v_belt' is no state"),
+    "one name twice, of two bodies": ("b: {mass: 1}", "@a: {mass: 1}", "'a' is given twice"),
+    "an initial value of no state": ("x_b: 0, v_b: 0", "x_b: 0, v_b: 0, @v_belt: 1", "'v_belt' is not a state"),
 }
 """What is replaced, by what (``@`` before the wrong key or entry), and a part of the message."""
 

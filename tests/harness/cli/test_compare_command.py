@@ -146,7 +146,7 @@ def test_a_required_solver_decides_the_exit_status(made_up, monkeypatch, capsys)
     assert run(made_up, "--require", "henom") == 2
     said = capsys.readouterr().err
     assert "error: unknown solver 'henom'; did you mean 'henon'?" in said
-    assert "one of your own is known once its package is installed" in said
+    assert "a solver of your own becomes available once its package is installed" in said
     assert run(made_up, "--solvers", "heyoka", "--require", "henon") == 2
     words = "error: --require names 'henon', which is not among the solvers that run: heyoka\n"
     assert words_of(capsys.readouterr().err) == words
@@ -220,7 +220,7 @@ def test_a_gate_on_a_fixed_step_solver_at_a_tolerance_is_refused_with_its_line(m
     text = CASE.format(name="made_up").replace("henon, heyoka", "henon-rk4")
     made_up.write_text(text.replace("{henon: {", "{henon-rk4: {at: 1e-6, "))
     assert run(made_up) == 2
-    assert "made_up.yaml:17:20: 'henon-rk4' has steps and no tolerances" in capsys.readouterr().err
+    assert "made_up.yaml:17:20: 'henon-rk4' has steps, not tolerances" in capsys.readouterr().err
 
 
 def test_the_rerun_command_has_every_digit_that_was_given():

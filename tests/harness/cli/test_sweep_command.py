@@ -108,7 +108,7 @@ def test_an_interrupt_leaves_whole_files_and_no_workers_and_can_be_resumed(belts
     )
     _, said = process.communicate(timeout=PATIENCE)
     assert process.returncode == 130
-    assert "interrupted; finished chunks are kept, --resume goes on from them" in said
+    assert "interrupted; finished chunks are kept, --resume continues from them" in said
     assert "Traceback" not in said
     finished = parquet_files(Path("out"))
     assert sum("points" in name for name in finished) == 3
