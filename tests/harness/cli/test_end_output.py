@@ -83,7 +83,7 @@ def test_one_line_installs_the_libraries_that_are_missing(capsys, monkeypatch):
     named = ["heyoka@direction", "cvode-adams", "ida", "nosnoc", "diffrax-dopri8", "scipy-bdf+numba", "somebody's"]
     print_end([row(solver, 1e-9, **gone) for solver in named], readings=1)
     lines = capsys.readouterr().out.splitlines()
-    assert lines[-1] == "to install what is missing: pip install 'henon-ref[peers]' heyoka scikit-sundae"
+    assert lines[-1] == "to install missing packages: pip install 'henon-ref[peers]' heyoka scikit-sundae"
     print_end([row("heyoka", 1e-9)], readings=1)
     assert "install" not in capsys.readouterr().out
 

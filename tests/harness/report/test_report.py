@@ -284,6 +284,6 @@ def test_texts_and_files_are_checked_too(stored):
     listed = json.loads((old / "manifest.json").read_text())["files"]
     (old / "sticks.csv").unlink()
     assert "sticks.csv" in listed
-    assert check.differences(old, fresh) == ["Truth: the text differs", "the file sticks.csv is gone"]
+    assert check.differences(old, fresh) == ["Truth: the text differs", "the file sticks.csv is missing"]
     shutil.rmtree(old)
     assert check.differences(old, fresh) == [f"there is no report in {old}"]
