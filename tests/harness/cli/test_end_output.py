@@ -122,7 +122,7 @@ def test_plain_lines_are_one_a_case_then_the_table_then_the_path(made_up, tmp_pa
     assert lines[2].split() == ["solver", "right", "of", "judged", "digits", "time", "times", "as", "long"]
     assert lines[3].split()[:4] == ["henon", "2", "of", "2"]
     assert lines[4].split() == ["heyoka", "0", "of", "2"]
-    assert lines[5].startswith("At the tightest setting.")
+    assert lines[5].startswith("Each solver at its tightest setting")
     where = "made_up default at 1e-6, other default at 1e-6"
     assert lines[6].startswith("heyoka: wrong (1 missed, 0 spurious, first missed: crossing at t = 2): ")
     assert sorted(lines[6].split("): ")[1].split(", ")) == where.split(", ")
