@@ -86,7 +86,7 @@ def test_a_gate_that_checked_nothing_does_not_pass(made_up, capsys):
     captured = capsys.readouterr()
     assert captured.out.splitlines()[-1] == last
     assert sorted(words_of(captured.err).splitlines()) == [
-        "gate: bounds on what did not run are left out: henon",
+        "gate: bounds are skipped for runs that did not take place: henon",
         f"gate: {words}",
     ]
 
@@ -99,7 +99,7 @@ def test_a_gate_that_is_checked_in_part_says_so(made_up, tmp_path, capsys):
     assert captured.out.splitlines()[-1] == (
         "out/README.md; gate met: 2 of 4 bounds checked, 2 belong to solvers that were not run"
     )
-    assert words_of(captured.err) == "gate: bounds on what did not run are left out: heyoka\n"
+    assert words_of(captured.err) == "gate: bounds are skipped for runs that did not take place: heyoka\n"
 
 
 @pytest.mark.parametrize(

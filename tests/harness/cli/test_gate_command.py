@@ -82,7 +82,7 @@ def test_bounds_on_what_did_not_run_are_left_out_and_none_at_all_does_not_pass(o
     reported(out, [made("heyoka", 1e-6, 1e-3)])
     assert gate(out) == 1
     assert capsys.readouterr().err.splitlines() == [
-        "gate: bounds on what did not run are left out: henon",
+        "gate: bounds are skipped for runs that did not take place: henon",
         "gate: its 2 bounds belong to solvers that were not run",
     ]
 

@@ -70,8 +70,8 @@ def test_a_study_does_not_replace_a_page_of_somebody_else(tmp_path, capsys, page
     ("name", "content", "words"),
     [
         ("manifest.json", "{", "cannot be read"),
-        ("manifest.json", "[1]", "it names no title"),
-        ("manifest.json", '{"name": "an app"}', "it names no title"),
+        ("manifest.json", "[1]", "it has no title"),
+        ("manifest.json", '{"name": "an app"}', "it has no title"),
         ("runs.csv", "run,value\n1,2\n", "there is no column 'case'"),
         ("runs.csv", "\xff", "cannot be read"),
     ],
