@@ -48,8 +48,7 @@ def main(
 ) -> int:
     """Write a template package for a solver of your own.
 
-    The package contains a working solver with one method to replace, and registers it with henon_ref as NAME. After
-    pip install -e NAME, the option --solvers NAME runs it.
+    It has a working solver with one method to replace. After pip install -e NAME, the option --solvers NAME runs it.
     """
     check_name(name)
     folder = out if out is not None else Path(name)
