@@ -43,7 +43,7 @@ class ModeText(NamedTuple):
 def model_text(result: ReadingResult) -> str:
     """Return the model without values, which is equal for readings that differ only in values."""
     system, effects = result.reading.problem.system, effect_table(result)
-    blocks = ["Effects built, and no others:", effects[0].markdown, effects[1]] if effects else []
+    blocks = ["Effects of the scene (no others are compiled):", effects[0].markdown, effects[1]] if effects else []
     blocks += [_displayed(general_form(system)), _listed(as_written(system))]
     blocks.append(_listed([*kink_notes(system), *reset_notes(system)]))
     for mode in modes_of(result):
@@ -78,7 +78,7 @@ def kink_notes(system: FilippovSystem) -> list[str]:
     notes = []
     for index, name in enumerate(system.sign_names):
         if index in smooth:
-            notes.append(f"`{name}`: a kink, the field is continuous there; it is crossed, and nothing slides on it")
+            notes.append(f"`{name}`: a kink of a continuous field; it is always crossed, without sliding")
         elif index in system.kinks and any(rate.has(system.signs[index]) for rate in system.field):
             notes.append(f"`{name}`: a jump of the field")
     return notes
@@ -91,11 +91,11 @@ def reset_notes(system: FilippovSystem) -> list[str]:
         values = [(x, value) for x, value in reset.map.items() if printable(value)]
         lines = ", ".join(f"${symbol(x.name)}^+ = {latex(value)}$" for x, value in values)
         lines += "" if len(values) == len(reset.map) else " (a value is too long to be printed)"
-        note = f"`{system.sign_names[index]}`: where it falls through zero, the state jumps: {lines}"
+        note = f"`{system.sign_names[index]}`: when it falls through zero, the state jumps: {lines}"
         impact, part = impact_of(system, index), f"2^{log2(REMAINING):.0f}"
         note += f" (priority {reset.priority:g})" if reset.priority else ""
         if impact is not None and not impact.idle:
-            note += f"; impacts are told of until all later ones last less than {part} of the run, then "
+            note += f"; impacts are reported until all later ones last less than {part} of the run, then "
             note += f"the run ends: {impact.refusal}" if impact.refusal else "the body rests"
         notes.append(note)
     return notes
@@ -126,7 +126,7 @@ def mode_equations(system: FilippovSystem, mode: Mode) -> ModeText:
     for guard in releases:
         sides = ", ".join(f"{signs[i]} = {side:+d}" for i, side in guard.cut or ((guard.index, guard.to_sign),))
         notes.append(f"left to ${sides}$ where ${latex(guard.expression)}$ falls through 0")
-    held = "entered wherever the surface is reached with these positive, whatever the slip fields do"
+    held = "entered whenever the surface is reached while these guards are positive, whatever the slip fields"
     notes += [held for index, entry in enumerate(mode) if entry == 0 and system.held_inside(index)]
     lines = [derivative(x, f) for x, f in zip(system.states, equations.field, strict=True)]
     return ModeText(title, aligned(lines), notes)
@@ -157,8 +157,8 @@ MOST_ROWS = 24
 """Largest number of connections with one row each; beyond it there is one row per kind."""
 HEADINGS = ("effect", "operations", "floating-point operations a step", "of all")
 EXPLAINED = (
-    "Operations that are gone where the effect is left out: on the tape of slip, and in the machine code of one Taylor "
-    "expansion of order {order}. What two effects share goes with neither."
+    "Operations saved if the effect is left out: on the tape of slip, and in the machine code of one Taylor expansion "
+    "of order {order}. Operations shared by two effects count for neither."
 )
 
 
