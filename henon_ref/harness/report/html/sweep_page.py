@@ -32,11 +32,11 @@ _LOG = logging.getLogger(__name__)
 
 SCRIPTS = ("page.js", "sweep.js")
 OBSERVED = (
-    ("quantity", "l"), ("points with a value", "r"), ("least", "r"), ("median", "r"), ("greatest", "r"),
-    ("values, of the points with one", "l"),
+    ("quantity", "l"), ("points with a value", "r"), ("minimum", "r"), ("median", "r"), ("maximum", "r"),
+    ("shares of the points with a value", "l"),
 )  # fmt: skip
 """Headings of the table of observations."""
-CHAINED = "Each point of a continuation starts where its neighbour ended, so that none is a run by itself."
+CHAINED = "Each point of a continuation starts from the final state of its neighbour, so that it is not a separate run."
 
 KEPT = 25
 """Largest number of runs with a portrait."""
@@ -85,9 +85,9 @@ def write_sweep_page(folder: Path) -> Path | None:
         "columns": sweep_content.point_columns(shown, swept),
         "frames": [frame for frame in frames if frame["point"]],
         "runs": kept_runs(plan),
-        "no_runs": CHAINED if chained else "No run of this sweep is kept here: each has too many steps for a picture.",
+        "no_runs": CHAINED if chained else "This page has no portraits: each run has too many steps.",
         "case": case,
-        "no_case": CHAINED if chained else "What is swept here stands in no case file.",
+        "no_case": CHAINED if chained else "The swept quantities cannot be written in a case file.",
         "place_of_name": NAME,
         "places": [PLACE.format(k) for k in range(len(swept))],
         "rtol": rtol,
@@ -110,7 +110,7 @@ def write_sweep_page(folder: Path) -> Path | None:
 
 
 def _drawn(points: int, kept: int) -> str:
-    return f"All {count(points, 'point')}." if kept == points else f"{kept:,} of the {points:,} points, evenly chosen."
+    return f"All {count(points, 'point')}." if kept == points else f"{kept:,} of the {points:,} points, evenly spaced."
 
 
 def _rerun(folder: Path) -> str:

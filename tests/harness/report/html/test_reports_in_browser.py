@@ -108,7 +108,7 @@ def test_filters_leave_the_rows_that_they_name(chromium: Any, reports: Path) -> 
             set_value(page, name, value, event)
             assert rows_of(page) == shown, (name, value)
             assert page.locator("#shown-rows").inner_text() == f"{len(shown)} of 2 readings"
-            assert page.get_by_text("No reading fits these filters").is_visible() == (not shown)
+            assert page.get_by_text("No reading matches these filters").is_visible() == (not shown)
             assert page.locator("#matrix").is_visible() == bool(shown)
         set_value(page, "which", "every")
 
@@ -225,7 +225,7 @@ def test_work_precision_tells_of_the_point_and_drops_a_solver(chromium: Any, rep
         page.get_by_role("checkbox", name="heyoka").last.uncheck()
         assert points.count() == 4
         page.locator("#run-solvers-none").click()
-        assert "No solver is switched on." in page.locator("#work").inner_text()
+        assert "No solver is selected." in page.locator("#work").inner_text()
         page.locator("#run-solvers-all").click()
         points.first.focus()
         page.keyboard.press("ArrowRight")

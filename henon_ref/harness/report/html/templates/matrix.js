@@ -62,8 +62,8 @@ function drawChoice(digits, kind) {
   const lines = group.bars.map(([solver, got, judged, slower]) => ({ solver: SOLVERS[solver], got, judged, slower }));
   lines.sort((a, b) => a.solver.few - b.solver.few);
   drawBars(byId("reaches"), lines, group.all, `In how many of ${group.readings} each solver gets ${level.wanted}, and its time`);
-  byId("reaches-note").textContent = `Dark: readings in which the solver gets ${level.wanted}; pale: those in which it is judged; ` +
-    `the whole width: all ${group.readings}. Dots: its time over that of the fastest solver, the median over the readings that it gets.`;
+  byId("reaches-note").textContent = `Dark: readings in which the solver gets ${level.wanted}. Pale: readings in which it is judged. ` +
+    `Full width: all ${group.readings}. Dots: median of its time over that of the fastest solver, in the readings of the dark bar.`;
 }
 
 /** Description of a solver's project, with its address. */

@@ -75,7 +75,7 @@ function drawWork() {
   RUN.frame = null;
   if (!drawn.length) {
     const why = !reading.cells.some((cell) => cell.runs) ? "The runs of this case are not kept." :
-      ladders.length ? "No solver is switched on." : "No run of this reading has both a time and an error: it has no transition to time.";
+      ladders.length ? "No solver is selected." : "No run of this reading has both a time and an error.";
     holder.replaceChildren(make("p", { class: "quiet" }, why));
     return;
   }
@@ -159,10 +159,10 @@ function drawRuns(cell) {
   if (!cell.runs) {
     const levels = DATA.choice.map((level) => level.digits).filter((digits) => digits && wallAt(cell, digits) !== null);
     const times = levels.map((digits) => `${digits} digits in ${duration(wallAt(cell, digits))}`).join(", ");
-    holder.replaceChildren(make("p", null, `The runs of this case are not kept beside this page; its row of the matrix says: status ${cell.status}` +
+    holder.replaceChildren(make("p", null, `The runs of this case are not stored in this folder. Summary in the matrix: status ${cell.status}` +
       `${cell.verdict ? ` (${cell.verdict})` : ""}, right at ${cell.right ?? 0} of ${cell.settings} settings` +
       `${cell.digits === null ? "" : `, ${digitsText(cell.digits)} digits`}${times ? `; ${times}` : ""}. ` +
-      "A comparison of its case file makes them again."));
+      "A comparison of the case file repeats the runs."));
     return;
   }
   const headings = ["setting", "result", ["digits", "number"], ["transition time, worst error [s]", "number"],

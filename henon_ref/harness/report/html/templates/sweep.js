@@ -219,7 +219,7 @@ function drawRun(k) {
   byId("portrait-key").replaceChildren(...portraitKey(run.portrait));
   const own = SWEPT.map((name, j) => `${name} = ${significant(run.values[j], 5)}`).join(", ");
   const which = distance(run) === 0 ? "This point's run" :
-    make("strong", null, `Not this point's run, but that of point ${run.point} (${own}), the nearest of ${DATA.runs.length} that are kept here`);
+    make("strong", null, `Run of point ${run.point} (${own}), the nearest of the ${DATA.runs.length} points with a portrait`);
   byId("portrait-note").replaceChildren(which, `; ${run.portrait.window.map((time) => significant(time, 6)).join(" s to ")} s, ends ${run.status}`);
 }
 
