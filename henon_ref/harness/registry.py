@@ -57,8 +57,7 @@ class AdapterFile:
     """Solvers that run if neither the case nor the command names solvers; None: all of them."""
     fixed_step: bool = False
     peer: bool = False
-    """Whether the library is an optional extra of this project, or a program; its solvers run if named, or by
-    ``all``."""
+    """Whether the library is an optional extra or a program; its solvers run only if named, or by ``all``."""
     program: bool = False
     """Whether the library is not a Python package; the solver then reports its version itself."""
     callbacks: bool = False
@@ -241,10 +240,7 @@ def library_version(name: str) -> str:
 
 
 def missing_package(name: str) -> str:
-    """Return the pip requirement for the missing library of a built-in solver.
-
-    Empty if the library is installed, or is not a Python package.
-    """
+    """Return the pip requirement of a missing library; empty if it is installed, or is not a Python package."""
     file = _file(name)
     if file is None or file.program or library_version(name):
         return ""

@@ -110,10 +110,7 @@ def _exact(row: TransitionRow) -> float:
 
 
 def _within_one_step(seen: Seen) -> bool:
-    """The first missed roots lie within one step, or around an event of another surface.
-
-    A library that compares signs at the ends of a step cannot see them.
-    """
+    """The first missed roots lie within one step, or around another surface's event: compared signs are equal."""
     return bool(seen.missed_pairs or seen.first_missed or seen.stopped_between)
 
 
@@ -155,10 +152,7 @@ def _within_the_band(seen: Seen) -> bool:
 
 
 def _reach(row: TransitionRow) -> float:
-    """Change of the function that decides a transition per unit error of the state.
-
-    At least 1 for a surface function; the guard of a release is not a surface function.
-    """
+    """Change of the deciding function per unit error of the state; at least 1 if this is a surface function."""
     moved = (row.conditioning or 0.0) * (row.transversality or 0.0)
     return moved if row.kind == "release" else max(moved, 1.0)
 

@@ -47,7 +47,6 @@ class _Kept:
     """Contents of a journal."""
 
     rows: dict[str, Record] = field(default_factory=dict)
-    """Key -> row."""
     lines: list[bytes] = field(default_factory=list)
     """Lines of the rows."""
     damaged: list[tuple[int, bytes, str]] = field(default_factory=list)
@@ -74,7 +73,6 @@ class Journal:
             _set_aside(self.path, kept)
 
     def get(self, key: str) -> Record | None:
-        """Return the finished row of a key; None if there is none."""
         return self._rows.get(key)
 
     def add(self, key: str, record: Record) -> None:
@@ -94,7 +92,6 @@ class Journal:
 
 
 def line_of(key: str, record: Record) -> bytes:
-    """Format a row as a line of the journal."""
     rows = {"transitions": list(map(vars, record.transitions)), "sticks": list(map(vars, record.sticks))}
     parts = {"key": key, "run": vars(record.run), **rows, "samples": record.samples}
     body = json.dumps(parts, separators=(",", ":")).encode()

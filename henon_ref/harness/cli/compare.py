@@ -109,10 +109,7 @@ def main(
         ),
     ] = None,
     tolerances: Annotated[
-        str | None,
-        typer.Option(
-            help="Relative tolerances, separated by commas. If omitted: those of each case.", metavar="NUMBERS"
-        ),
+        str | None, typer.Option(help="Relative tolerances, separated by commas, for all cases.", metavar="NUMBERS")
     ] = None,
     check: Annotated[
         bool,
@@ -137,19 +134,15 @@ def main(
         _in(
             RUNS,
             min=1,
-            help="Timing samples per row. If omitted: as many as fit into a fraction of a second.",
+            help="Timing samples per row. If omitted: as many as a fraction of a second allows.",
             metavar="N",
         ),
     ] = None,
     jobs: Annotated[
         int | None,
-        _in(
-            RUNS, min=1, help="Number of concurrent runs. If omitted: 2, or 1 on a single processor core.", metavar="N"
-        ),
+        _in(RUNS, min=1, help="Concurrent runs. If omitted: 2, or 1 on a single processor core.", metavar="N"),
     ] = None,
-    resume: Annotated[
-        bool, _flag("--resume", RUNS, "Continue an interrupted comparison from its finished rows.")
-    ] = False,
+    resume: Annotated[bool, _flag("--resume", RUNS, "Continue an interrupted comparison from its rows.")] = False,
     json: Annotated[
         bool,
         _flag("--json", SHOWN, "Print the final table as a JSON document, and nothing else, on standard output."),

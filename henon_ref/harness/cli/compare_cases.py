@@ -65,19 +65,10 @@ def run(
     figures: bool = True,
     as_json: bool = False,
 ) -> Unmet:
-    """Compare cases and write reports.
+    """Compare cases and write reports; ``options`` are arguments of :class:`Options`, with the folder of the reports.
 
-    Parameters
-    ----------
-    paths : sequence of Path
-        Case files, or folders of case files.
-    options : mapping
-        Arguments of :class:`Options`; ``folder`` is the folder of the reports.
-    gated : bool
-        Whether the gate decides the exit status.
-    figures : bool
-    as_json : bool
-        Whether to print the table as a JSON document, and nothing else, on standard output.
+    With ``gated`` the gate decides the exit status. With ``as_json`` the table is printed as a JSON document, and
+    nothing else is printed on standard output.
 
     Raises
     ------

@@ -111,7 +111,6 @@ class Held:
     complaints: dict[Key, list[str]] = field(default_factory=dict)
 
     def is_known(self, row: RunRow) -> bool:
-        """Check whether a failure of a row is expected."""
         return any(entry.covers(row) for entry in self.known)
 
     def result(self, row: RunRow) -> RowResult:

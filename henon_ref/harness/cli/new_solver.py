@@ -63,7 +63,6 @@ command = command_of(app, "new-solver")
 
 
 def module_of(name: str) -> str:
-    """Return the module name of a solver."""
     return name.replace("-", "_")
 
 

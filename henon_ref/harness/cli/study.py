@@ -42,31 +42,23 @@ def main(
     ] = None,
     solvers: Annotated[
         str | None,
-        typer.Option(
-            help="Solvers, separated by commas; 'all' includes the installed peers (optional libraries).",
-            show_default="the solvers of the study",
-        ),
+        typer.Option(help="Solvers, separated by commas; 'all' includes the installed peers.", show_default="its own"),
     ] = None,
     rows: Annotated[
-        Path | None,
-        typer.Option(
-            help="Folder of existing reports, from whose rows paired-times selects the solvers to time.",
-            metavar="FOLDER",
-        ),
+        Path | None, typer.Option(help="Folder of reports that name the solvers for paired-times.", metavar="FOLDER")
     ] = None,
     timeout: Annotated[
         float | None, typer.Option(min=0.1, help="Limit on the processor time of a run, in seconds.", show_default="10")
     ] = None,
     jobs: Annotated[
-        int | None,
-        typer.Option(min=1, help="Number of concurrent runs.", show_default="1 if times are compared, else 2"),
+        int | None, typer.Option(min=1, help="Concurrent runs.", show_default="1 if times are compared, else 2")
     ] = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue an interrupted study from its finished rows.", metavar=FLAG)
     ] = False,
-    out: Annotated[
-        Path, typer.Option(help="Folder of reports; the page is written into a subfolder.", metavar="FOLDER")
-    ] = Path("out"),
+    out: Annotated[Path, typer.Option(help="Folder in which the study has a subfolder.", metavar="FOLDER")] = Path(
+        "out"
+    ),
 ) -> int:
     """Run a study, and write its page into a folder of the study."""
     from henon_ref.harness import registry
@@ -117,7 +109,6 @@ def _check_taken(name: str, study: Study, given: Sequence[str]) -> None:
 
 
 def command(arguments: Sequence[str] | None = None) -> int:
-    """Run the command and return its exit status."""
     words = sys.argv[1:] if arguments is None else arguments
     kept = KEPT if any("resume" in STUDIES[word].takes for word in words[:1] if word in STUDIES) else ""
     return exit_status(lambda: int(parsed(app, arguments, name="study")), name="study", arguments=arguments, kept=kept)

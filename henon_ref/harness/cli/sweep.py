@@ -11,5 +11,4 @@ app = sweep.app
 
 
 def program(arguments: Sequence[str] | None = None) -> int:
-    """Run the command and return its exit status."""
     return sweep.program(arguments, around=written)

@@ -98,14 +98,7 @@ def _one(case: Case, reading: Reading, *, dry_run: bool, missing: bool, proof_se
 
 
 def _compared(stored: Stored, fresh: Truth, folder: Path, *, dry_run: bool) -> tuple[str, bool]:
-    """Compare a stored truth with a new one, and store the new one if required.
-
-    Returns
-    -------
-    verdict : str
-    right : bool
-        Whether the exit status may be 0.
-    """
+    """Compare a stored truth with a new one, and store the new one if required; return the verdict and success."""
     old, fault = stored.truth, stored.fault
     faults = [*([] if old is None else compute.differences(old, fresh)), *([fault] if fault else [])]
     weaker = old is not None and old.certified and not fresh.certified

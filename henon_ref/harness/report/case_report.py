@@ -39,7 +39,6 @@ def report_files(comparison: Comparison, origin: Provenance) -> dict[str, bytes]
 
 
 def samples_text(comparison: Comparison) -> str:
-    """Format the raw timing samples of one case as CSV."""
     rows = [
         (*record.run.key[1:], " ".join(f"{round(sample * 1e9)}" for sample in record.samples))
         for record in comparison.records

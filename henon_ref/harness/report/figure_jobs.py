@@ -33,7 +33,6 @@ class FigureJob(Job):
 
     @property
     def reading(self) -> str:
-        """Name of the reading."""
         return self.content.name
 
     @property
@@ -67,10 +66,8 @@ class FigureJob(Job):
 
 
 def figure_job(result: ReadingResult, records: list[Record]) -> FigureJob:
-    """Make the job that draws the figures of a reading."""
     return FigureJob(result.reading, result.expected, result.samples, tuple(records))
 
 
 def file_name(reading: str, kind: str) -> str:
-    """Return the file name of a figure."""
     return f"{reading}_{kind}.svg"

@@ -1,8 +1,7 @@
 """Folders of reports: the files that this package writes, links between them, and locks.
 
-A lock prevents two runs from destroying each other's files. It is a lock of the operating system on a hidden file in
-the folder. It ends with its process, so that a killed run does not block the folder. The file contains the number of
-the process.
+A lock prevents two runs from destroying each other's files. It is a lock of the operating system on a hidden file with
+the number of the process. It ends with the process, so that a killed run does not block the folder.
 """
 
 from __future__ import annotations
@@ -63,13 +62,7 @@ def remove_if_empty(folder: Path) -> None:
 
 
 def check_folder(folder: Path) -> None:
-    """Check that files can be written into a folder, and leave no file there.
-
-    Raises
-    ------
-    CaseError
-        If no file can be written.
-    """
+    """Check that files can be written into a folder, and leave none there; raise CaseError if not."""
     nearest = next((path for path in (folder, *folder.absolute().parents) if path.exists()), Path("/"))
     if not nearest.is_dir():
         raise CaseError(f"{nearest} is a file; --out requires a folder", file=None)
@@ -82,13 +75,7 @@ def check_folder(folder: Path) -> None:
 
 
 def check_index(folder: Path) -> None:
-    """Check that index, matrix and page of a folder may be replaced.
-
-    Raises
-    ------
-    CaseError
-        If one of these files was not written by this package.
-    """
+    """Check that this package wrote the index, matrix and page to be replaced in a folder; raise CaseError if not."""
     for file, beginning in ((folder / name, beginning) for name, beginning in _BEGINNINGS.items()):
         if file.exists() and not _begins(file, beginning):
             words = "was not written by henon_ref, so it is not replaced; choose another folder with --out"
@@ -241,10 +228,7 @@ if hasattr(os, "register_at_fork"):
 def locked(folders: Iterable[Path], *, wait: bool = False) -> Iterator[None]:
     """Hold the locks of some folders; with ``wait``, wait up to ``PATIENCE`` for other processes.
 
-    Raises
-    ------
-    CaseError
-        If another process holds one of the locks, which the message names; nothing has been changed then.
+    If another process holds one of the locks, raise CaseError, which names the folder; nothing has been changed then.
     """
     deadline = time.monotonic() + (PATIENCE if wait else 0.0)
     with ExitStack() as stack:

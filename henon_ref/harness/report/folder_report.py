@@ -35,12 +35,8 @@ PAGES = {
 def write_folder_report(folder: Path) -> Path:
     """Write the matrix of all reports in a folder, the page and the index; return the path of the index.
 
-    The matrix keeps its rows of solvers and cases without a report in the folder (:func:`.text.matrix.merged`).
-
-    Raises
-    ------
-    CaseError
-        If a file to be replaced was not written by this package; nothing has been written then.
+    The matrix keeps its rows of solvers and cases without a report in the folder (:func:`.text.matrix.merged`). If this
+    package has not written a file that it would replace, raise CaseError and write nothing.
     """
     check_index(folder)
     rows = merged(folder)

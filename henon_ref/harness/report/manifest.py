@@ -56,7 +56,6 @@ def provenance(rerun: str) -> Provenance:
 
 
 def manifest_text(comparison: Comparison, origin: Provenance, files: Iterable[str]) -> str:
-    """Format the manifest of one case as JSON."""
     options = comparison.options
     content = {
         "schema": SCHEMA,

@@ -43,7 +43,6 @@ def environment() -> Environment:
 
 
 def report_text(comparison: Comparison, origin: Provenance) -> str:
-    """Format the report of one case."""
     case, results = comparison.case, comparison.readings
     models: dict[str, str] = {}
     stories = {""}

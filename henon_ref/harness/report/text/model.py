@@ -111,7 +111,6 @@ def modes_of(result: ReadingResult) -> list[Mode]:
 
 
 def mode_equations(system: FilippovSystem, mode: Mode) -> ModeText:
-    """Format the equations of one mode as LaTeX."""
     title = f"{'Stick' if 0 in mode else 'Slip'}, `{mode_text(mode, system.sign_names)}`"
     try:
         equations = system.equations(mode)
@@ -179,7 +178,6 @@ def effect_table(result: ReadingResult) -> tuple[Table, str] | None:
 
 
 def _effects(scene: Scene) -> list[tuple[str, list[int]]]:
-    """Return the label and the connections of every row."""
     if len(scene.connections) <= MOST_ROWS:
         return [(connection.label, [number]) for number, connection in enumerate(scene.connections)]
     kinds = grouped(range(len(scene.connections)), lambda number: scene.connections[number].kind)

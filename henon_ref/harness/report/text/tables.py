@@ -38,7 +38,6 @@ Samples = Mapping[Key, Sequence[float]]
 
 
 def samples_of(records: Sequence[Record]) -> Samples:
-    """Return the timing samples of the runs of a reading."""
     return {record.run.key: record.samples for record in records}
 
 

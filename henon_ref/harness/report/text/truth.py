@@ -23,8 +23,7 @@ DEPENDENT = ("henon", "heyoka")
 def truth_table(result: ReadingResult, runs: Iterable[RunRow] = ()) -> Table:
     """Make the table of the exact run: end, transitions, certification and methods of computation.
 
-    If no enclosure certifies the transitions, the table names the independent solvers among ``runs`` that confirm
-    their modes.
+    If the transitions are not certified, the table names the independent solvers in ``runs`` that confirm their modes.
     """
     statement, expected = result.statement, result.expected
     if expected is None:
@@ -94,10 +93,7 @@ MOST_RUNS = 3
 
 
 def published_table(records: Sequence[Record], result: ReadingResult) -> Table | None:
-    """Make the table with one row per printed stick duration: exact duration, and the runs with the printed digits.
-
-    The exact duration is that of the last stick of this kind.
-    """
+    """Make the table of printed stick durations, each with the exact last stick of its kind, and with agreeing runs."""
     reading, expected = result.reading, result.expected
     printed = reading.published.stick_durations if reading.published is not None else ()
     if not printed or expected is None:
