@@ -211,7 +211,6 @@ _REFUSED: dict[EntryPoint, str] = {}
 
 
 def entry_point(name: str) -> EntryPoint:
-    """Return the entry point of a third-party solver."""
     return _third_party()[base_name(check(name))]
 
 

@@ -280,7 +280,6 @@ class Pattern:
     """Further condition on the run."""
 
     def fits(self, seen: Seen) -> bool:
-        """Check whether a run meets all conditions."""
         run = seen.run
         return (
             seen.solver in self.solvers

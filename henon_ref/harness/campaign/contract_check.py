@@ -135,7 +135,6 @@ class _Converter:
         self._of_state = f"{states} numbers"
 
     def transitions(self, found: object, most: int) -> tuple[Transition, ...]:
-        """Convert at most ``most`` transitions."""
         if not isinstance(found, Sequence):
             raise _Wrong("transitions", found, "a sequence of Transition")
         events = tuple(islice(found, most + 1))
@@ -255,5 +254,4 @@ def _word(what: str, value: object, allowed: Sequence[Word]) -> Word:
 
 
 def _typed(value: object) -> str:
-    """Format a value and its type for a message."""
     return f"{shown(value)} ({type(value).__name__})"

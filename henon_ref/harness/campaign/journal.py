@@ -140,7 +140,6 @@ def _row(line: bytes, *, case: str) -> tuple[str, Record]:
 
 
 def _set_aside(path: Path, kept: _Kept) -> None:
-    """Move the damaged lines of a journal to a separate file, and log a warning."""
     aside = path.with_name(SET_ASIDE)
     with aside.open("ab") as file:
         file.writelines(line.rstrip(b"\r\n") + b"\n" for _, line, _ in kept.damaged)

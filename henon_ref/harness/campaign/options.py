@@ -110,7 +110,6 @@ class Setting:
 
     @classmethod
     def of(cls, run: RunRow) -> Setting:
-        """Return the setting of a row."""
         return cls(run.rtol, run.atol, run.step_s)
 
     @property

@@ -251,7 +251,6 @@ def _end(stick: Stick | None) -> int | None:
 
 
 def _length(stick: Stick, trajectory: Trajectory, reading: Reading) -> float:
-    """Return the distance that the first state moves during a stick."""
     last = trajectory.transitions[stick.end].state[0]
     first = float(reading.problem.initial[0])
     if stick.begin is not None:

@@ -75,7 +75,6 @@ class _SolverJob(Job):
         return PREPARE_SECONDS
 
     def found(self) -> Solver:
-        """Return the solver, imported if only its name is given."""
         return registry.solver(self.solver) if isinstance(self.solver, str) else self.solver
 
     def prepared(self, solver: Solver, times: NDArray[np.float64] | None = None) -> Run:

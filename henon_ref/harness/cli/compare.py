@@ -164,7 +164,6 @@ def main(
         ),
     ] = None,
 ) -> Request:
-    """Parse the arguments."""
     options = {
         "solvers": names(solvers),
         "tolerances": None if tolerances is None else tuple(map(_tolerance, names(tolerances) or ())),

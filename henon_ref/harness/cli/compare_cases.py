@@ -162,7 +162,6 @@ def _digits(value: float) -> str:
 
 
 def case_line(name: str, rows: Sequence[RunRow], report: Path) -> str:
-    """Return the line that is printed when a case is finished."""
     right = sum(row.verdict == "right" for row in rows)
     return message(f"{name}: {count(len(rows), 'row')}, {right} right: {report}")
 

@@ -114,7 +114,6 @@ class Held:
         return any(entry.covers(row) for entry in self.known)
 
     def result(self, row: RunRow) -> RowResult:
-        """Convert a row to the result of a test."""
         return row_result(row, self.complaints.get(row.key, ()), known=self.is_known(row))
 
     def _complain(self, found: Iterable[tuple[RunRow, str, str]], what: str) -> list[str]:

@@ -23,7 +23,6 @@ SAMPLE_COLUMNS = ("reading", "solver", "rtol", "step_s", "samples_ns")
 
 
 def report_files(comparison: Comparison, origin: Provenance) -> dict[str, bytes]:
-    """Return the files of the report of one case, by name."""
     files: dict[str, bytes] = {
         names.REPORT: report_text(comparison, origin).encode(),
         names.RUNS: rows_text(RunRow, comparison.run_rows).encode(),

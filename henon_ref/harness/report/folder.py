@@ -56,7 +56,6 @@ _BEGINNINGS = {
 
 
 def remove_if_empty(folder: Path) -> None:
-    """Remove a folder if it exists and is empty."""
     if folder.is_dir() and not any(folder.iterdir()):
         folder.rmdir()
 

@@ -33,7 +33,6 @@ class Provenance:
 
     @property
     def machine_text(self) -> str:
-        """Description of the machine in one phrase."""
         memory = self.machine["memory_bytes"]
         size = f", {memory / 2**30:.0f} GiB" if isinstance(memory, int) else ""
         return (

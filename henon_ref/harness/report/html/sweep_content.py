@@ -133,14 +133,12 @@ def read_table(folder: Path, name: str = POINTS, *, most: int | None = None) -> 
 
 
 def rows_of(folder: Path, name: str = POINTS) -> int:
-    """Return the number of rows of a table of a sweep."""
     import pyarrow.parquet as pq
 
     return sum(int(pq.read_metadata(file).num_rows) for file in chunk_files(folder, name))
 
 
 def tables_of(folder: Path) -> list[str]:
-    """Return the names of the tables with several rows per point."""
     own = owned(folder)
     return sorted(set(own.tables) - {POINTS}) if own is not None else []
 

@@ -103,7 +103,6 @@ def choice(rows: Sequence[MatrixRow], level: int | None) -> Choice | None:
 
 
 def package_of(solver: str) -> str:
-    """Return the package of a solver."""
     return registry.distribution(solver) or solver
 
 

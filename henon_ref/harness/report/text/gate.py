@@ -26,7 +26,6 @@ def gate_table(gate: Gate) -> Table | None:
 
 
 def why_unchecked(gate: Gate) -> str:
-    """Return the reason why no bound of a gate was checked."""
     if not gate.total:
         return "there is no bound"
     bounds = "its only bound belongs" if gate.total == 1 else f"its {gate.total} bounds belong"

@@ -120,7 +120,6 @@ def _reading(
 
 
 def _figures_note(comparison: Comparison, result: ReadingResult) -> str:
-    """Return the reason why a reading has no figures."""
     if result.figures_reason:
         return f"Figures could not be drawn: {markdown(result.figures_reason)}."
     drawn = any(other.figures for other in comparison.readings)

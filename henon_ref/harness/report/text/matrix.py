@@ -55,7 +55,6 @@ class MatrixRow(Row):
 
     @property
     def problem(self) -> tuple[str, str]:
-        """Case and reading."""
         return self.case, self.reading
 
     def wall(self, digits: int | None) -> float | None:
@@ -103,7 +102,6 @@ def solvers_of(rows: Iterable[MatrixRow | RunRow]) -> list[str]:
 
 
 def commits_of(rows: Sequence[MatrixRow]) -> list[str]:
-    """Return the different commits in some rows, in the order of the rows."""
     return list(dict.fromkeys(row.commit for row in rows if row.commit))
 
 

@@ -85,7 +85,6 @@ def kink_notes(system: FilippovSystem) -> list[str]:
 
 
 def reset_notes(system: FilippovSystem) -> list[str]:
-    """Return notes on surfaces at which the state jumps."""
     notes = []
     for index, reset in sorted(system.resets.items()):
         values = [(x, value) for x, value in reset.map.items() if printable(value)]

@@ -103,7 +103,6 @@ def _rank(best: RunRow | None, rows: Sequence[RunRow]) -> int:
 
 
 def _right_at(rows: Sequence[RunRow]) -> str:
-    """Return the number of settings at which a solver is right, or the reason why none was run or judged."""
     if rows[-1].status in NOT_RUN:
         return rows[-1].status
     if all(row.verdict in UNJUDGED for row in rows):
