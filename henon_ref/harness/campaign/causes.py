@@ -19,7 +19,7 @@ from henon_ref.harness.rows import RunRow, TransitionRow, number
 
 EXPLAINED = ("solver defect", "not judged")
 """Verdicts that a cause may explain; a run that was too slow ("not judged") can have a known cause, too."""
-IN_FRONT = 1000.0
+END_ERROR = 1000.0
 """Bound on the error of a run's end time that is not located as an event [rtol]; BDF reaches 200 at rtol 1e-12."""
 LATE = 1e8
 """Time from which ten roundings of the time exceed 1e-7 s [s]."""
@@ -59,7 +59,7 @@ class Seen:
 
     def misses_at(self, time: float) -> bool:
         """Check whether the first missed transition is at a time [s], within the error of an unlocated end."""
-        within = IN_FRONT * number(self.run.rtol)
+        within = END_ERROR * number(self.run.rtol)
         return any(abs(_exact(row) - time) <= within for row in self.missed[:1])
 
     @property
@@ -120,7 +120,7 @@ def _double_root(seen: Seen) -> bool:
     return max((row.graze_distance for row in rows if row.graze_distance is not None), default=math.inf) <= LOST
 
 
-def _in_front_of_a_pole(seen: Seen) -> bool:
+def _before_a_pole(seen: Seen) -> bool:
     """The run stops before an event or the end of the model, after which a function has no value."""
     return (seen.run.expected_status == "invalid" and seen.run.missed == 0) or seen.misses_at(seen.end)
 
@@ -145,8 +145,8 @@ def _within_the_band(seen: Seen) -> bool:
     for surface in {row.surface for row in seen.rows}:
         own = [row for row in seen.rows if row.surface == surface]
         first = next((k for k, row in enumerate(own) if row.outcome in ("missed", "spurious")), len(own))
-        beside = own[max(first - 1, 0) : first + 3] if first < len(own) else []
-        if any(number(row.graze_distance) <= band * _reach(row) for row in beside):
+        nearby = own[max(first - 1, 0) : first + 3] if first < len(own) else []
+        if any(number(row.graze_distance) <= band * _reach(row) for row in nearby):
             return True
     return any(_is_off(seen, row) for row in seen.right if row.kind != "release")
 
@@ -189,8 +189,8 @@ def _within_steps(seen: Seen) -> bool:
 def _small_step(seen: Seen) -> bool:
     """The exact run has an end of its own, or diffsol's message names the time of the first missed transition."""
     whole = seen.run.missed == 0 and seen.run.expected_status in ("diverged", "failed", "invalid")
-    told = seen.found(r"at time = ([-+.e\d]+)")
-    return whole or (told is not None and seen.misses_at(float(told[1])))
+    at_time = seen.found(r"at time = ([-+.e\d]+)")
+    return whole or (at_time is not None and seen.misses_at(float(at_time[1])))
 
 
 def _at_one_node(seen: Seen) -> bool:
@@ -307,8 +307,8 @@ PATTERNS = (
     Pattern("scipy-flat-root", (*SCIPY, "scipy-smoothed", "scipy-sign"), "Failed to converge after"),
     Pattern("scipy-blow-up", SCIPY, TOO_SMALL, ends="diverged", right=True),
     Pattern("scipy-late", SCIPY, TOO_SMALL, right=True, when=lambda seen: abs(seen.end) >= LATE),
-    Pattern("scipy-pole", SCIPY, TOO_SMALL, right=True, when=_in_front_of_a_pole),
-    Pattern("diffrax-pole", DIFFRAX, "does not advance", right=True, when=_in_front_of_a_pole),
+    Pattern("scipy-pole", SCIPY, TOO_SMALL, right=True, when=_before_a_pole),
+    Pattern("diffrax-pole", DIFFRAX, "does not advance", right=True, when=_before_a_pole),
     Pattern("scipy-radau-order", ("scipy-radau",), status="timeout", right=True, when=_slow),
     Pattern("scipy-bdf-order", ("scipy-bdf",), status="timeout", right=True, when=_slow),
     Pattern("scipy-lsoda-nan", ("scipy-lsoda", "scipy-smoothed"), NOT_FINITE, right=True),

@@ -68,14 +68,14 @@ class ProgressLine(Observer, AbstractContextManager["ProgressLine"]):
         """Running task -> time of its start [s]."""
         self._began = time.monotonic()
         self._shown = -SELDOM
-        self._wait_is_said = self.seen or name is not None
+        self._wait_is_reported = self.seen or name is not None
 
     def __exit__(self, *exception: object) -> None:
         words = "" if self._name is None else f"{self._counted()}, {time.monotonic() - self._began:.1f} s"
         if self.seen:
             self._line.end(words)
         elif words:
-            self._tell(words)
+            self._print(words)
 
     def stage(self, what: str, total: int, done: int = 0) -> None:
         self._at_work.clear()
@@ -97,27 +97,27 @@ class ProgressLine(Observer, AbstractContextManager["ProgressLine"]):
         if not self.seen and self._name is None:
             right = run.verdict == "right" and run.digits is not None
             found = f", {math.floor(10 * (run.digits or 0)) / 10} digits" if right else ""
-            self._tell(f"{self._done} of {self._total}: {what}: {run.verdict or run.status}{found}")
+            self._print(f"{self._done} of {self._total}: {what}: {run.verdict or run.status}{found}")
 
     def tick(self) -> None:
         """Update the line if it is due; without a line, report once that a truth takes long to compute."""
         now = time.monotonic()
         late = [what for what, since in self._at_work.items() if what.endswith(f" {TRUTH}") and now - since > PATIENCE]
-        if late and not self._wait_is_said:
-            self._wait_is_said = True
+        if late and not self._wait_is_reported:
+            self._wait_is_reported = True
             how_long = "(limited to a few minutes; `henon-ref truth` has no limit)"
-            self._tell(f"computing a truth that is not stored: {late[0]} {how_long}")
+            self._print(f"computing a truth that is not stored: {late[0]} {how_long}")
         if (self.seen or self._name is not None) and now - self._shown >= (PERIOD if self.seen else SELDOM):
             self._shown = now
             work = ", ".join(f"{what} ({now - since:.0f} s)" for what, since in self._at_work.items())
             words = f"{self._counted()}, {now - self._began:.0f} s{'; running: ' if work else ''}{work}"
-            (self._line.show if self.seen else self._tell)(words)
+            (self._line.show if self.seen else self._print)(words)
 
     def _counted(self) -> str:
         name = "" if self._name is None else f"{self._name}: "
         return f"{name}{self._done} of {self._total} {self._what}"
 
-    def _tell(self, words: str) -> None:
+    def _print(self, words: str) -> None:
         print(message(words), file=self._stream, flush=True)
 
 

@@ -86,14 +86,14 @@ def main(
     demands = {solver: demand(solver, rows, held.is_known) for solver in names(require) or ()}
     unmet += [f"required: {words}" for solver, own in demands.items() for words in own.unmet(solver)]
     unmet += [] if earlier is None else held.worse(earlier)
-    told = [*unmet, *held.known_lines()]
-    for line in told:
+    lines = [*unmet, *held.known_lines()]
+    for line in lines:
         say(line)
     results = [(row, held.result(row)) for row in rows]
     if junit is not None:
         _write_junit(junit, junit_xml(results))
     if os.environ.get(SUMMARY):
-        _append(Path(os.environ[SUMMARY]), step_summary(results, told))
+        _append(Path(os.environ[SUMMARY]), step_summary(results, lines))
     state = gate_state(found, any(line.startswith("gate: ") for line in unmet), wanted=False)
     print(message(f"{report}: {count(len(rows), 'row')}{state}{demands_state(demands)}"))
     return NOT_MET if unmet else DONE
@@ -118,11 +118,11 @@ class Held:
 
     def _complain(self, found: Iterable[tuple[RunRow, str, str]], what: str) -> list[str]:
         """Note each complaint (row, words, sentence); return the sentences about unexpected failures."""
-        told = []
+        sentences = []
         for row, words, sentence in found:
             self.complaints.setdefault(row.key, []).append(f"{what}: {words}")
-            told += [] if self.is_known(row) else [sentence]
-        return told
+            sentences += [] if self.is_known(row) else [sentence]
+        return sentences
 
     def bounds_unmet(self, found: Gate) -> list[str]:
         """Return a sentence for every violated bound that is not an expected failure, or if no bound was checked."""
@@ -139,8 +139,8 @@ class Held:
             ((row, words, f"baseline: {row.name}: {words}") for row, words in changes), "worse than the baseline"
         )
         new = len(self.rows) - regression.compared
-        beside = f", {count(new, 'new row')}" if new else ""
-        say(f"baseline: {count(regression.compared, 'row')} compared, {len(sentences) or 'none'} worse{beside}")
+        added = f", {count(new, 'new row')}" if new else ""
+        say(f"baseline: {count(regression.compared, 'row')} compared, {len(sentences) or 'none'} worse{added}")
         if regression.missing:
             named = listed([row.name for row in regression.missing], MOST_NAMED)
             say(f"baseline: {count(len(regression.missing), 'row')} of it did not run this time: {named}")

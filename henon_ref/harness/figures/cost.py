@@ -103,8 +103,8 @@ def _set_limits(axes: Axes, x: NDArray[np.float64], y: NDArray[np.float64]) -> N
 
 def _description(tips: Mapping[str, NDArray[np.float64]]) -> str:
     ordered = sorted(tips.items(), key=lambda tip: float(tip[1][0]))
-    told = [f"{solver} {error:.1e} s in {style.time_text(wall)}" for solver, (wall, error) in ordered]
+    parts = [f"{solver} {error:.1e} s in {style.time_text(wall)}" for solver, (wall, error) in ordered]
     return (
         "Work-precision diagram with logarithmic axes: across, the median wall time of one run; upward, the worst "
-        f"error of a transition time in seconds. The most accurate run of each solver: {'; '.join(told)}."
+        f"error of a transition time in seconds. The most accurate run of each solver: {'; '.join(parts)}."
     )

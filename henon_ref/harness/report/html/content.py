@@ -145,7 +145,7 @@ def _words_of(folder: Path) -> Mapping[str, Any]:
 def _details_of(reading: str, manifest: Mapping[str, Any], words: Mapping[str, Any], rows: Sequence[RunRow]) -> Details:
     """Collect the details of a reading from its manifest, ``page.json`` and its rows."""
     truth = mapping(manifest.get("truth"))
-    told = {
+    details = {
         "title": one_line(str(manifest.get("title") or "")),
         "story": mapping(words.get("stories")).get(reading),
         "portrait": mapping(mapping(words.get("portraits")).get(reading)) or None,
@@ -156,7 +156,7 @@ def _details_of(reading: str, manifest: Mapping[str, Any], words: Mapping[str, A
         "proven": truth.get("certified"),
     }
     return {
-        **{key: value for key, value in told.items() if value not in (None, "")},
+        **{key: value for key, value in details.items() if value not in (None, "")},
         "runs": {solver: list(map(run_values, own)) for solver, own in by_solver(rows).items()},
     }
 

@@ -119,8 +119,8 @@ def _test_case(suite: ElementTree.Element, row: RunRow, result: RowResult) -> No
         what = {"message": reason} if element == "skipped" else {"message": reason, "type": row.status}
         ElementTree.SubElement(case, element, what).text = reason
     known = zip(OUTPUT, row.values(OUTPUT), strict=True)
-    told = [f"{column}: {short_line(csv_field(value))}" for column, value in known if value is not None]
-    ElementTree.SubElement(case, "system-out").text = "\n".join(told)
+    output = [f"{column}: {short_line(csv_field(value))}" for column, value in known if value is not None]
+    ElementTree.SubElement(case, "system-out").text = "\n".join(output)
 
 
 def step_summary(rows: Results, lines: Sequence[str]) -> str:
@@ -131,9 +131,9 @@ def step_summary(rows: Results, lines: Sequence[str]) -> str:
         parts += ["### Failures", _failures(failing[:MOST_ROWS]).markdown]
     if len(failing) > MOST_ROWS:
         parts.append(f"{len(failing) - MOST_ROWS} more are in `runs.csv`.")
-    told = [f"- {markdown(line)}" for line in lines[:MOST_ROWS]]
-    told += [f"- and {len(lines) - MOST_ROWS} more"] if len(lines) > MOST_ROWS else []
-    return "\n\n".join([*parts, *(["\n".join(told)] if told else [])]) + "\n"
+    items = [f"- {markdown(line)}" for line in lines[:MOST_ROWS]]
+    items += [f"- and {len(lines) - MOST_ROWS} more"] if len(lines) > MOST_ROWS else []
+    return "\n\n".join([*parts, *(["\n".join(items)] if items else [])]) + "\n"
 
 
 def _solvers(rows: Results) -> Table:

@@ -94,7 +94,7 @@ def _reading(
     reading, records = result.reading, comparison.of_reading(result.reading.name)
     rows = [record.run for record in records]
     story, model = paragraphs(reading.story or ""), model_text(result)
-    same, told = models.setdefault(model, reading.name), story in stories
+    same, repeated = models.setdefault(model, reading.name), story in stories
     stories.add(story)
     names = {kind: file_name(reading.name, kind) for kind in KINDS}
     return {
@@ -112,7 +112,7 @@ def _reading(
         "runs": tables.run_table(records).markdown,
         "reasons": _text(tables.reason_table(rows)),
         "truth": truth.truth_table(result, rows).markdown,
-        "story": "" if told else story,
+        "story": "" if repeated else story,
         "model": model,
         "same_model": "" if same == reading.name else same,
         "parameters": ", ".join(parameters(result)),
