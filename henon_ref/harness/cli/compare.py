@@ -109,7 +109,7 @@ def main(
         ),
     ] = None,
     tolerances: Annotated[
-        str | None, typer.Option(help="Relative tolerances, separated by commas, for all cases.", metavar="NUMBERS")
+        str | None, typer.Option(help="Comma-separated relative tolerances that replace the case's.", metavar="NUMBERS")
     ] = None,
     check: Annotated[
         bool,

@@ -42,7 +42,7 @@ def main(
     ] = None,
     solvers: Annotated[
         str | None,
-        typer.Option(help="Solvers, separated by commas; 'all' includes the installed peers.", show_default="its own"),
+        typer.Option(help="Comma-separated solvers; 'all' includes the installed peers.", show_default="the study's"),
     ] = None,
     rows: Annotated[
         Path | None, typer.Option(help="Folder of reports that name the solvers for paired-times.", metavar="FOLDER")
