@@ -1,12 +1,12 @@
-"""Solvers by name: the built-in ones, imported when asked for, and third parties' by entry point.
+"""Registry of solvers by name: built-in solvers, imported on demand, and third-party solvers from entry points.
 
-A third party registers an instance of :class:`henon_ref.solver.Solver` (or a function without arguments that
-makes one) under the entry-point group ``henon_ref.solvers``; the entry point's name is the solver's. One that
-holds no solver is listed all the same: its rows say what is wrong with it.
+A third party registers an instance of :class:`henon_ref.solver.Solver`, or a function without arguments that
+returns one, under the entry-point group ``henon_ref.solvers``. The name of the entry point is the name of the solver.
+An entry point that holds no solver is listed, too; its rows report the error.
 
-A library is restarted after every event in one of four ways (:mod:`henon_ref.baselines.restart`), one of which is its
-default: ``heyoka@direction`` is heyoka with another restart than ``heyoka``'s own. Such names are solvers like any
-other, and are not listed by :func:`names`.
+A library is restarted after every event in one of four ways (:mod:`henon_ref.baselines.restart`). Each library has a
+default restart; ``heyoka@direction`` is heyoka with the restart ``direction`` instead. A name with a restart can be
+used like any other solver name, but :func:`names` does not list it.
 """
 
 from __future__ import annotations
@@ -30,45 +30,45 @@ COMPARED = (
     "scipy", "numba", "heyoka", "scikit-sundae", "matplotlib", "jinja2",
     "diffrax", "jax", "jaxlib", "optimistix", "nosnoc", "casadi", "pydiffsol",
 )  # fmt: skip
-"""Packages besides the reference's whose versions the results of a comparison depend on."""
+"""Packages whose versions affect the results of a comparison, in addition to the packages of the reference."""
 RESTARTS = ("event-free-step", "offset", "direction", "none")
-"""Ways of restarting a library on the surface it has just left; described in :mod:`henon_ref.baselines.restart`."""
+"""Ways to restart a library on the surface it has just left; described in :mod:`henon_ref.baselines.restart`."""
 ALL = "all"
-"""In place of a solver's name: those that run by default, and the peers that are installed."""
+"""Name that stands for the solvers that run by default and the installed peers."""
 AT = "@"
-"""Between a solver's name and its restart."""
+"""Separator between the name of a solver and its restart."""
 COMPILED = "+numba"
-"""Mark of a library whose callbacks are compiled; without it, the same with plain Python."""
+"""Suffix of a solver whose callbacks are compiled by numba; without it the callbacks are plain Python."""
 
 
 @dataclass(frozen=True)
 class AdapterFile:
-    """What can be said of solvers in one file of ``baselines`` without importing it."""
+    """Description of the solvers in one module of ``baselines``, available without importing the module."""
 
     module: str
-    """Below ``baselines``."""
+    """Name of the module within ``baselines``."""
     distribution: str
-    """The installed package, or the program, whose version the results name."""
+    """Installed package or program whose version the results record."""
     solvers: Mapping[str, str]
-    """Name of each solver -> object of the module."""
+    """Name of each solver -> name of its object in the module."""
     restart: str = ""
-    """Their default restart; empty where there is no library to restart."""
+    """Default restart of the solvers; empty if they restart no library."""
     default: tuple[str, ...] | None = None
-    """Those that run where neither the case nor the command names solvers; None: all of them."""
+    """Solvers that run if neither the case nor the command names solvers; None: all of them."""
     fixed_step: bool = False
     peer: bool = False
-    """Its library comes with an extra of this project, or is a program: it runs where it is named, or with ``all``."""
+    """Whether the library is an optional extra or a program; its solvers run only if named, or by ``all``."""
     program: bool = False
-    """It is no package of Python: the solver itself tells its version."""
+    """Whether the library is not a Python package; the solver then reports its version itself."""
     callbacks: bool = False
-    """Its callbacks can be compiled: each solver is there as ``NAME+numba``, too."""
+    """Whether callbacks can be compiled; each solver then also exists as ``NAME+numba``."""
 
     def by_default(self, name: str) -> bool:
-        """Whether a solver runs where nobody names any."""
+        """Check whether a solver runs if no solvers are named."""
         return not self.peer and name in (self.solvers if self.default is None else self.default)
 
     def solver(self, name: str) -> Any:
-        """The object of that name."""
+        """Import the module and return the object of a solver."""
         return getattr(import_module(f"henon_ref.baselines.{self.module}"), self.solvers[name])
 
 
@@ -95,12 +95,12 @@ FILES = (
     AdapterFile("diffsol_ode", "pydiffsol", DIFFSOL, "offset", peer=True),
     AdapterFile("nosnoc_fesd", "nosnoc", {"nosnoc": "NOSNOC"}, peer=True),
 )
-"""One a library, and default restart."""
+"""One entry for each pair of module and default restart."""
 _PLAIN = {name: file for file in FILES for name in file.solvers}
 _BUILT_IN = dict(sorted(_PLAIN.items(), key=lambda named: "+" in named[0])) | {
     name + COMPILED: file for name, file in _PLAIN.items() if file.callbacks
 }
-"""Name of a solver -> its file; variants come last."""
+"""Name of a built-in solver -> its module; the variants come last."""
 
 
 @cache
@@ -109,17 +109,17 @@ def _third_party() -> dict[str, EntryPoint]:
 
 
 def names() -> tuple[str, ...]:
-    """Every solver's name, the built-in ones first."""
+    """Return the names of all solvers, the built-in ones first."""
     return (*_BUILT_IN, *sorted(_third_party()))
 
 
 def default_names() -> tuple[str, ...]:
-    """The solvers that run where nobody names any."""
+    """Return the names of the solvers that run if no solvers are named."""
     return tuple(name for name in names() if name not in _BUILT_IN or _BUILT_IN[name].by_default(name))
 
 
 def expanded(wanted: Sequence[T]) -> tuple[T | str, ...]:
-    """The solvers, ``all`` replaced by those that run by default and the peers that are installed; each name once."""
+    """Replace ``all`` by the default solvers and the installed peers, and drop repeated names."""
     peers = tuple(name for name, file in _BUILT_IN.items() if file.peer and library_version(name))
     every = (*default_names(), *peers)
     found: dict[str, T | str] = {}
@@ -130,18 +130,18 @@ def expanded(wanted: Sequence[T]) -> tuple[T | str, ...]:
 
 
 def is_peer(name: str) -> bool:
-    """Whether a built-in solver's library comes with an extra, so that it may not be installed."""
+    """Check whether the library of a built-in solver is an optional extra, and may therefore not be installed."""
     file = _file(name)
     return file is not None and file.peer
 
 
 def check(name: str) -> str:
-    """The name itself, where there is such a solver.
+    """Return the name of a solver unchanged if the solver exists.
 
     Raises
     ------
     CaseError
-        With the nearest name, where there is none, or no such restart.
+        If the solver or its restart does not exist; the message suggests the nearest name.
     """
     base, restart = _base_and_restart(name)
     if base not in names():
@@ -150,17 +150,17 @@ def check(name: str) -> str:
         check_restart(restart)
         if not restart_of(base):
             able = [known for known in default_names() if restart_of(known)]
-            raise CaseError(f"'{base}' restarts no library, so it takes no '{AT}'; those that do: {listed(able)}")
+            raise CaseError(f"'{base}' restarts no library, so it takes no '{AT}'; solvers that do: {listed(able)}")
     return name
 
 
 def check_restart(restart: str) -> str:
-    """The restart itself, where there is such a one.
+    """Return a restart unchanged if it exists.
 
     Raises
     ------
     CaseError
-        With the nearest one, where there is none.
+        If it does not exist; the message suggests the nearest restart.
     """
     if restart not in RESTARTS:
         raise CaseError(f"unknown restart '{restart}'{did_you_mean(restart, RESTARTS)}; restarts: {listed(RESTARTS)}")
@@ -168,17 +168,17 @@ def check_restart(restart: str) -> str:
 
 
 def base_name(name: str) -> str:
-    """The solver's name without its restart."""
+    """Return the name of a solver without its restart."""
     return _base_and_restart(name)[0]
 
 
 def _file(name: str) -> AdapterFile | None:
-    """That of a built-in solver, whatever its restart; None for a third party's."""
+    """Return the entry of a built-in solver with any restart; None for a third-party solver."""
     return _BUILT_IN.get(base_name(name))
 
 
 def _base_and_restart(name: str) -> tuple[str, str]:
-    """The solver's name and its restart; a third party's name may hold an ``@`` of its own."""
+    """Split a name into solver and restart; the name of a third-party solver may itself contain ``@``."""
     if name in _third_party():
         return name, ""
     base, _, restart = name.partition(AT)
@@ -186,41 +186,41 @@ def _base_and_restart(name: str) -> tuple[str, str]:
 
 
 def restart_of(name: str) -> str:
-    """How a built-in solver restarts its library; empty where there is nothing to restart."""
+    """Return the restart of a built-in solver; empty if it restarts no library."""
     file, restart = _file(name), _base_and_restart(name)[1]
     return restart or (file.restart if file is not None else "")
 
 
 def with_restart(name: str, restart: str) -> str:
-    """The name of a solver with this restart; one that has no library to restart stays as it is."""
+    """Return the name of a solver with this restart; the name is unchanged if the solver restarts no library."""
     return f"{base_name(name)}{AT}{restart}" if restart_of(name) else name
 
 
 def fixed_step(name: str) -> bool | None:
-    """Whether a solver is driven by a step instead of tolerances; None for a third party's, which must be imported.
+    """Check whether a solver takes a fixed step instead of tolerances; None for a third-party solver.
 
-    (See :func:`henon_ref.harness.campaign.case_files.fixed_step`, which has a worker import it.)
+    A third-party solver must be imported to find out;
+    :func:`henon_ref.harness.campaign.case_files.fixed_step` does so in a worker process.
     """
     file = _file(check(name))
     return None if file is None else file.fixed_step
 
 
 _REFUSED: dict[EntryPoint, str] = {}
-"""Entry points that hang or die when they are loaded, and what became of them; forked workers know them, too."""
+"""Entry points that hang or crash when they are loaded -> error message; forked workers inherit this table."""
 
 
 def entry_point(name: str) -> EntryPoint:
-    """Where a third party's solver is found."""
     return _third_party()[base_name(check(name))]
 
 
 def refuse(point: EntryPoint, reason: str) -> None:
-    """Never load an entry point in this process, for this reason."""
+    """Forbid this process to load an entry point, for the given reason."""
     _REFUSED[point] = f"the entry point {point.name} = {point.value} cannot be loaded: {reason}"
 
 
 def distribution(name: str) -> str:
-    """The package that a solver comes from; empty where that is not known."""
+    """Return the name of the package that provides a solver; empty if unknown."""
     file, point = _file(name), _third_party().get(base_name(name))
     if file is not None:
         return file.distribution
@@ -228,7 +228,7 @@ def distribution(name: str) -> str:
 
 
 def library_version(name: str) -> str:
-    """Version of the package a solver comes from, without importing it; empty where it is not installed."""
+    """Return the version of the package that provides a solver, without importing it; empty if not installed."""
     file, package = _file(name), distribution(name)
     if file is not None and file.program:
         return str(file.solver(base_name(name)).version)
@@ -239,7 +239,7 @@ def library_version(name: str) -> str:
 
 
 def missing_package(name: str) -> str:
-    """What pip installs where a built-in solver's library is missing; empty where it is there, or is no package."""
+    """Return the pip requirement of a missing library; empty if it is installed, or is not a Python package."""
     file = _file(name)
     if file is None or file.program or library_version(name):
         return ""
@@ -247,12 +247,12 @@ def missing_package(name: str) -> str:
 
 
 def program_versions() -> dict[str, str]:
-    """Versions of what solvers rest on that is no package of Python; empty where it is not installed."""
+    """Return the versions of the programs that solvers use; empty if not installed."""
     return {file.distribution: library_version(next(iter(file.solvers))) for file in FILES if file.program}
 
 
 def all_versions() -> dict[str, str]:
-    """Versions of all that a comparison depends on: the reference's packages, the libraries compared, programs."""
+    """Return the versions of the packages of the reference, the compared libraries and the programs."""
     return library_versions((*LIBRARIES, *COMPARED)) | program_versions()
 
 
@@ -262,9 +262,9 @@ def solver(name: str) -> Solver:
     Raises
     ------
     CaseError
-        Where there is no solver of that name, or no such restart.
+        If the solver or its restart does not exist.
     UnavailableError
-        Where its library is not installed, or its entry point holds no solver.
+        If its library is not installed, or its entry point holds no solver.
     """
     check(name)
     base, restart = _base_and_restart(name)
@@ -280,12 +280,12 @@ def solver(name: str) -> Solver:
 
 
 def loaded(point: EntryPoint) -> Solver:
-    """The solver that an entry point holds, or that the function it holds makes.
+    """Load the solver of an entry point, which is either a solver or a function that returns one.
 
     Raises
     ------
     UnavailableError
-        Where it holds none, or cannot be loaded.
+        If the entry point holds no solver, or cannot be loaded.
     """
     if point in _REFUSED:
         raise UnavailableError(_REFUSED[point])
@@ -297,7 +297,7 @@ def loaded(point: EntryPoint) -> Solver:
         words = fault(found)
     except UnavailableError:
         raise
-    except (Exception, SystemExit) as error:  # a stranger's module may raise anything when it is imported
+    except (Exception, SystemExit) as error:  # a third-party module may raise any exception when it is imported
         text = " ".join(str(error).split())
         raise UnavailableError(f"{where} cannot be loaded: {type(error).__name__}: {text}") from error
     if words:

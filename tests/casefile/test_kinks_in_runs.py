@@ -296,9 +296,6 @@ until: 1
     assert system.kinks == {1, 2, 3, 4, 5}
     assert continuous(system) == {1, 2, 3}
     assert kink_notes(system) == [
-        *(
-            f"`kink{k}`: a kink, the field is continuous there; it is crossed, and nothing slides on it"
-            for k in (1, 2, 3)
-        ),
+        *(f"`kink{k}`: a kink of a continuous field; it is always crossed, without sliding" for k in (1, 2, 3)),
         *(f"`kink{k}`: a jump of the field" for k in (4, 5)),
     ]

@@ -1,10 +1,10 @@
-"""Which solvers run which readings at which settings, in worker processes; their rows, and a journal of them."""
+"""Campaigns: run solvers on readings at several settings in worker processes, and keep a journal of the rows."""
 
 WORKERS_NEED = (
     "henon_ref.baselines.henon",
     "henon_ref.harness.campaign.run_jobs",
     "henon_ref.harness.campaign.truth_job",
 )
-"""Modules that every worker of a comparison imports."""
+"""Modules that every worker of a comparison imports before its first job."""
 DRAWING_NEEDS = ("henon_ref.harness.report.figure_jobs", "matplotlib.mathtext")
-"""Modules that those import which draw figures."""
+"""Modules that a worker imports if it draws figures."""

@@ -1,7 +1,7 @@
-"""A campaign: every solver on every reading of some cases, by a pool of workers, row by row.
+"""Campaign: run every solver on every reading of some cases in a pool of workers.
 
-The truths come first. Then each solver runs each reading from the loosest setting to the tightest; each answer is
-scored before it is timed, and each finished row goes to the journal before the next run starts.
+The truths are fetched first. Then each solver runs each reading from the loosest setting to the tightest. Each answer
+is scored before it is timed, and each finished row is written to the journal before the next run starts.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ _LOG = logging.getLogger(__name__)
 
 T = TypeVar("T")
 Deliver = Callable[[Comparison], None]
-"""Takes what came out for a case, once the last of its rows is in."""
+"""Function that receives the comparison of a case after its last row is finished."""
 Draw = Callable[[ReadingResult, list[Record]], Job]
-"""Makes the job that draws a reading's figures: its result is the files, by name."""
+"""Function that returns the job to draw the figures of a reading; the job's result maps file names to contents."""
 
 
 def compare(
@@ -57,29 +57,29 @@ def compare(
     processes: int = 2,
     progress: bool | None = None,
 ) -> Comparison:
-    """Run every solver on every reading of a case and score it against the truth.
+    """Run every solver on every reading of a case and score the runs against the truth.
 
-    Each run is done by a worker (a process of its own with limits on time and memory): a solver that hangs or
-    crashes is a row that says so. An interrupt (Ctrl-C, a notebook's stop button) ends all of them. A script needs no
-    ``if __name__ == "__main__"`` guard, unless it has threads and hands over a solver that it defines itself; in a
-    notebook such a solver must be imported from a module.
+    Each run takes place in a worker, a separate process with limits on time and memory. If a solver hangs or crashes,
+    its row reports that. An interrupt (Ctrl-C, the stop button of a notebook) ends all workers. A script requires an
+    ``if __name__ == "__main__"`` guard only if it has threads and passes a solver that it defines itself. In a
+    notebook, a solver of your own must be imported from a module.
 
     Parameters
     ----------
     case : Case
         From :func:`henon_ref.load_case`.
     solvers : sequence of str or Solver, optional
-        Names, or instances of your own; None: those the case lists, or all.
+        Names or instances; None: the solvers that the case lists, or the default solvers if it lists none.
     tolerances : sequence of float, optional
-        Relative tolerances in place of the case's, each from 1e-16 to below 1.
+        Relative tolerances that replace those of the case, each at least 1e-16 and below 1.
     repeats : int, optional
-        Timing samples a row, 1 or more; None: as many as fit a fraction of a second.
+        Timing samples per row, at least 1; None: as many as fit into a fraction of a second.
     timeout : float
-        Processor time that one run may take [s], 0.01 or more.
+        Limit on the processor time of one run [s], at least 0.01.
     processes : int
-        Runs at work at once, 1 or more.
+        Number of concurrent runs, at least 1.
     progress : bool, optional
-        Whether a line on standard error tells how many rows are done; None: where that is a terminal or a notebook.
+        Whether to show the number of finished rows on standard error; None: only in a terminal or a notebook.
 
     Returns
     -------
@@ -88,7 +88,8 @@ def compare(
     Raises
     ------
     CaseError
-        For an argument that is not allowed: an unknown solver, none that applies to the case, a tolerance of 0.
+        If an argument is not allowed, for example an unknown solver or a tolerance of 0, or if no solver applies to
+        the case.
     """
     if not isinstance(case, Case):
         raise CaseError(f"case is {case!r}, wanted a Case: henon_ref.load_case(path) reads one")
@@ -109,7 +110,7 @@ def compare(
 
 
 def _listed(name: str, values: Sequence[T] | None) -> tuple[T, ...] | None:
-    """An argument that is a sequence, as a tuple; one string or number is none."""
+    """Convert an argument to a tuple; refuse a single string or number."""
     if values is None:
         return None
     if isinstance(values, str) or not isinstance(values, Iterable):
@@ -125,23 +126,22 @@ def compare_all(
     draw: Draw | None = None,
     observer: Observer | None = None,
 ) -> None:
-    """Compare several cases; each one's comparison is delivered as soon as its last run is in.
+    """Compare several cases; deliver the comparison of each case after its last run.
 
-    ``draw`` makes the job that draws a reading's figures, once its rows are in; None: no figures, and no samples.
+    ``draw`` returns the job that draws the figures of a reading after its rows are finished; None: no figures and no
+    samples.
 
     Raises
     ------
     CaseError
-        Where a solver is unknown, or none of those asked for is meant for a case.
+        If a solver is unknown, or if none of the requested solvers applies to a case.
     """
-    cache_root()  # workers use the folder that is found usable here
+    cache_root()  # chooses a usable cache folder, which the workers inherit
     check_solvers(cases, options)
     _Campaign(cases, options, deliver, draw, observer or Observer()).run()
 
 
 class _Campaign:
-    """The cases at work."""
-
     def __init__(
         self, cases: Sequence[Case], options: Options, deliver: Deliver, draw: Draw | None, observer: Observer
     ) -> None:
@@ -152,7 +152,7 @@ class _Campaign:
         self._statements: dict[tuple[str, str], Statement] = {}
 
     def run(self) -> None:
-        """Run everything."""
+        """Fetch the truths, run all queued jobs, and deliver every case."""
         self._fetch_truths()
         states = [CaseState(case, self._statements, self.options) for case in self.cases]
         waiting = sum(self._queue_runs(state) for state in states)
@@ -160,11 +160,11 @@ class _Campaign:
         self.observer.stage("rows", waiting + kept, kept)
         self._pool.run(self.observer.tick)
         for state in states:
-            if not state.delivered:  # all its rows were kept from before, and nothing is drawn
+            if not state.delivered:  # all rows came from the journal, and no figure is drawn
                 self._deliver(state)
 
     def _fetch_truths(self) -> None:
-        """What every reading is scored against: read where it is stored, else computed by a worker."""
+        """Read the stored truth of every reading; let a worker compute it if none is stored."""
         unknown = 0
         for case in self.cases:
             for reading in case.readings:
@@ -180,7 +180,7 @@ class _Campaign:
         self._pool.run(self.observer.tick)
 
     def _truth(self, case: Case, reading: Reading) -> Jobs:
-        """Where there is none, the runs are not scored, and the report says why."""
+        """Compute the truth of a reading; if that fails, the runs are not scored and the report gives the reason."""
         self.observer.begun(case.name, f"{reading.name} {TRUTH}")
         found: Statement | Failure = yield TruthJob(case, reading)
         if isinstance(found, Failure):
@@ -189,7 +189,7 @@ class _Campaign:
         self.observer.truth(f"{case.name} {reading.name}")
 
     def _queue_runs(self, state: CaseState) -> int:
-        """Queue a case's runs, and what is sampled for its figures; how many rows are to be made."""
+        """Queue the runs of a case and the samples for its figures; return the number of rows to make."""
         by_solver: dict[str, list[tuple[ReadingResult, Jobs]]] = {}
         rows = 0
         for result in state.results.values():
@@ -198,19 +198,19 @@ class _Campaign:
                 rows += len(pending.settings)
             if self.draw is not None and state.is_drawn(result):
                 by_solver.setdefault(SAMPLERS[0], []).append((result, self._samples(result)))
-        # The registry names the fast solvers first: begun last, they fill the gaps that the slow ones leave.
+        # The registry lists the fast solvers first. Started last, they fill the gaps left by the slow solvers.
         for name, sequences in reversed(by_solver.items()):
             for result, jobs in sequences:
                 self._add(f"{state.case.name} {name}", state, result, jobs)
         return rows
 
     def _add(self, queue: str, state: CaseState, result: ReadingResult, jobs: Jobs, *, first: bool = False) -> None:
-        """Queue jobs on a reading, and count them until they are done."""
+        """Queue a sequence of jobs on a reading, and count it as pending until it is done."""
         state.pending[result.reading.name] += 1
         self._pool.add(queue, self._counted(state, result, jobs), first=first)
 
     def _counted(self, state: CaseState, result: ReadingResult, jobs: Jobs) -> Jobs:
-        """The jobs; after the last ones of a reading its figures are queued, after a case's it is delivered."""
+        """Yield the jobs; after the last job of a reading queue its figures, after the last of a case deliver it."""
         yield from jobs
         reading = result.reading.name
         state.pending[reading] -= 1
@@ -222,10 +222,10 @@ class _Campaign:
             self._deliver(state)
 
     def _rows(self, state: CaseState, pending: PendingRuns) -> Jobs:
-        """The rows of one solver on one reading; one that ran out of time is not asked for more accuracy.
+        """Make the rows of one solver on one reading; skip the tighter settings after a timeout.
 
-        Unless it did so among transitions that are not the truth's (what such a run costs tells nothing of the others),
-        or its rows are demanded.
+        They are not skipped if the run that timed out has spurious transitions, since its cost then says nothing
+        about other settings, or if the caller requires all rows of the solver.
         """
         settings = iter(pending.settings)
         for number, setting in enumerate(settings):
@@ -239,14 +239,14 @@ class _Campaign:
     def _outcome(
         self, state: CaseState, pending: PendingRuns, setting: Setting, *, cold: bool
     ) -> Generator[Job, Any, Outcome]:
-        """Prepare, run, score, and where the answer is right, time."""
+        """Prepare, run and score one setting; time the run if its answer is right."""
         reading, expected, options = pending.result.reading, pending.result.expected, self.options
         self.observer.begun(state.case.name, f"{reading.name} {pending.name} {setting.label}")
         version = registry.library_version(pending.solver) if isinstance(pending.solver, str) else ""
         outcome = Outcome(state.case.name, reading, pending.name, setting, library_version=version)
         prepared = yield PrepareJob(pending.solver, reading.problem, setting, options.timeout)
         if isinstance(prepared, Failure):
-            if prepared.ignored:  # there is no deadline that it was told of
+            if prepared.ignored:  # prepare() has no deadline that it could have kept
                 prepared = Failure("timeout", TOO_LONG_TO_PREPARE)
             return replace(outcome, failure=prepared)
         outcome = replace(outcome, **vars(prepared))
@@ -268,7 +268,7 @@ class _Campaign:
         self.observer.row(finished)
 
     def _samples(self, result: ReadingResult) -> Jobs:
-        """The motion, by the first sampler that can."""
+        """Sample the motion by the first sampler that succeeds."""
         for name in SAMPLERS:
             found = yield sample_job(result, name, self.options)
             if found is not None and not isinstance(found, Failure):
@@ -289,7 +289,7 @@ class _Campaign:
 
 
 def _untried(outcome: Outcome, settings: Iterator[Setting]) -> Iterator[Outcome]:
-    """What is said of tighter settings than one that took too long: an ignored deadline is the fault of them all."""
+    """Outcomes of the settings skipped after a timeout; an ignored deadline counts against each of them."""
     step, rtol = outcome.setting.step, outcome.setting.rtol
     at = f"{rtol:g}".replace("e-0", "e-") if step is None else f"a step of {step:g} s"
     prepared = outcome.compile_s is not None

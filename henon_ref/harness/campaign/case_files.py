@@ -1,6 +1,6 @@
-"""Case files, held against the solvers that there are.
+"""Read case files, and check the solvers that they name.
 
-Third parties' solvers are loaded by a worker before this process does so: their modules may hang or die.
+A worker loads each third-party solver before this process does, because importing its module may hang or crash.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from henon_ref.workers.pool import Jobs, WorkerPool
 from henon_ref.workers.worker import Failure, Job, WorkerState
 
 LOADING_SECONDS = 60.0
-"""Processor time that importing a stranger's solver may take [s]."""
+"""Limit on the processor time to import a third-party solver [s]."""
 
 
 def load_cases(paths: Sequence[Path]) -> list[Case]:
-    """Read the case files that paths lead to, held against the solvers that there are.
+    """Read case files and folders of case files, and check the solvers that they name.
 
     Raises
     ------
@@ -34,14 +34,14 @@ def load_cases(paths: Sequence[Path]) -> list[Case]:
 
 
 def fixed_step(name: str) -> bool:
-    """Whether a solver is driven by a step instead of tolerances; no, where a third party's cannot be loaded."""
+    """Check whether a solver takes a fixed step instead of tolerances; False if a third-party solver cannot load."""
     known = registry.fixed_step(name)
     return _probed(registry.entry_point(name)) if known is None else known
 
 
 @dataclass(frozen=True)
 class LoadJob(Job):
-    """Import a solver and see whether it is driven by a step."""
+    """Import a solver and check whether it takes a fixed step."""
 
     point: tuple[str, str, str]
     """Name, value and group of the entry point."""
@@ -53,7 +53,7 @@ class LoadJob(Job):
 
 @cache
 def _probed(point: EntryPoint) -> bool:
-    """Whether a solver is driven by a step; where loading it failed, this process is told never to do so."""
+    """Check in a worker whether a solver takes a fixed step; if loading fails, forbid this process to load it."""
     found: list[bool | Failure] = []
 
     def loading() -> Jobs:
@@ -65,6 +65,6 @@ def _probed(point: EntryPoint) -> bool:
     (result,) = found
     if not isinstance(result, Failure):
         return result
-    if result.status != "unavailable":  # one that is says so itself, and better
+    if result.status != "unavailable":  # an unavailable solver reports a better reason itself
         registry.refuse(point, result.reason)
     return False

@@ -1,8 +1,7 @@
-"""Which checked cause explains a run that is wrong by its solver's fault.
+"""Assign a verified cause to a run that is wrong through a fault of its solver.
 
-The causes are in :mod:`henon_ref.baselines.causes`, a minimal run of the library alone each. :data:`PATTERNS` is the
-table of how a run looks where one of them is the reason, and no other is left; where nothing in it fits, the run stays
-unexplained.
+Each cause in :mod:`henon_ref.baselines.causes` is a minimal run of the library alone. :data:`PATTERNS` lists the
+symptoms that identify a cause uniquely. A run without a matching pattern stays unexplained.
 """
 
 from __future__ import annotations
@@ -19,55 +18,56 @@ from henon_ref.harness import registry
 from henon_ref.harness.rows import RunRow, TransitionRow, number
 
 EXPLAINED = ("solver defect", "not judged")
-"""Verdicts on runs that a cause may explain: one that was too slow may be so for a known reason."""
-IN_FRONT = 1000.0
-"""Tolerances that a run's error stays below where nothing locates its end: BDF's is 200 of them at 1e-12."""
+"""Verdicts that a cause may explain; a run that was too slow ("not judged") can have a known cause, too."""
+END_ERROR = 1000.0
+"""Bound on the error of a run's end time that is not located as an event [rtol]; BDF reaches 200 at rtol 1e-12."""
 LATE = 1e8
-"""Times [s] from which ten roundings are 1e-7 and more."""
+"""Time from which ten roundings of the time exceed 1e-7 s [s]."""
 LOST = 1e-15
-"""A surface function that goes no deeper than this part of the state's size between two roots is in its rounding."""
+"""Depth of a surface function between two roots, relative to the state, below which rounding hides it."""
 BANDS = {"scipy-smoothed": 2000.0, "scipy-sign": 400.0}
-"""Half-widths of the bands in which transitions are read off, in absolute tolerances
+"""Half-width of the band from which a solver reads its transitions [atol]
 (:mod:`henon_ref.baselines.scipy_naive`)."""
 OFF = 3.0
-"""Steps by which siconos may be off with a time (the cause siconos-step sees less)."""
+"""Largest error of a time found by siconos [steps]; the cause siconos-step shows a smaller one."""
 FIRST_STEP = 1e-9
-"""First step of octave-ode45 in each mode, as a part of the run's length."""
+"""First step of octave-ode45 in each mode, relative to the length of the run."""
 NO_SOLUTION = 10.0
-"""Steps in front of a blow-up of order one in which an implicit step has no solution: four, and what order 1 is off."""
+"""Distance before a blow-up of order one at which an implicit step may have no solution [steps]: four steps, plus the
+error of a method of order 1."""
 Rows = Sequence[TransitionRow]
 
 
 class Seen:
-    """One wrong run, with its transitions in order, but for touches."""
+    """One wrong run and its transitions in order, without touches."""
 
     def __init__(self, run: RunRow, transitions: Rows) -> None:
         self.run = run
         self.rows = [row for row in transitions if row.outcome != "touch"]
         self.right = list(takewhile(lambda row: row.outcome == "matched", self.rows))
-        """Before the first that is wrong."""
+        """Transitions before the first wrong one."""
         self.matched, self.missed, self.spurious = (
             [row for row in self.rows if row.outcome == what] for what in ("matched", "missed", "spurious")
         )
         self.end, self.step, self.steps = number(run.end_time_s), number(run.step_s), number(run.steps)
         self.solver = registry.base_name(run.solver).partition("+")[0]
-        """Without its restart and variant."""
+        """Name of the solver without restart and variant."""
 
     def found(self, pattern: str) -> re.Match[str] | None:
-        """Where a regular expression fits the solver's own words."""
+        """Search the reason of the run for a regular expression."""
         return re.search(pattern, self.run.status_reason or "")
 
     def misses_at(self, time: float) -> bool:
-        """Whether the first transition that is missed is at a time [s], to what nothing there locates."""
-        within = IN_FRONT * number(self.run.rtol)
+        """Check whether the first missed transition is at a time [s], within the error of an unlocated end."""
+        within = END_ERROR * number(self.run.rtol)
         return any(abs(_exact(row) - time) <= within for row in self.missed[:1])
 
     @property
     def missed_pairs(self) -> list[Rows]:
-        """Groups of transitions missed in a row, where each leads back to where it began.
+        """Groups of consecutive missed transitions after which the mode is the same as before the group.
 
-        Each surface is crossed an even number of times in it. Empty where something else went wrong, too: then it is
-        not known what the run did in between.
+        Each surface is crossed an even number of times within a group. Empty if the run is wrong in another way, too,
+        because its path between the transitions is then unknown.
         """
         groups = [list(own) for what, own in groupby(self.rows, lambda row: row.outcome) if what == "missed"]
         whole = all(
@@ -79,10 +79,10 @@ class Seen:
 
     @property
     def first_missed(self) -> Rows:
-        """Transitions missed first, up to where the mode is again as before them: what comes behind follows from them.
+        """First missed transitions, up to the return to the mode before them; later errors follow from these.
 
-        Empty where the mode does not become so before the next transition of the run, and where they begin within a
-        mean step of a transition of the same surface, whose restart may have lost them.
+        Empty if the mode does not return before the next transition of the run. Also empty if the group begins within
+        a mean step after a transition of the same surface, because the restart there may have lost it.
         """
         group = list(takewhile(lambda row: row.outcome == "missed", self.rows[len(self.right) :]))
         until = next((k for k, row in enumerate(group, 1) if row.to_mode == group[0].from_mode), 0)
@@ -93,8 +93,9 @@ class Seen:
 
     @property
     def stopped_between(self) -> Rows:
-        """Two transitions of a surface that are missed first, within a mean step, where the run was ended between them:
-        an event of another surface stopped the library, and the guard was negative.
+        """First two missed transitions of a surface, if the run failed between them and they lie within a mean step.
+
+        An event of another surface then stopped the library between the two roots, where the guard is negative.
         """
         if self.run.status != "failed" or not self.found("was stepped over") or self.run.spurious != 0:
             return []
@@ -109,18 +110,18 @@ def _exact(row: TransitionRow) -> float:
 
 
 def _within_one_step(seen: Seen) -> bool:
-    """Signs are compared at the ends of a step: what is missed first lay in one, or around another surface's event."""
+    """The first missed roots lie within one step, or around another surface's event: compared signs are equal."""
     return bool(seen.missed_pairs or seen.first_missed or seen.stopped_between)
 
 
 def _double_root(seen: Seen) -> bool:
-    """heyoka isolates all roots of a polynomial: what it misses is a double root to it, or not in the polynomial."""
+    """heyoka isolates all roots of a polynomial, so the missed roots coincide in its rounding."""
     rows = seen.stopped_between or [row for group in seen.missed_pairs for row in group]
     return max((row.graze_distance for row in rows if row.graze_distance is not None), default=math.inf) <= LOST
 
 
-def _in_front_of_a_pole(seen: Seen) -> bool:
-    """In front of an event, or of the model's end: nothing has a value behind it."""
+def _before_a_pole(seen: Seen) -> bool:
+    """The run stops before an event or the end of the model, after which a function has no value."""
     return (seen.run.expected_status == "invalid" and seen.run.missed == 0) or seen.misses_at(seen.end)
 
 
@@ -129,46 +130,45 @@ def _slow(seen: Seen) -> bool:
 
 
 def _past_the_end(seen: Seen) -> bool:
-    """The exact run ends because a function has no value any more; the run goes on."""
+    """The exact run ends because a function has no value any more, but the run continues."""
     late = seen.found(r"failed at t = (\S+), not at (\S+)$")
     return seen.found("went on past") is not None or (late is not None and float(late[1]) > float(late[2]))
 
 
 def _within_the_band(seen: Seen) -> bool:
-    """The first transition of a surface that goes wrong, or one beside it, is told from its neighbour by less than the
-    band is wide; or the run is off by more than its steps' errors before.
+    """The transitions around the first wrong one of a surface differ by less than the width of the band.
 
-    Within the band the state is known no better. Releases are late anyway.
+    The state within the band is uncertain by its width. True as well if an earlier transition other than a release is
+    off by more than the errors of all steps explain; releases are late for another reason.
     """
     band = BANDS[seen.solver] * number(seen.run.atol)
     for surface in {row.surface for row in seen.rows}:
         own = [row for row in seen.rows if row.surface == surface]
         first = next((k for k, row in enumerate(own) if row.outcome in ("missed", "spurious")), len(own))
-        beside = own[max(first - 1, 0) : first + 3] if first < len(own) else []
-        if any(number(row.graze_distance) <= band * _reach(row) for row in beside):
+        nearby = own[max(first - 1, 0) : first + 3] if first < len(own) else []
+        if any(number(row.graze_distance) <= band * _reach(row) for row in nearby):
             return True
     return any(_is_off(seen, row) for row in seen.right if row.kind != "release")
 
 
 def _reach(row: TransitionRow) -> float:
-    """By how much an error in the state moves what decides a transition; its own size at least where that is the
-    surface function, which the guard of a release is not."""
+    """Change of the deciding function per unit error of the state; at least 1 if this is a surface function."""
     moved = (row.conditioning or 0.0) * (row.transversality or 0.0)
     return moved if row.kind == "release" else max(moved, 1.0)
 
 
 def _is_off(seen: Seen, row: TransitionRow) -> bool:
-    """Whether a time is off by more than the errors of all steps make of it.
+    """Check whether the error of a time exceeds the sum of the errors of all steps.
 
-    Step-size control grants each accepted step the absolute tolerance, so that together they move a transition by
-    ``steps * atol * conditioning`` at most; the time itself is rounded in each. What is beyond that is not theirs.
+    Step-size control allows an error of ``atol`` in each accepted step, so that all steps together move a transition by
+    at most ``steps * atol * conditioning``. In addition, each step rounds the time.
     """
     step = number(seen.run.atol) * number(row.conditioning) + sys.float_info.epsilon * abs(_exact(row))
     return abs(number(row.time_error_s)) > seen.steps * step
 
 
 def _released_late(seen: Seen) -> bool:
-    """Each surface has all its transitions, and their order among surfaces alone is wrong, by late releases."""
+    """Each surface has all its transitions, and late releases alone change their order among the surfaces."""
     delays: dict[bool, list[float]] = {True: [], False: []}
     for surface in {row.surface for row in (*seen.missed, *seen.spurious)}:
         exact, found = ([row for row in rows if row.surface == surface] for rows in (seen.missed, seen.spurious))
@@ -181,32 +181,32 @@ def _released_late(seen: Seen) -> bool:
 
 
 def _within_steps(seen: Seen) -> bool:
-    """What goes wrong first comes within a step of a transition that is right, and nothing is wrong before."""
+    """The first wrong transition follows the last right one within one step."""
     last, wrong = seen.right[-1:], seen.rows[len(seen.right) :][:1]
     return any(number(b.time_s) - number(a.time_s) <= seen.step for a, b in zip(last, wrong, strict=False))
 
 
 def _small_step(seen: Seen) -> bool:
-    """Words of diffsol's own, where the exact run ends or misses but the root in front of which they were said."""
+    """The exact run has an end of its own, or diffsol's message names the time of the first missed transition."""
     whole = seen.run.missed == 0 and seen.run.expected_status in ("diverged", "failed", "invalid")
-    told = seen.found(r"at time = ([-+.e\d]+)")
-    return whole or (told is not None and seen.misses_at(float(told[1])))
+    at_time = seen.found(r"at time = ([-+.e\d]+)")
+    return whole or (at_time is not None and seen.misses_at(float(at_time[1])))
 
 
 def _at_one_node(seen: Seen) -> bool:
-    """What goes wrong first are two surfaces that change at one instant where the exact run has one of them."""
+    """The first two spurious transitions are of two surfaces at one instant, where the exact run has one of them."""
     extra = seen.spurious[:2]
     both = len({row.surface for row in extra}) == 2 and len({row.time_s for row in extra}) == 1
     return both and seen.misses_at(number(extra[0].time_s))
 
 
 def _lone_stick(seen: Seen) -> bool:
-    """No sign has changed up to the horizon: another root lay in the same step, which a run that slides has not."""
+    """The run has no transition because two roots lie within one step, but the exact run sticks at the first root."""
     return seen.run.found_transitions == 0 and any(row.kind == "stick" for row in seen.missed)
 
 
 def _there_and_back(seen: Seen) -> bool:
-    """What is spurious leads there and back, on the surface by CVODE's own solution."""
+    """The spurious transitions form pairs that leave a mode and return, on the surface as CVODE computes it."""
     pairs = list(zip(seen.spurious[::2], seen.spurious[1::2], strict=False))
     back = all(there.from_mode == back.to_mode and there.to_mode == back.from_mode for there, back in pairs)
     on_it = number(seen.run.max_surface_drift) < number(seen.run.atol)
@@ -214,9 +214,9 @@ def _there_and_back(seen: Seen) -> bool:
 
 
 def _in_the_first_step(seen: Seen) -> bool:
-    """The first transition that is missed comes within the first step after the one before it, or after zero.
+    """The first missed transition lies within the first step after its predecessor, or after time zero.
 
-    That step is a part of the run's length, which ends at its horizon: it went on to there.
+    The first step is a fixed fraction of the length of the run, which extends to the horizon.
     """
     times = [0.0, *map(_exact, seen.rows)]
     first = next((k for k, row in enumerate(seen.rows) if row.outcome == "missed"), None)
@@ -224,7 +224,7 @@ def _in_the_first_step(seen: Seen) -> bool:
 
 
 def _time_stepping(seen: Seen) -> bool:
-    """What begins and ends within a step is not there; what comes some steps behind the horizon may be."""
+    """Transitions within one step are missed, and transitions some steps after the horizon are found before it."""
     run, times = seen.run, list(map(_exact, seen.missed))
     alone = run.status == "wrong" and run.expected_status == "ok"
     within = run.spurious == 0 and len(times) > 1 and max(times) - min(times) <= seen.step
@@ -237,7 +237,7 @@ def _time_stepping(seen: Seen) -> bool:
 
 
 def _over_a_blow_up(seen: Seen) -> bool:
-    """Nothing is wrong but what comes within some steps of the blow-up or behind."""
+    """Only transitions shortly before the blow-up, or after it, are wrong."""
     past = seen.found(r"went on past t = ([-+.e\d]+),")
     if past is None or number(seen.run.missed) > 0:
         return False
@@ -245,7 +245,7 @@ def _over_a_blow_up(seen: Seen) -> bool:
 
 
 def _runs_away(seen: Seen) -> bool:
-    """The first transition is in time, and the last is off by more than some steps."""
+    """The time of the first transition is right within some steps, and the last is off by more."""
     errors = [abs(number(row.time_error_s)) for row in seen.matched]
     return len(errors) > 1 and errors[0] <= OFF * seen.step < errors[-1]
 
@@ -262,25 +262,24 @@ LOST_SIGN = "the relay's sign is not that of the surface function"
 
 @dataclass(frozen=True)
 class Pattern:
-    """How a run looks that a cause explains: all that is given here holds of it."""
+    """Symptoms of a run that a cause explains; a run must meet all conditions that are given."""
 
     cause: str
     solvers: tuple[str, ...]
     words: str = ""
-    """A regular expression that fits the run's reason."""
+    """Regular expression found in the reason of the run."""
     restart: str = ""
-    """How the library was restarted."""
+    """Restart of the library."""
     status: str = ""
     ends: str = ""
-    """How the exact run ends."""
+    """Status of the exact run."""
     missed: int | None = None
     right: bool = False
-    """Whether what was found before the run ended has to be right."""
+    """Whether the run must have no spurious transition."""
     when: Callable[[Seen], bool] | None = None
-    """What else holds."""
+    """Further condition on the run."""
 
     def fits(self, seen: Seen) -> bool:
-        """Whether a run looks like this."""
         run = seen.run
         return (
             seen.solver in self.solvers
@@ -308,8 +307,8 @@ PATTERNS = (
     Pattern("scipy-flat-root", (*SCIPY, "scipy-smoothed", "scipy-sign"), "Failed to converge after"),
     Pattern("scipy-blow-up", SCIPY, TOO_SMALL, ends="diverged", right=True),
     Pattern("scipy-late", SCIPY, TOO_SMALL, right=True, when=lambda seen: abs(seen.end) >= LATE),
-    Pattern("scipy-pole", SCIPY, TOO_SMALL, right=True, when=_in_front_of_a_pole),
-    Pattern("diffrax-pole", DIFFRAX, "does not advance", right=True, when=_in_front_of_a_pole),
+    Pattern("scipy-pole", SCIPY, TOO_SMALL, right=True, when=_before_a_pole),
+    Pattern("diffrax-pole", DIFFRAX, "does not advance", right=True, when=_before_a_pole),
     Pattern("scipy-radau-order", ("scipy-radau",), status="timeout", right=True, when=_slow),
     Pattern("scipy-bdf-order", ("scipy-bdf",), status="timeout", right=True, when=_slow),
     Pattern("scipy-lsoda-nan", ("scipy-lsoda", "scipy-smoothed"), NOT_FINITE, right=True),
@@ -347,11 +346,11 @@ PATTERNS = (
     Pattern("siconos-no-solution", SICONOS, ends="diverged", when=_over_a_blow_up),
     Pattern("siconos-damping", SICONOS, status="wrong", ends="ok", missed=0, when=_runs_away),
 )  # fmt: skip
-"""The first that fits counts."""
+"""Patterns in order of precedence: the first that fits gives the cause."""
 
 
 def cause_of(run: RunRow, transitions: Rows) -> str | None:
-    """Name of the cause of a run that is wrong or too slow; None where none is known for certain."""
+    """Return the name of the cause of a run that is wrong or too slow; None if no cause is certain."""
     if run.verdict not in EXPLAINED:
         return None
     seen = Seen(run, transitions)

@@ -1,4 +1,4 @@
-"""What a campaign finds of a case: every solver on every reading, scored against the truth, as data frames."""
+"""Result of a campaign for one case: every solver on every reading, scored against the truth, as data frames."""
 
 from __future__ import annotations
 
@@ -26,75 +26,75 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 LONGEST_NOTE = 60
-"""Characters of a note where the table is printed."""
+"""Largest length of a note in the printed table [characters]."""
 
 
 @dataclass(eq=False)
 class ReadingResult:
-    """What is known of one reading besides the runs' rows."""
+    """Results of one reading other than the rows of its runs."""
 
     reading: Reading
     statement: Statement
     samples: Samples | None = None
-    """The motion on a grid of times, where figures are asked for and a solver could sample."""
+    """Motion on a grid of times; None if no figures are requested or no solver could sample."""
     sampled_by: str = ""
     drawn: bool = False
-    """Whether its figures have been asked for."""
+    """Whether the figures have been queued."""
     figures: dict[str, bytes] = field(default_factory=dict)
     """File name -> SVG."""
     figures_reason: str = ""
-    """Why figures are missing."""
+    """Reason why figures are missing."""
 
     @property
     def expected(self) -> Expected | None:
-        """What its runs are scored against; None where no truth could be had."""
+        """Exact run against which the runs are scored; None if no truth is available."""
         return self.statement.expected
 
 
 @dataclass(repr=False)
 class Comparison:
-    """What came out for one case."""
+    """Results of one case."""
 
     case: Case
     readings: list[ReadingResult]
-    """Truth, and samples for figures, of every reading that was run."""
+    """Truth and samples of every reading that was run."""
     records: list[Record]
-    """The runs, by reading, solver and setting."""
+    """Runs, ordered by reading, solver and setting."""
     options: Options
 
     @cached_property
     def runs(self) -> pd.DataFrame:
-        """A row a reading, solver and setting (columns of ``runs.csv``)."""
+        """One row per reading, solver and setting (columns of ``runs.csv``)."""
         return _frame(RunRow, self.run_rows)
 
     @cached_property
     def transitions(self) -> pd.DataFrame:
-        """A row a transition (columns of ``transitions.csv``)."""
+        """One row per transition (columns of ``transitions.csv``)."""
         return _frame(TransitionRow, self.transition_rows, self.states)
 
     @cached_property
     def sticks(self) -> pd.DataFrame:
-        """A row a stick (columns of ``sticks.csv``)."""
+        """One row per stick (columns of ``sticks.csv``)."""
         return _frame(StickRow, self.stick_rows)
 
     @property
     def run_rows(self) -> list[RunRow]:
-        """The rows of :attr:`runs`, a missing value None."""
+        """Rows of :attr:`runs`; a missing value is None."""
         return [record.run for record in self.records]
 
     @property
     def transition_rows(self) -> list[TransitionRow]:
-        """The rows of :attr:`transitions`."""
+        """Rows of :attr:`transitions`."""
         return [row for record in self.records for row in record.transitions]
 
     @property
     def stick_rows(self) -> list[StickRow]:
-        """The rows of :attr:`sticks`."""
+        """Rows of :attr:`sticks`."""
         return [row for record in self.records for row in record.sticks]
 
     @property
     def states(self) -> tuple[str, ...]:
-        """Names of the states of all readings: columns of :attr:`transitions`."""
+        """Names of the states of all readings, which are columns of :attr:`transitions`."""
         names = (name for result in self.readings for name in result.reading.problem.system.state_names)
         return tuple(dict.fromkeys(names))
 
@@ -106,7 +106,7 @@ class Comparison:
         return f"{head}\n{self._table(LONGEST_NOTE).text}" if self.records else head
 
     def _table(self, longest: int | None = None) -> Table:
-        """A row a solver, the best first; ``longest``: characters of a note."""
+        """Table with one row per solver, the best first; ``longest`` limits the characters of a note."""
         notes: dict[str, str] = {}
         for line in standings(self.run_rows):
             wrong = [row for row in tightest(self.run_rows) if row.solver == line.solver and row.verdict != RIGHT]
@@ -117,28 +117,28 @@ class Comparison:
         return standings_table(standings(self.run_rows), notes)
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: the table that ``print`` shows, and the case's equations as formulas."""
+        """HTML for a notebook: the table as printed, and the equations of the case as formulas."""
         problems = {result.reading.name: result.reading.problem for result in self.readings}
         title = f"<p><b>{html(self.case.name)}</b>: {html(self.case.title)}</p>"
         return f"{title}{self._table().html}{equations_html(problems)}"
 
     def plot(self, reading: str | None = None) -> Axes:
-        """The work-precision diagram of one reading, which the title names: worst error of a time over wall time.
+        """Draw the work-precision diagram of one reading: largest error of a transition time over wall time.
 
         Parameters
         ----------
         reading : str, optional
-            Name of the reading; None: the first one.
+            Name of the reading; None: the first reading.
 
         Returns
         -------
         Axes
-            Of a figure that belongs to :mod:`matplotlib.pyplot`: a notebook shows it, ``plt.show()`` too.
+            Axes of a :mod:`matplotlib.pyplot` figure, which a notebook and ``plt.show()`` display.
 
         Raises
         ------
         CaseError
-            Where there is no such reading, no truth to measure errors by, or fewer than two timed runs that have one.
+            If the reading does not exist, or fewer than two timed runs have an error against a truth.
         """
         from matplotlib import pyplot as plt
 
@@ -151,26 +151,26 @@ class Comparison:
         drawn = draw_cost(rows, result.expected, of=of) if result.expected is not None else None
         if drawn is None:
             raise CaseError(f"reading '{name}' has fewer than two timed runs with an error to plot")
-        # pyplot makes its figures by calling this: so the one that is drawn becomes its own.
+        # pyplot creates its figures by calling FigureClass; it registers the returned, finished figure as its own.
         figure = plt.figure(FigureClass=lambda *given, **options: drawn)  # type: ignore[arg-type]
         return figure.axes[0]
 
     def of_reading(self, name: str) -> list[Record]:
-        """The runs of one reading."""
+        """Return the runs of one reading."""
         return [record for record in self.records if record.run.reading == name]
 
     @property
     def gate(self) -> Gate:
-        """What became of the bounds of the case's gate."""
+        """Result of checking the bounds of the case's gate."""
         return gate(bounds_of(self.case), self.run_rows)
 
     def gate_failures(self) -> list[str]:
-        """One sentence for every bound of the case's gate that is not met; bounds on what did not run left out."""
+        """Return one sentence per violated bound of the case's gate; skip bounds on solvers that did not run."""
         return [words for _, words in self.gate.unmet]
 
 
 def _frame(kind: type[AnyRow], rows: Sequence[AnyRow], states: Sequence[str] = ()) -> pd.DataFrame:
-    """A data frame with these columns; a missing value is NaN in a column of numbers, else None."""
+    """Make a data frame; a missing value is NaN in a column of numbers, and None in any other column."""
     import pandas as pd
 
     columns = kind.columns(states)

@@ -1,8 +1,8 @@
-"""What a solver hands back, checked in the worker: what breaks the contract is its own failed row.
+"""Check the result of a solver in the worker; a result that violates the contract becomes a failed row.
 
-What passes is made of built-in types, exact ``str``, ``int``, ``float``, ``tuple``, ``Transition``: the rest of the
-package relies on that. NumPy's numbers are what a solver naturally has; objects of its own classes may be anything when
-they are looked at a second time, or taken out of a pickle. None of them leaves the worker.
+The checked result consists of built-in types: exact ``str``, ``int``, ``float``, ``tuple`` and ``Transition``. The rest
+of the package relies on these. A solver may return NumPy numbers, or objects of its own classes that change between two
+accesses or after pickling; none of these leaves the worker.
 """
 
 from __future__ import annotations
@@ -22,27 +22,27 @@ from henon_ref.text import short_line
 from henon_ref.trajectory import Counts, Kind, Status, Trajectory, Transition
 
 ENDS: tuple[Status, ...] = ("ok", "diverged", "nonunique", "invalid", "timeout", "failed")
-"""Statuses that a run may end with."""
+"""Statuses that a run may return."""
 ROUNDINGS = 64
-"""So many roundings of the largest time of a problem are granted to times; ``time_low`` is no more than that."""
+"""Allowed error of a time, and bound on ``time_low``, in roundings of the largest time of the problem."""
 ADDED_UP = 1e-9
-"""So much of the run is granted to times that a solver adds up from its steps."""
+"""Allowed error of a time, relative to the length of the run: a solver may add up its steps."""
 KINDS: tuple[Kind, ...] = get_args(Kind)
 LARGEST_COUNT = 2**63 - 1
 Word = TypeVar("Word", bound=str)
 
 
-class _Wrong(Exception):  # noqa: N818 - it becomes a ContractError, once it is known where the value stands
-    """A part of a trajectory that is not what was wanted: its name, value, and what was wanted."""
+class _Wrong(Exception):  # noqa: N818 - converted to a ContractError when the full name of the value is known
+    """Invalid part of a trajectory; arguments: its name, its value, and a description of a valid value."""
 
 
 def check_prepared(run: object, *, landing: object, version: object) -> tuple[str, str]:
-    """Refuse a run that cannot be called, and words that are none.
+    """Refuse a run that is not callable, and a landing or version that is not a string.
 
     Returns
     -------
     tuple of str
-        Landing and version, each in one line.
+        Landing and version, each on one line.
 
     Raises
     ------
@@ -59,14 +59,14 @@ def check_prepared(run: object, *, landing: object, version: object) -> tuple[st
 
 
 def check_trajectory(returned: object, problem: Problem, *, most: int) -> Trajectory:
-    """What a run of a problem returned, in built-in types, with ``most`` transitions at most.
+    """Convert the result of a run to a trajectory of built-in types with at most ``most`` transitions.
 
-    Samples, which no run that is scored was asked for, are left out.
+    Samples are dropped: no scored run is asked for samples.
 
     Raises
     ------
     ContractError
-        Where it is no trajectory that can be scored.
+        If the result is not a trajectory that can be scored.
     """
     if not isinstance(returned, Trajectory):
         raise ContractError(f"the solver returned {_typed(returned)}, wanted a Trajectory")
@@ -99,7 +99,7 @@ def check_trajectory(returned: object, problem: Problem, *, most: int) -> Trajec
 
 
 def _check_times(run: Trajectory, problem: Problem) -> None:
-    """Refuse times outside of the problem's, out of order, or in the wrong part of a compensated time."""
+    """Refuse times outside the interval of the problem, times out of order, and ``time_low`` above a rounding error."""
     start, until = float(problem.start), float(problem.until)
     rounding = ROUNDINGS * sys.float_info.epsilon * max(abs(start), abs(until))
     slack = max(rounding, ADDED_UP * (until - start))
@@ -109,26 +109,25 @@ def _check_times(run: Trajectory, problem: Problem) -> None:
         if not start - slack <= event.time <= until + slack:
             raise _Wrong(f"transitions[{k}].time", event.time, between)
         if abs(event.time_low) > rounding:
-            raise _Wrong(f"transitions[{k}].time_low", event.time_low, f"what rounding lost, at most {rounding:.1e}")
+            raise _Wrong(f"transitions[{k}].time_low", event.time_low, f"a rounding error of at most {rounding:.1e}")
         if event.time < latest - slack:
-            raise _Wrong(f"transitions[{k}].time", event.time, f"one not before {latest!r}, the latest so far")
+            raise _Wrong(f"transitions[{k}].time", event.time, f"a time not before {latest!r}, the latest so far")
         latest = max(latest, event.time)
     if not start - slack <= run.end_time <= until + slack:
         raise _Wrong("end_time", run.end_time, between)
     if run.status == "ok" and run.end_time < until - slack:
-        raise _Wrong("end_time", run.end_time, f"the horizon, {until:.17g}, where the status is ok")
+        raise _Wrong("end_time", run.end_time, f"the horizon, {until:.17g}, if the status is ok")
 
 
 def _check_finite(run: Trajectory) -> None:
-    """Refuse states that are not finite."""
     states = [(f"transitions[{k}].state", event.state) for k, event in enumerate(run.transitions)]
     for what, state in [*states, ("end_state", run.end_state)]:
         if not all(map(math.isfinite, state)):
-            raise _Wrong(what, state, "finite numbers where the status is ok")
+            raise _Wrong(what, state, "finite numbers if the status is ok")
 
 
 class _Converter:
-    """Makes values of built-in types for a system with so many states and surfaces, or says what is wrong with them."""
+    """Conversion of values to built-in types, for a system with given numbers of states and surfaces."""
 
     def __init__(self, states: int, surfaces: int) -> None:
         self.states, self.surfaces = states, surfaces
@@ -136,7 +135,6 @@ class _Converter:
         self._of_state = f"{states} numbers"
 
     def transitions(self, found: object, most: int) -> tuple[Transition, ...]:
-        """Transitions, no more than ``most``, each of built-in types."""
         if not isinstance(found, Sequence):
             raise _Wrong("transitions", found, "a sequence of Transition")
         events = tuple(islice(found, most + 1))
@@ -148,13 +146,12 @@ class _Converter:
         for k, event in enumerate(events):
             try:
                 converted.append(self.transition(event))
-            except _Wrong as error:  # its name is made here alone: of most transitions it is never needed
+            except _Wrong as error:  # format the index only in the rare case of an error
                 what, value, wanted = error.args
                 raise _Wrong(f"transitions[{k}]{what and '.'}{what}", value, wanted) from None
         return tuple(converted)
 
     def transition(self, event: object) -> Transition:
-        """A transition of built-in types."""
         if not isinstance(event, Transition):
             raise _Wrong("", event, "a Transition")
         kind = _word("kind", event.kind, KINDS)
@@ -173,18 +170,15 @@ class _Converter:
         )
 
     def mode(self, what: str, value: object) -> Mode:
-        """An entry a surface, each -1, 0 or +1."""
         mode = tuple([_whole(what, entry) for entry in _entries(what, value, self.surfaces, self._of_mode)])
         if not all(-1 <= entry <= 1 for entry in mode):
             raise _Wrong(what, value, self._of_mode)
         return mode
 
     def state(self, what: str, value: object) -> tuple[float, ...]:
-        """A number a state."""
         return tuple([_number(what, entry) for entry in _entries(what, value, self.states, self._of_state)])
 
     def undecided_after(self, value: object) -> tuple[tuple[int, float], ...]:
-        """Pairs of a surface, or -1, and a time."""
         most = 2 * self.surfaces + 64
         what, wanted = "undecided_after", f"pairs of a surface, or -1, and a time, at most {most}"
         if not isinstance(value, Sequence) or isinstance(value, str) or len(value) > most:
@@ -206,7 +200,7 @@ def _entries(what: str, value: object, count: int, wanted: str) -> tuple[object,
 
 
 def _count(what: str, value: object) -> int:
-    """A whole number that a file of integers can hold, from 0 on."""
+    """Convert a count to a nonnegative integer of 64 bits."""
     count = _whole(what, value)
     if not 0 <= count <= LARGEST_COUNT:
         raise _Wrong(what, count, "a whole number from 0 to 2**63 - 1")
@@ -214,7 +208,7 @@ def _count(what: str, value: object) -> int:
 
 
 def _size(what: str, value: object) -> float:
-    """A finite number from 0 on, or NaN where it is not known."""
+    """Convert a value to a finite number of at least 0, or NaN if unknown."""
     size = _number(what, value)
     if size < 0 or math.isinf(size):
         raise _Wrong(what, size, "a finite number from 0 on, or NaN")
@@ -222,7 +216,6 @@ def _size(what: str, value: object) -> float:
 
 
 def _time(what: str, value: object) -> float:
-    """A finite number."""
     time = _number(what, value)
     if not math.isfinite(time):
         raise _Wrong(what, time, "a finite number")
@@ -230,7 +223,7 @@ def _time(what: str, value: object) -> float:
 
 
 def _number(what: str, value: object) -> float:
-    """A number, finite or not."""
+    """Convert a value to a float, finite or not."""
     if type(value) is float:
         return value
     if not isinstance(value, Real) or isinstance(value, bool):
@@ -239,7 +232,6 @@ def _number(what: str, value: object) -> float:
 
 
 def _whole(what: str, value: object) -> int:
-    """A whole number."""
     if type(value) is int:
         return value
     if not isinstance(value, Integral) or isinstance(value, bool):
@@ -248,14 +240,12 @@ def _whole(what: str, value: object) -> int:
 
 
 def _text(what: str, value: object) -> str:
-    """Words, in one line."""
     if not isinstance(value, str):
         raise _Wrong(what, value, "a str")
     return short_line(value)
 
 
 def _word(what: str, value: object, allowed: Sequence[Word]) -> Word:
-    """One of the words that are allowed."""
     given = str.__str__(value) if isinstance(value, str) else None
     found = next((word for word in allowed if word == given), None)
     if found is None:
@@ -264,5 +254,4 @@ def _word(what: str, value: object, allowed: Sequence[Word]) -> Word:
 
 
 def _typed(value: object) -> str:
-    """A value and its type, in few words."""
     return f"{shown(value)} ({type(value).__name__})"

@@ -1,8 +1,8 @@
-"""Finished rows on disk, so that an interrupted comparison goes on where it stopped.
+"""Journal of finished rows on disk, from which an interrupted comparison continues.
 
-One JSON line a row with a checksum of its own, written through to the disk before the next run starts. A line that is
-damaged in any way (one that was cut short, say) is told, and set aside in a file beside; its row is run again. The
-journal lies in the case's report folder, and who asked for it removes it once the report is there.
+Each row is one JSON line with its own checksum, flushed to the disk before the next run starts. A damaged line, for
+example a truncated one, is reported and moved to a separate file; its row is run again. The journal is in the report
+folder of the case. The caller removes it after the report is written.
 """
 
 from __future__ import annotations
@@ -28,41 +28,40 @@ from henon_ref.harness.score.reference import Expected
 _LOG = logging.getLogger(__name__)
 
 FORMAT = 4
-"""Raised where what a line holds, or how a run is scored, changes."""
+"""Version of the journal; increased if the contents of a line or the scoring of a run change."""
 FILE = ".partial"
 SET_ASIDE = ".partial.damaged"
-"""Where damaged lines are kept."""
+"""File of the damaged lines."""
 BASELINES = "baselines"
-"""A folder of ``henon_ref`` where it is installed, and beside it in a checkout."""
+"""Folder of the baselines: in ``henon_ref`` if installed, next to ``henon_ref`` in a checkout."""
 PACKAGES = ("henon_ref", f"henon_ref.{BASELINES}")
 LANGUAGES = (".py", ".c", ".h", ".m")
-"""How the names of modules, and of programs in other languages, end."""
+"""Suffixes of source files."""
 _CHECKSUM = re.compile(rb',"checksum":"([0-9a-f]{64})"\}\n\Z')
 _PARTS = {"key": str, "run": dict, "transitions": list, "sticks": list, "samples": list}
-"""What a line holds."""
+"""Names and types of the parts of a line."""
 
 
 @dataclass(frozen=True)
 class _Kept:
-    """What a journal holds."""
+    """Contents of a journal."""
 
     rows: dict[str, Record] = field(default_factory=dict)
-    """By key."""
     lines: list[bytes] = field(default_factory=list)
-    """The lines of these rows."""
+    """Lines of the rows."""
     damaged: list[tuple[int, bytes, str]] = field(default_factory=list)
-    """Number, line and what is wrong with it."""
+    """Line number, line, and reason, of every damaged line."""
 
 
 class Journal:
-    """The finished rows of one case.
+    """Journal of the finished rows of one case.
 
     Parameters
     ----------
     folder : Path
-        The case's report folder, of the case's name; it is made with the first row.
+        Report folder of the case, named after the case; created with the first row.
     resume : bool
-        Whether rows that are there already are used; if not, the first new row replaces them.
+        Whether to use the rows of an existing journal; if False, the first new row replaces them.
     """
 
     def __init__(self, folder: Path, *, resume: bool) -> None:
@@ -74,16 +73,15 @@ class Journal:
             _set_aside(self.path, kept)
 
     def get(self, key: str) -> Record | None:
-        """The finished row of this key."""
         return self._rows.get(key)
 
     def add(self, key: str, record: Record) -> None:
-        """Put a finished row on the disk.
+        """Write a finished row to the disk.
 
         Raises
         ------
         OSError
-            Where it cannot be written; the rows before it are safe.
+            If it cannot be written; earlier rows are not affected.
         """
         self.path.parent.mkdir(parents=True, exist_ok=True)
         with self.path.open("ab" if self._started else "wb") as file:
@@ -94,7 +92,6 @@ class Journal:
 
 
 def line_of(key: str, record: Record) -> bytes:
-    """A row as a line of the journal."""
     rows = {"transitions": list(map(vars, record.transitions)), "sticks": list(map(vars, record.sticks))}
     parts = {"key": key, "run": vars(record.run), **rows, "samples": record.samples}
     body = json.dumps(parts, separators=(",", ":")).encode()
@@ -102,7 +99,7 @@ def line_of(key: str, record: Record) -> bytes:
 
 
 def read(path: Path) -> dict[str, Record]:
-    """The finished rows that a journal holds, by key; empty where there is none."""
+    """Read the finished rows of a journal, by key; empty if the file does not exist."""
     return _kept(path).rows
 
 
@@ -121,16 +118,16 @@ def _kept(path: Path) -> _Kept:
 
 
 def _row(line: bytes, *, case: str) -> tuple[str, Record]:
-    """Key and row of a line; ValueError where it is not such as :func:`line_of` writes for a row of this case."""
+    """Parse a line into key and row; ValueError if :func:`line_of` would not write it for a row of this case."""
     found = _CHECKSUM.search(line)
     if found is None:
-        raise ValueError("it is cut short, or no row of this version")
+        raise ValueError("it is truncated, or not written by this version")
     body = line[: found.start()] + b"}"
     if hashlib.sha256(body).hexdigest().encode() != found[1]:
-        raise ValueError("its checksum does not fit")
+        raise ValueError("its checksum is wrong")
     content = json.loads(body)
     if not isinstance(content, dict) or {name: type(part) for name, part in content.items()} != _PARTS:
-        raise ValueError("it is no row of this version")
+        raise ValueError("it was not written by this version")
     try:
         run = RunRow(**content["run"])
         transitions = [TransitionRow(**row) for row in content["transitions"]]
@@ -143,7 +140,6 @@ def _row(line: bytes, *, case: str) -> tuple[str, Record]:
 
 
 def _set_aside(path: Path, kept: _Kept) -> None:
-    """Keep the damaged lines in a file beside, and only the others in the journal; say so."""
     aside = path.with_name(SET_ASIDE)
     with aside.open("ab") as file:
         file.writelines(line.rstrip(b"\r\n") + b"\n" for _, line, _ in kept.damaged)
@@ -154,7 +150,7 @@ def _set_aside(path: Path, kept: _Kept) -> None:
 
 
 def reading_key(case: str, reading: Reading, expected: Expected | None) -> str:
-    """A hash of all that the rows of one reading share: whose they are, the problem, what they are scored against."""
+    """Return a hash of the data that the rows of one reading share: case, reading, problem and exact run."""
     parts = [
         FORMAT,
         case,
@@ -169,7 +165,7 @@ def reading_key(case: str, reading: Reading, expected: Expected | None) -> str:
 
 
 def row_key(reading: str, solver: str, version: str, setting: Setting, options: Options) -> str:
-    """A hash of everything that decides what a row says, wall times apart; ``reading``: its :func:`reading_key`."""
+    """Return a hash of all data that determine a row except its wall times; ``reading`` is a :func:`reading_key`."""
     how = [options.timeout, options.repeats, options.timed]
     return _hashed([code_version(), reading, solver, version, asdict(setting), *how])
 
@@ -180,7 +176,7 @@ def _hashed(parts: list[Any]) -> str:
 
 @cache
 def code_version() -> str:
-    """A hash of the text of every module and program at work, the same whether it is committed or installed."""
+    """Return a hash of the source files of the package and its baselines; equal in a checkout and an installation."""
     digest = hashlib.sha256()
     for name in PACKAGES:
         for top in import_module(name).__path__:
@@ -192,7 +188,7 @@ def code_version() -> str:
 
 
 def code_files(top: str) -> list[str]:
-    """Paths of a package's modules and programs, the baselines aside (Path.rglob takes twenty times as long)."""
+    """List the source files of a package except its baselines (``Path.rglob`` takes twenty times as long)."""
     found = []
     for folder, below, files in os.walk(top):
         if folder == top and BASELINES in below:

@@ -1,4 +1,4 @@
-"""How a campaign is run, and what is asked of each solver: tolerances or steps."""
+"""Options of a campaign, and the settings of each solver: tolerances or steps."""
 
 from __future__ import annotations
 
@@ -15,49 +15,48 @@ from henon_ref.modes.problem import Problem
 from henon_ref.solver import Solver, fault
 
 LEAST_TIMEOUT = 0.01
-"""Shortest time that a run may be given [s]."""
+"""Smallest allowed time limit of a run [s]."""
 MAIN = b"__main__"
-"""The caller's main module, as a pickle names it."""
+"""Name of the main module in a pickle."""
 MOST_DRAWN = 6
-"""Readings of a case that figures are drawn for; a family of dozens would be a heap of look-alikes."""
+"""Largest number of readings of a case with figures; the figures of a large family would look alike."""
 
 
 @dataclass(frozen=True)
 class Options:
-    """How a campaign is run.
+    """Options of a campaign.
 
     Raises
     ------
     CaseError
-        For a value that is not allowed. Whether solvers exist is seen later
-        (:mod:`henon_ref.harness.campaign.plan`).
+        If a value is not allowed. :mod:`henon_ref.harness.campaign.plan` checks later whether the solvers exist.
     """
 
     solvers: tuple[str | Solver, ...] | None = None
-    """Solvers to run, out of those that a case lists; None: all that it lists."""
+    """Solvers to run, restricted to those that a case lists; None: all that it lists."""
     tolerances: tuple[float, ...] | None = None
-    """In place of the cases' own."""
+    """Relative tolerances that replace those of the cases."""
     repeats: int | None = None
-    """Timing samples a row; None: as many as fit a fraction of a second."""
+    """Timing samples per row; None: as many as fit into a fraction of a second."""
     timeout: float = 10.0
-    """Processor time that one run may take [s]."""
+    """Limit on the processor time of one run [s]."""
     processes: int = 2
-    """Runs at work at once."""
+    """Number of concurrent runs."""
     memory: int = 4 * 2**30
-    """Bytes one worker may hold, with all that it has started."""
+    """Limit on the memory of one worker and its child processes [bytes]."""
     folder: Path | None = None
-    """Where journals are kept, a folder a case; None: no journal. Who gives one removes them."""
+    """Folder of the journals, with one subfolder per case; None: no journal. The caller removes the journals."""
     resume: bool = False
-    """Whether rows that a journal holds are used."""
+    """Whether to use the rows of existing journals."""
     timed: bool = True
     """Whether right runs are repeated for their wall times."""
     required: tuple[str, ...] = ()
-    """Solvers that are run at all their settings, whatever time one of these takes."""
+    """Solvers that run at all their settings, even after a timeout."""
 
     def __post_init__(self) -> None:
         for name, entries in (("solvers", self.solvers), ("tolerances", self.tolerances)):
             if entries is not None and not entries:
-                raise CaseError(f"{name} is empty; None stands for the case's own")
+                raise CaseError(f"{name} is empty; None stands for the {name} of the case")
         own = [solver for solver in self.solvers or () if not isinstance(solver, str)]
         for solver in own:
             if words := fault(solver):
@@ -65,7 +64,7 @@ class Options:
         names = [solver if isinstance(solver, str) else solver.name for solver in self.solvers or ()]
         for solver in own:
             if names.count(solver.name) > 1:
-                raise CaseError(f"solvers: more than one is named '{solver.name}'; rows are told apart by the name")
+                raise CaseError(f"solvers: more than one is named '{solver.name}'; names must be unique")
         for tolerance in self.tolerances or ():
             if not (_is_number(tolerance) and 1e-16 <= tolerance < 1):
                 raise CaseError(f"a tolerance lies between 1e-16 and 1, not {shown(tolerance)}")
@@ -77,15 +76,15 @@ class Options:
 
     @property
     def of_main(self) -> bool:
-        """Whether a solver is an object of the caller's main module, as in a script that defines one."""
+        """Whether a solver is an object of the main module, for example defined in the caller's script."""
         return any(not isinstance(solver, str) and MAIN in _pickled(solver) for solver in self.solvers or ())
 
 
 def _pickled(value: object) -> bytes:
-    """Empty where it cannot be pickled: which job that is, is told when it is to be sent."""
+    """Pickle a value; empty if that fails, since sending the job to a worker then reports the error."""
     try:
         return pickle.dumps(value)
-    except Exception:  # noqa: BLE001 - whatever the solver's own classes do on the way into a pickle
+    except Exception:  # noqa: BLE001 - the solver's own classes may raise any exception when they are pickled
         return b""
 
 
@@ -94,17 +93,16 @@ def _is_number(value: object) -> bool:
 
 
 def shown(value: object) -> str:
-    """A value in few words."""
+    """Format a value in at most 60 characters."""
     text = " ".join(repr(value).split())
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
 @dataclass(frozen=True)
 class Setting:
-    """One row's settings: a step for a fixed-step solver, tolerances for any other."""
+    """Setting of one row: the step of a fixed-step solver, or the tolerances of any other solver."""
 
     rtol: float | None = None
-    """Relative tolerance."""
     atol: float | None = None
     """Absolute tolerance, in units of the state."""
     step: float | None = None
@@ -112,29 +110,28 @@ class Setting:
 
     @classmethod
     def of(cls, run: RunRow) -> Setting:
-        """That of a row."""
         return cls(run.rtol, run.atol, run.step_s)
 
     @property
     def label(self) -> str:
-        """As messages name it."""
+        """Name of the setting in messages."""
         return f"step {self.step:g} s" if self.step is not None else f"rtol {self.rtol:g}"
 
 
 def settings(
     *, fixed_step: bool, tolerances: Sequence[float], steps: Sequence[float], scale: float
 ) -> tuple[Setting, ...]:
-    """The settings of one solver on one reading, from the loosest on; ``scale``: see :func:`state_scale`."""
+    """Return the settings of one solver on one reading, loosest first; ``scale`` is the :func:`state_scale`."""
     if fixed_step:
         return tuple(Setting(step=step) for step in sorted(set(steps), reverse=True))
     return tuple(Setting(rtol=rtol, atol=rtol * scale) for rtol in sorted(set(tolerances), reverse=True))
 
 
 def state_scale(problem: Problem, expected: Expected | None) -> float:
-    """Size of the state as a power of ten: of the largest entry at the start and at the truth's transitions.
+    """Return the size of the largest state entry, at the start and at the exact transitions, as a power of ten.
 
-    A power of ten, rounded towards 1, so that ``atol`` equals ``rtol`` wherever states are of order one, and so
-    that the same system in other units is asked for the same digits.
+    The power is rounded towards 1, so that ``atol`` equals ``rtol`` if states are of order one. Scaling ``atol`` by it
+    requests the same number of digits if the system is written in other units.
     """
     sizes = [abs(float(value)) for value in problem.initial]
     if expected is not None:

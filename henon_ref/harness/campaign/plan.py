@@ -1,4 +1,4 @@
-"""The plan of a campaign: which solver runs which reading at which setting, and what a journal has already."""
+"""Plan of a campaign: the runs of each solver on each reading, without the rows that a journal already holds."""
 
 from __future__ import annotations
 
@@ -19,46 +19,46 @@ from henon_ref.harness.campaign.truth_job import Statement
 from henon_ref.solver import Solver
 
 NOT_RUN = "not run: "
-"""How the reason begins of a row whose run was left out, since a looser setting of the solver took too long."""
+"""First words of the reason of a run that was skipped because a looser setting of the solver timed out."""
 SAMPLERS = ("henon", "scipy-dop853")
-"""Solvers that draw the motion for the figures: the first that can."""
+"""Solvers that sample the motion for the figures; the first that succeeds is used."""
 Slot = tuple[str, str, Setting]
-"""Reading, solver, setting: a row's place."""
+"""Reading, solver and setting of a row."""
 
 
 @dataclass(frozen=True)
 class PendingRuns:
-    """What one solver is still to run on one reading."""
+    """Runs of one solver on one reading that are still to be done."""
 
     result: ReadingResult
     name: str
     """Name of the solver."""
     solver: str | Solver
-    """The solver, or the name under which a worker finds it."""
+    """The solver, or its name in the registry."""
     settings: tuple[Setting, ...]
     """From the loosest to the tightest."""
     demanded: bool
-    """A bound of the case's gate, or the caller, asks for them all: none is left out after a timeout."""
+    """Whether a bound of the case's gate, or the caller, requires all runs, so that none is skipped after a timeout."""
 
 
 class CaseState:
-    """A case at work.
+    """State of a case during a campaign.
 
     Parameters
     ----------
     case : Case
     statements : mapping
-        (case, reading) -> what is known of its truth.
+        (case, reading) -> truth of the reading.
     options : Options
 
     Attributes
     ----------
     results : dict
-        Name of a reading -> what is known of it, in the order of the case.
+        Name of a reading -> its results, in the order of the case.
     rows : dict
-        Slot -> what is finished.
+        Slot -> finished row.
     pending : Counter
-        Reading -> sequences of jobs that are not over.
+        Reading -> number of unfinished job sequences.
     """
 
     def __init__(self, case: Case, statements: Mapping[tuple[str, str], Statement], options: Options) -> None:
@@ -72,13 +72,13 @@ class CaseState:
         self.delivered = False
 
     def keep(self, slot: Slot, record: Record) -> None:
-        """A row is finished: on the disk first, if there is a journal."""
+        """Store a finished row, first in the journal if there is one."""
         if self.journal is not None:
             self.journal.add(self.keys[slot], record)
         self.rows[slot] = record
 
     def records(self, reading: str | None = None) -> list[Record]:
-        """Rows so far, of one reading or all, by reading, solver and setting."""
+        """Return the finished rows of one reading, or of all, sorted by reading, solver and setting."""
         order, names = list(self.results), list(registry.names())
 
         def place(slot: Slot) -> tuple[int, int, str, float]:
@@ -90,13 +90,13 @@ class CaseState:
         return [self.rows[slot] for slot in sorted(self.rows, key=place) if reading in (None, slot[0])]
 
     def is_drawn(self, result: ReadingResult) -> bool:
-        """Whether a reading is among the first few, which get figures."""
+        """Check whether a reading is among the first ``MOST_DRAWN``, which have figures."""
         return list(self.results.values()).index(result) < MOST_DRAWN
 
     def pending_runs(self, result: ReadingResult) -> list[PendingRuns]:
-        """What is to be run on a reading; rows that the journal has are taken from there.
+        """Take the finished rows of a reading from the journal, and return the remaining runs.
 
-        A row of what was not run is none where it is demanded now.
+        The journal's row of a skipped run does not count if the run is now required.
         """
         reading, options = result.reading, self.options
         shared = reading_key(self.case.name, reading, result.expected)
@@ -124,7 +124,7 @@ class CaseState:
 
 
 def check_solvers(cases: Sequence[Case], options: Options) -> None:
-    """Refuse unknown solvers, and a case for which none of those asked for is meant.
+    """Refuse unknown solvers, and a case to which none of the requested solvers applies.
 
     Raises
     ------
@@ -137,7 +137,7 @@ def check_solvers(cases: Sequence[Case], options: Options) -> None:
         if not any(chosen_solvers(reading, options) for reading in case.readings):
             listed = sorted({name for reading in case.readings for name in reading.solvers or ()})
             raise CaseError(
-                f"none of the solvers asked for is among those of the case '{case.name}': {', '.join(listed)}",
+                f"none of the requested solvers is among those of the case '{case.name}': {', '.join(listed)}",
                 file=str(case.path) if case.path else None,
             )
 
@@ -158,10 +158,10 @@ def check_required(cases: Sequence[Case], options: Options) -> None:
 
 
 def chosen_solvers(reading: Reading, options: Options) -> dict[str, str | Solver]:
-    """Name -> solver of everything that runs on a reading, in the registry's order.
+    """Map names to solvers for all solvers that run on a reading, in the order of the registry.
 
-    ``all`` stands for the solvers that the reading lists; where it lists none, for those that run by default and the
-    peers that are installed.
+    ``all`` stands for the solvers that the reading lists. If it lists none, ``all`` stands for the default solvers and
+    the installed peers.
     """
     if options.solvers is None:
         listed = reading.solvers or registry.default_names()
@@ -179,7 +179,7 @@ def chosen_solvers(reading: Reading, options: Options) -> dict[str, str | Solver
 
 
 def sample_job(result: ReadingResult, name: str, options: Options) -> SampleJob:
-    """The job that samples a reading's motion for its figures, at the tightest tolerance of its runs."""
+    """Make the job that samples the motion of a reading for its figures, at the tightest tolerance of its runs."""
     problem, expected = result.reading.problem, result.expected
     times = sample_times(
         float(problem.start),

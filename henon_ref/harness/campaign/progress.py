@@ -1,4 +1,4 @@
-"""How a campaign gets on: who is told, and one line that is written over, on a terminal or in a notebook."""
+"""Progress of a campaign: the observer interface, and a status line in a terminal or a notebook."""
 
 from __future__ import annotations
 
@@ -14,44 +14,47 @@ from henon_ref.terminal import Line, in_notebook, is_terminal
 from henon_ref.text import message
 
 PERIOD = 0.2
-"""Seconds between two pictures of the line: drawing it takes time from what is being timed."""
+"""Time between two updates of the line [s]; each update takes processor time from the timed runs."""
 SELDOM = 5.0
-"""Seconds between two lines where none can be written over: in a file."""
+"""Time between two lines in a stream that cannot overwrite a line, for example a file [s]."""
 PATIENCE = 10.0
-"""Seconds after which a command says that a truth is being computed, where it shows no line."""
+"""Time after which a command without a status line reports that a truth is being computed [s]."""
 TRUTH = "truth"
-"""What is said to be begun of a reading whose truth is computed, behind its name."""
+"""Word that follows the name of a reading whose truth is being computed."""
 
 
 class Observer:
-    """Is told how a campaign gets on; this one shows nothing."""
+    """Receiver of the events of a campaign; this base class ignores them."""
 
     def stage(self, what: str, total: int, done: int = 0) -> None:
-        """So many truths, or rows, are to be made; so many of them are kept from before."""
+        """Start a stage of ``total`` truths or rows, ``done`` of which are already finished."""
 
     def begun(self, case: str, what: str) -> None:
-        """A run of a case is begun, or the computation of a truth."""
+        """Note the start of a run of a case, or of the computation of a truth."""
 
     def truth(self, name: str) -> None:
-        """The truth of a reading is known, or that there is none."""
+        """Note that the truth of a reading is available, or has failed."""
 
     def row(self, finished: Record) -> None:
-        """A row is finished."""
+        """Note a finished row."""
 
     def tick(self) -> None:
-        """Some time has passed."""
+        """Update the display; called at short intervals."""
 
 
 class ProgressLine(Observer, AbstractContextManager["ProgressLine"]):
-    """How many rows are done, and which runs are at work. It never starts a thread, so that workers can be forked.
+    """Status line with the number of finished rows and the current runs.
+
+    It starts no thread, so that workers can be forked.
 
     Parameters
     ----------
     stream : TextIO, optional
         None: standard error.
     name : str, optional
-        Of the case, where a comparison is called from Python: the last line stays, and where none can be written over,
-        there is one now and then. A command takes it back, and where none can be written over it tells of each row.
+        Name of the case, if a comparison is called from Python. The final line then remains, and a stream that cannot
+        overwrite a line receives a new line every few seconds. Without a name (in a command) the line is erased at the
+        end, and a stream that cannot overwrite a line receives one line per finished row.
     """
 
     def __init__(self, stream: TextIO | None = None, name: str | None = None) -> None:
@@ -59,20 +62,20 @@ class ProgressLine(Observer, AbstractContextManager["ProgressLine"]):
         self._name = name
         self._line = Line(self._stream)
         self.seen = is_seen(self._stream)
-        """Whether the line is written over."""
+        """Whether the line can be overwritten."""
         self._what, self._done, self._total = "truths", 0, 0
         self._at_work: dict[str, float] = {}
-        """What was begun, and when."""
+        """Running task -> time of its start [s]."""
         self._began = time.monotonic()
         self._shown = -SELDOM
-        self._wait_is_said = self.seen or name is not None
+        self._wait_is_reported = self.seen or name is not None
 
     def __exit__(self, *exception: object) -> None:
         words = "" if self._name is None else f"{self._counted()}, {time.monotonic() - self._began:.1f} s"
         if self.seen:
             self._line.end(words)
         elif words:
-            self._tell(words)
+            self._print(words)
 
     def stage(self, what: str, total: int, done: int = 0) -> None:
         self._at_work.clear()
@@ -94,30 +97,30 @@ class ProgressLine(Observer, AbstractContextManager["ProgressLine"]):
         if not self.seen and self._name is None:
             right = run.verdict == "right" and run.digits is not None
             found = f", {math.floor(10 * (run.digits or 0)) / 10} digits" if right else ""
-            self._tell(f"{self._done} of {self._total}: {what}: {run.verdict or run.status}{found}")
+            self._print(f"{self._done} of {self._total}: {what}: {run.verdict or run.status}{found}")
 
     def tick(self) -> None:
-        """Show the line, now and then; say once which truth takes its time where no line can be shown."""
+        """Update the line if it is due; without a line, report once that a truth takes long to compute."""
         now = time.monotonic()
         late = [what for what, since in self._at_work.items() if what.endswith(f" {TRUTH}") and now - since > PATIENCE]
-        if late and not self._wait_is_said:
-            self._wait_is_said = True
-            how_long = "(at most some minutes; `truth` computes it without a limit)"
-            self._tell(f"computing what is not stored: {late[0]} {how_long}")
+        if late and not self._wait_is_reported:
+            self._wait_is_reported = True
+            how_long = "(limited to a few minutes; `henon-ref truth` has no limit)"
+            self._print(f"computing a truth that is not stored: {late[0]} {how_long}")
         if (self.seen or self._name is not None) and now - self._shown >= (PERIOD if self.seen else SELDOM):
             self._shown = now
             work = ", ".join(f"{what} ({now - since:.0f} s)" for what, since in self._at_work.items())
-            words = f"{self._counted()}, {now - self._began:.0f} s{'; at work: ' if work else ''}{work}"
-            (self._line.show if self.seen else self._tell)(words)
+            words = f"{self._counted()}, {now - self._began:.0f} s{'; running: ' if work else ''}{work}"
+            (self._line.show if self.seen else self._print)(words)
 
     def _counted(self) -> str:
         name = "" if self._name is None else f"{self._name}: "
         return f"{name}{self._done} of {self._total} {self._what}"
 
-    def _tell(self, words: str) -> None:
+    def _print(self, words: str) -> None:
         print(message(words), file=self._stream, flush=True)
 
 
 def is_seen(stream: TextIO | None) -> bool:
-    """Whether somebody watches a stream and a line of it can be written over: a terminal, or a notebook."""
+    """Check whether a stream is a terminal or a notebook, whose lines can be overwritten."""
     return stream is not None and (in_notebook() or is_terminal(stream))

@@ -1,4 +1,4 @@
-"""One run as rows of the result files."""
+"""Convert one run to rows of the result files."""
 
 from __future__ import annotations
 
@@ -20,17 +20,18 @@ from henon_ref.trajectory import Counts, Event, Stick, Trajectory, sticks
 from henon_ref.workers.worker import Failure
 
 FAILURES = {"unsupported": "not run", "unavailable": "not run", "timeout": "not judged"}
-"""Verdicts on runs without an answer, by status; any other is the solver's fault, and so is an ignored deadline."""
+"""Status of a run without an answer -> verdict; any other status, and an ignored deadline, is a solver defect."""
 Values = dict[str, Any]
 """Some fields of a row."""
 UNJUDGED = (None, "not run", "not judged")
-"""Verdicts of runs whose row says why there is none, in ``status_reason``: in the solver's own words, or else ..."""
+"""Verdicts that require a ``status_reason``."""
 NO_TRUTH, UNSAID = "there is no truth to judge it by", "the solver gives no reason"
+"""Reasons used if the solver gives none."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """Everything that is known of one run."""
+    """Result of one run, before it is converted to rows."""
 
     case: str
     reading: Reading
@@ -39,24 +40,24 @@ class Outcome:
     library_version: str = ""
     landing: str = ""
     compile_s: float | None = None
-    """One-time work before the first run [s]; None where its preparation did not come to an end."""
+    """Wall time of the one-time preparation [s]; None if the preparation failed."""
     trajectory: Trajectory | None = None
     samples: tuple[float, ...] = ()
     failure: Failure | None = None
-    """Why there is no answer."""
+    """Reason why there is no answer."""
     repeat_failure: Failure | None = None
-    """What happened after the answer, when the run was repeated for its wall time."""
+    """Failure of a repetition for the wall time, after a right answer."""
     score: Score | None = None
 
     @property
     def timed_out(self) -> bool:
-        """Whether it took too long, by its own word or by ours."""
+        """Whether the run timed out, as reported by the solver or by the worker pool."""
         known = self.failure or self.trajectory
         return known is not None and known.status == "timeout"
 
     @property
     def identity(self) -> Values:
-        """What all of its rows begin with."""
+        """Fields common to all rows of the run."""
         rtol, step = self.setting.rtol, self.setting.step
         run = {"case": self.case, "reading": self.reading.name, "solver": self.solver}
         return {**run, "rtol": rtol, "step_s": step}
@@ -64,7 +65,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Record:
-    """One run, scored: its row, its transitions' and sticks' rows, its raw timing samples."""
+    """Rows of one scored run, its transitions and its sticks, and the raw timing samples."""
 
     run: RunRow
     transitions: list[TransitionRow] = field(default_factory=list)
@@ -73,14 +74,14 @@ class Record:
 
 
 def scored(outcome: Outcome, expected: Expected | None) -> Outcome:
-    """The outcome with its trajectory's score, where there is one and something to score it against."""
+    """Return the outcome with its score; unchanged if it has no trajectory, or if there is no truth."""
     if outcome.trajectory is None or expected is None:
         return outcome
     return replace(outcome, score=score(outcome.trajectory, expected, tolerance=outcome.setting.rtol))
 
 
 def record(outcome: Outcome, expected: Expected | None) -> Record:
-    """The rows of one outcome; :func:`scored` comes first."""
+    """Return the rows of an outcome that has passed through :func:`scored`."""
     transitions: list[TransitionRow] = []
     stick_rows: list[StickRow] = []
     if outcome.trajectory is not None and expected is not None and outcome.score is not None:
@@ -91,7 +92,7 @@ def record(outcome: Outcome, expected: Expected | None) -> Record:
 
 
 def _run_row(outcome: Outcome, expected: Expected | None, stick_rows: list[StickRow]) -> RunRow:
-    """What is known of the run, from its question to its times: what comes later stands in place of what came first."""
+    """Collect the fields of a run, from its settings to its wall times; later values replace earlier ones."""
     row = outcome.identity | {"atol": outcome.setting.atol, "library_version": outcome.library_version or None}
     row |= {"landing": outcome.landing or None, "compile_s": outcome.compile_s}
     if expected is not None:
@@ -121,7 +122,7 @@ def _run_row(outcome: Outcome, expected: Expected | None, stick_rows: list[Stick
 
 
 def _trajectory_values(trajectory: Trajectory) -> Values:
-    """What a run says of itself. Counts that a solver leaves at nought it did not count."""
+    """Return the fields that the solver reports; a count of zero means that the solver did not count."""
     landings = sorted({event.landing for event in trajectory.transitions if event.landing})
     counts: Counts = trajectory.counts
     return {
@@ -159,7 +160,7 @@ def _score_values(score: Score) -> Values:
 
 
 def _transition_rows(outcome: Outcome, trajectory: Trajectory, expected: Expected, score: Score) -> list[TransitionRow]:
-    """The union of the truth's transitions and the run's, in order of time."""
+    """Return the rows of the union of the exact and the found transitions, in order of time."""
     system, allowed = outcome.reading.problem.system, granted_error(expected, outcome.setting.rtol)
     matching = score.matching
     partner = dict(matching.pairs + matching.touch_pairs)
@@ -196,11 +197,11 @@ def _transition_rows(outcome: Outcome, trajectory: Trajectory, expected: Expecte
 
 
 Pair = tuple[int | None, int | None]
-"""Places of one thing in the truth and in the run; None in the one that has not got it."""
+"""Index of a transition in the truth and in the run; None if it is absent there."""
 
 
 def _became(matching: Matching) -> dict[Pair, str]:
-    """What became of each transition; touches, and what is not matched at all, left out."""
+    """Return the outcome of each matched, missed, spurious or cut-off transition."""
     found: dict[Pair, str] = dict.fromkeys(matching.pairs, "matched")
     found |= {(i, None): "missed" for i in matching.missed}
     found |= {(None, j): "spurious" for j in matching.spurious}
@@ -209,7 +210,7 @@ def _became(matching: Matching) -> dict[Pair, str]:
 
 
 def _time(pair: Pair, expected: Expected, trajectory: Trajectory) -> float:
-    """The truth's time where it has one, else the run's [s]."""
+    """Return the exact time of a pair if there is one, else the found time [s]."""
     i, j = pair
     if i is not None:
         return expected.transitions[i].time
@@ -217,7 +218,7 @@ def _time(pair: Pair, expected: Expected, trajectory: Trajectory) -> float:
 
 
 def _stick_rows(outcome: Outcome, trajectory: Trajectory, expected: Expected, score: Score) -> list[StickRow]:
-    """The union of the truth's sticks and the run's within the measured window, in order of their ends."""
+    """Return the rows of the union of exact and found sticks in the measured window, in order of their ends."""
     reading = outcome.reading
     exact, found = (
         sticks(own.transitions, start=expected.start, after=reading.measure_after) for own in (expected, trajectory)
@@ -250,7 +251,6 @@ def _end(stick: Stick | None) -> int | None:
 
 
 def _length(stick: Stick, trajectory: Trajectory, reading: Reading) -> float:
-    """How far the first state moves during a stick."""
     last = trajectory.transitions[stick.end].state[0]
     first = float(reading.problem.initial[0])
     if stick.begin is not None:

@@ -1,6 +1,6 @@
-"""The jobs that a solver's row is made of, done by one worker: prepare, run, time; and the samples for figures.
+"""Jobs that make one row, done by one worker (prepare, run, time), and the job that samples a motion for figures.
 
-What the first one prepares stays in the worker, for the others; whether it is worth timing is decided in between.
+The worker keeps the prepared run for the later jobs. The campaign decides after the first run whether to time it.
 """
 
 from __future__ import annotations
@@ -25,24 +25,25 @@ from henon_ref.trajectory import Samples, Trajectory
 from henon_ref.workers.worker import Job, WorkerState
 
 PREPARE_SECONDS = 240.0
-"""Processor time that the preparation of a run may take [s]: diffrax took 108 s for the 42 modes of block_chain,
-beside other work."""
+"""Limit on the processor time of a preparation [s]; diffrax took 108 s for the 42 modes of block_chain on a busy
+machine."""
 TOO_LONG_TO_PREPARE = f"preparing it took more than {PREPARE_SECONDS:g} s of processor time"
 BUDGET = 0.2
-"""Seconds that the samples of one row may take where the caller does not say how many to take."""
+"""Time for all samples of one row if the number of samples is not given [s]."""
 MOST_FOLD, MOST_SPARE = 10, 100_000
-"""A run may return so many times the truth's transitions, and so many more: scoring takes the caller's own time."""
+"""Largest number of returned transitions: this multiple of the exact number, plus this allowance. The limit bounds the
+time of scoring, which takes place in the caller's process."""
 MOST_SHOWN = 40
-"""Transitions in a figure of the motion; more cannot be told apart."""
+"""Largest number of transitions in a figure of the motion; more would overlap."""
 SAMPLE_COUNT = 1201
 """Points of a curve in a figure."""
 KEPT = "run"
-"""Name under which a worker keeps what it has prepared, and the problem."""
+"""Key of the prepared run and its problem in the state of a worker."""
 
 
 @dataclass(frozen=True)
 class Prepared:
-    """What is known once a run is prepared."""
+    """Result of a preparation."""
 
     landing: str
     library_version: str
@@ -51,11 +52,11 @@ class Prepared:
 
 @dataclass(frozen=True)
 class Ran:
-    """The first run: its answer, which is checked before anything is timed."""
+    """Result of the first run, which is checked before any timing."""
 
     trajectory: Trajectory
     wall_s: float
-    """Without what was compiled in it [s]."""
+    """Wall time without compilation [s]."""
 
 
 @dataclass(frozen=True)
@@ -63,22 +64,21 @@ class _SolverJob(Job):
     """A job of one solver at one setting."""
 
     solver: str | Solver
-    """The solver, or the name under which the worker finds it."""
+    """The solver, or its name in the registry."""
     problem: Problem
     setting: Setting
     timeout: float
-    """Processor time that one run may take [s]."""
+    """Limit on the processor time of one run [s]."""
 
     @property
     def seconds(self) -> float:
         return PREPARE_SECONDS
 
     def found(self) -> Solver:
-        """The solver itself."""
         return registry.solver(self.solver) if isinstance(self.solver, str) else self.solver
 
     def prepared(self, solver: Solver, times: NDArray[np.float64] | None = None) -> Run:
-        """A run that is ready; ``times``: where the state is wanted [s]."""
+        """Prepare a run, with samples at ``times`` [s] if given."""
         own = self.setting
         return solver.prepare(
             self.problem, rtol=own.rtol, atol=own.atol, step=own.step, sample_times=times, deadline=self.timeout
@@ -87,7 +87,7 @@ class _SolverJob(Job):
 
 @dataclass(frozen=True)
 class PrepareJob(_SolverJob):
-    """Prepare a run, and keep it; the result is :class:`Prepared`."""
+    """Prepare a run and keep it in the worker; the result is :class:`Prepared`."""
 
     def run(self, state: WorkerState) -> Prepared:
         state.kept.clear()
@@ -109,11 +109,11 @@ class RunJob(Job):
 
     timeout: float
     most: int
-    """Transitions that it may return."""
+    """Largest number of transitions that the run may return."""
 
     @property
     def seconds(self) -> float:
-        """One that does not keep its deadline is stopped a little later."""
+        """Time limit of the job [s], a little longer than the deadline that the solver itself should keep."""
         return 1.25 * self.timeout + 1.0
 
     def run(self, state: WorkerState) -> Ran:
@@ -136,13 +136,13 @@ class TimeJob(Job):
     first: float
     """Wall time of the first run [s]."""
     repeats: int | None
-    """Samples to take; None: as many as fit the budget."""
+    """Number of samples; None: as many as fit into the budget."""
     cold: bool
-    """It was the solver's first run of this reading: whatever it loaded on the way is not what a run costs."""
+    """Whether the first run was the solver's first on this reading, so that its time includes loading of modules."""
 
     @property
     def seconds(self) -> float:
-        """For all samples, given the first run's time."""
+        """Time limit of all samples [s]."""
         return 5.0 + 4.0 * (BUDGET + self.first * (self.repeats or 3))
 
     def run(self, state: WorkerState) -> tuple[float, ...]:
@@ -152,13 +152,13 @@ class TimeJob(Job):
 
 
 def most_transitions(exact: int) -> int:
-    """How many transitions a run may return where the exact one has so many (nought where that is not known)."""
+    """Return the largest number of transitions that a run may return, given the exact number (0 if unknown)."""
     return MOST_FOLD * exact + MOST_SPARE
 
 
 @dataclass(frozen=True)
 class SampleJob(_SolverJob):
-    """Run on a grid of times, by one solver at one setting; the result is :class:`Samples`, or None where it cannot."""
+    """Run one solver with samples on a grid of times; the result is :class:`Samples`, or None without samples."""
 
     times: tuple[float, ...]
 
@@ -175,9 +175,10 @@ class SampleJob(_SolverJob):
 
 
 def sample_times(start: float, after: float, until: float, transitions: Sequence[float]) -> tuple[float, ...]:
-    """Times [s] at which figures want the state: the measured window (from ``after`` on), or its last part.
+    """Return the sample times of the figures [s]: a uniform grid on the measured window, which begins at ``after``.
 
-    That is what is shown where the truth's transitions, whose times these are, are too many.
+    If the window has more than ``MOST_SHOWN`` of the exact ``transitions`` (times [s]), the grid covers only its end
+    with the last ``MOST_SHOWN``.
     """
     begin = max(start, after) if after < until else start
     inside = [time for time in transitions if begin <= time <= until]

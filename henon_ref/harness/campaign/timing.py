@@ -1,4 +1,4 @@
-"""Wall times: repeated runs, medians, intervals that say how far to trust them, and runs timed in turn."""
+"""Wall times: repeated runs, medians with confidence intervals, and interleaved timing of several runs."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from henon_ref.solver import SelfTimedRun
 
 Key = TypeVar("Key")
 SAMPLES = 100
-"""Most samples taken where the caller does not say how many."""
+"""Largest number of samples if the caller does not give the number."""
 FEWEST = 3
-"""Fewest samples of a run that is repeated: fewer have no interquartile range."""
+"""Smallest number of samples of a repeated run; fewer have no interquartile range."""
 SLOW = 3.0
-"""A run is not repeated where the fewest samples would take more than so many budgets."""
+"""A run is not repeated if ``FEWEST`` samples would take longer than this multiple of the budget."""
 RESAMPLES = 1000
-"""Bootstrap resamples behind an interval."""
+"""Bootstrap resamples of an interval."""
 UNSTABLE = 0.1
-"""A sample whose interquartile range is above this fraction of its median is called unstable."""
+"""Ratio of interquartile range to median above which a sample is called unstable."""
 MOST = 20
-"""Repetitions in one turn at most."""
+"""Largest number of repetitions in one turn."""
 
 
 def timed(run: Callable[[], object]) -> float:
-    """Wall time of one run [s], the garbage collector held off; by the run's own clock, where it has one."""
+    """Measure the wall time of one run [s] without garbage collection, by the run's own clock if it has one."""
     if isinstance(run, SelfTimedRun):
         return run.times(1)[0]
     was_on = gc.isenabled()
@@ -46,20 +46,20 @@ def timed(run: Callable[[], object]) -> float:
 def repeat(
     run: Callable[[], object], *, first: float, repeats: int | None, budget: float, cold: bool = False
 ) -> tuple[float, ...]:
-    """Time a run again and again.
+    """Time a run repeatedly.
 
     Parameters
     ----------
     run : callable
         A prepared run, already called once.
     first : float
-        Wall time of that first call [s]. It was the warm-up: it is a sample only where it is the sole one.
+        Wall time of the first call [s], the warm-up; it is a sample only if no other is taken.
     repeats : int, optional
-        Number of samples; None takes as many as fit the budget, from ``FEWEST`` to ``SAMPLES``.
+        Number of samples; None: as many as fit into the budget, from ``FEWEST`` to ``SAMPLES``.
     budget : float
-        Seconds all samples may take; a run whose ``FEWEST`` samples would take ``SLOW`` budgets is not repeated.
+        Time for all samples [s]; a run whose ``FEWEST`` samples would take ``SLOW`` budgets is not repeated.
     cold : bool
-        The first call may have loaded or compiled something: take one sample at least, however slow it was.
+        Whether the first call may have loaded or compiled code; if so, take at least one sample.
 
     Returns
     -------
@@ -80,15 +80,15 @@ def repeat(
 
 
 def _affordable(pace: float, budget: float) -> int:
-    """How many samples of a run that takes so long fit the budget: three at least, or none where it is too slow."""
+    """Return the number of samples that fit into the budget: at least ``FEWEST``, or 0 if the run is too slow."""
     return 0 if FEWEST * pace > SLOW * budget else min(max(int(budget / pace), FEWEST), SAMPLES)
 
 
 def median_interval(samples: Sequence[float], *, seed: int = 0) -> tuple[float, float]:
-    """Percentile bootstrap interval (95 %) of the median (Efron 1979); the same samples give the same interval.
+    """Compute the 95 % percentile bootstrap interval of the median (Efron 1979); equal samples give equal intervals.
 
-    ``scipy.stats.bootstrap`` gives the same numbers, for three samples in 1.8 ms in place of 0.25 ms and after an
-    import of 0.5 s in every process: these lines stay.
+    ``scipy.stats.bootstrap`` returns the same numbers, but takes 1.8 ms instead of 0.25 ms for three samples, and its
+    import takes 0.5 s in every process.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def median_interval(samples: Sequence[float], *, seed: int = 0) -> tuple[float, 
 
 
 def summarise(samples: Sequence[float]) -> dict[str, float]:
-    """What a row says of its samples (columns of ``runs.csv``); of fewer than three no spread and no interval."""
+    """Return the timing columns of ``runs.csv``; fewer than three samples have no spread and no interval."""
     if not samples:
         return {}
     found = {"wall_s": float(np.median(samples)), "timed_runs": len(samples)}
@@ -117,7 +117,7 @@ def summarise(samples: Sequence[float]) -> dict[str, float]:
 
 
 def turn_times(run: Callable[[], object], seconds: float) -> list[float]:
-    """Wall times of a run that is repeated for so many seconds, once at least and ``MOST`` times at most [s]."""
+    """Repeat a run for some seconds, at least once and at most ``MOST`` times; return the wall times [s]."""
     taken = [timed(run)]
     if isinstance(run, SelfTimedRun):
         count = min(int(seconds / taken[0]), MOST)
@@ -129,38 +129,39 @@ def turn_times(run: Callable[[], object], seconds: float) -> list[float]:
 
 @dataclass(frozen=True)
 class Turns(Generic[Key]):
-    """Times of runs, a round beside the other."""
+    """Times of several runs in consecutive rounds."""
 
     times: Mapping[Key, list[float]]
-    """Every run's median time in each round [s]."""
+    """Run -> its median time in each round [s]."""
 
     def median(self, key: Key) -> float:
-        """Median time of a run [s]."""
+        """Return the median time of a run over all rounds [s]."""
         return median(self.times[key])
 
     def ratio(self, key: Key, other: Key) -> float:
-        """Time of one run over another's: the median of what each round says.
+        """Return the ratio of the times of two runs: the median of the ratios of all rounds.
 
-        Where the machine changes its pace on the way, the two medians may come from different paces; a round does not.
+        If the speed of the machine changes between rounds, the median times of the two runs may come from different
+        speeds. The ratio within one round does not mix speeds.
         """
         return median(self.ratios(key, other))
 
     def ratios(self, key: Key, other: Key) -> list[float]:
-        """What each round says of it."""
+        """Return the ratio of the times of two runs in each round."""
         return [a / b for a, b in zip(self.times[key], self.times[other], strict=True)]
 
 
 def interleaved(runs: Mapping[Key, Callable[[], object]], *, rounds: int, turn: float = 0.0) -> Turns[Key]:
-    """Time every run once a round, after one round to warm up: a change of the machine's pace falls on all alike.
+    """Time every run once per round, after a warm-up round, so that changes of machine speed affect all runs alike.
 
     Parameters
     ----------
     runs : mapping of callables
     rounds : int
-        How many; three at least.
+        Number of rounds; at least three are done.
     turn : float
-        Seconds for which a run is repeated when it is its turn: what is much shorter than the others would else always
-        find the processor's caches filled with theirs.
+        Time for which a run is repeated in its turn [s]. Otherwise a run that is much shorter than the others would
+        always start with processor caches filled by them.
     """
     samples: dict[Key, list[float]] = {key: [] for key in runs}
     for number in range(max(rounds, 3) + 1):

@@ -1,4 +1,4 @@
-"""What a reading is scored against, fetched (or computed, where nothing is stored) by a worker."""
+"""Fetch the truth of a reading, or compute it in a worker if it is not stored."""
 
 from __future__ import annotations
 
@@ -13,27 +13,27 @@ if TYPE_CHECKING:
     from henon_ref.harness.truth import Truth
 
 TRUTH_SECONDS = 300.0
-"""Processor time that a truth which is not stored may take [s]."""
+"""Limit on the processor time to compute a truth that is not stored [s]."""
 
 
 @dataclass(frozen=True)
 class Statement:
-    """The truth of one reading, and what the report says of it."""
+    """Truth of one reading, and its description for the report."""
 
     expected: Expected | None
-    """None where no truth could be had."""
+    """None if no truth is available."""
     methods: tuple[tuple[str, tuple[int, ...], float], ...] = ()
-    """(method, bits, seconds taken) of every route, the one that the digits come from first."""
+    """(method, bits, time taken [s]) of every method; the first one gives the digits."""
     certified: bool = False
-    """Every transition has a proven radius, and it is proven that there is no other."""
+    """Whether every transition has a proven radius, and it is proven that no other transition exists."""
     proven: int = 0
-    """Transitions whose radius is proven."""
+    """Number of transitions with a proven radius."""
     closed_forms: int = 0
-    """Transitions whose time is a closed form of the case."""
+    """Number of transitions whose time is a closed form in the case."""
     near_grazes: int = 0
-    """Instants at which a surface is nearly touched."""
+    """Number of near-grazes of a surface."""
     reason: str = ""
-    """Why there is none, or how the exact run ends where that is not at the horizon."""
+    """Reason why no truth is available, or why the exact run ends before the horizon."""
     uncertified_because: str = ""
 
 
@@ -50,14 +50,14 @@ class TruthJob(Job):
 
 
 def statement_of(case: Case, reading: Reading) -> Statement:
-    """The truth of a reading, computed where it is not stored."""
+    """Return the truth of a reading; compute it if it is not stored."""
     from henon_ref.harness.truth import truth_for
 
     return _statement(reading, truth_for(case, reading))
 
 
 def stored_statement(case: Case, reading: Reading) -> Statement | None:
-    """The truth of a reading, if it is stored."""
+    """Return the stored truth of a reading; None if it is not stored."""
     from henon_ref.harness.truth.compute import stored_truth
 
     stored = stored_truth(case, reading)
@@ -65,9 +65,9 @@ def stored_statement(case: Case, reading: Reading) -> Statement | None:
 
 
 def _statement(reading: Reading, truth: Truth) -> Statement:
-    """A truth as this package's scoring wants it."""
+    """Convert a truth to the form that scoring uses."""
     problem = reading.problem
-    # Where the case does not say that the exact run fails, it is the truth that could not go on.
+    # If the case does not state that the exact run fails, it was the computation of the truth that failed.
     partial = truth.status == "failed" and (reading.expect is None or reading.expect.status != "failed")
     expected = Expected(
         status="ok" if partial else truth.status,

@@ -1,8 +1,8 @@
-"""Check stored reports against a fresh comparison, wall times apart.
+"""Check stored reports against a fresh comparison, except for wall times.
 
-``henon-ref check CASE... [--reports DIR] [--fresh DIR]``: exit status 1 with a line for everything
-that differs; for the others see :mod:`henon_ref.commands.exit_status`. ``--fresh`` takes the fresh results from a
-folder that ``henon_ref.compare`` has just filled; without it they are made here, each run once.
+``henon-ref check CASE... [--reports DIR] [--fresh DIR]`` prints one line per difference and then has exit status 1; for
+other statuses see :mod:`henon_ref.commands.exit_status`. ``--fresh`` names a folder with the reports of a new
+comparison; without it, every run is repeated once.
 """
 
 from __future__ import annotations
@@ -35,22 +35,22 @@ from henon_ref.harness.rows import Key, RunRow, read_rows
 from henon_ref.harness.table import setting
 
 FACTOR = 10.0
-"""Errors may differ by this factor: rounding is not the same on every processor."""
+"""Allowed ratio of two errors, since rounding differs between processors."""
 ROUNDING = 1e4
-"""Errors below this many times what can be claimed are rounding, and not compared."""
+"""Errors below this multiple of the smallest claimable error are rounding, and are not compared."""
 EQUAL = ("status", "reference_transitions", "matched", "missed", "spurious", "stick_count")
-"""Columns of a right run that may not differ."""
+"""Columns of a right run that must be equal."""
 ERRORS = ("max_time_error_s", "max_stick_error_s")
-"""Those that may, by as much."""
+"""Columns of a right run that may differ by ``FACTOR``."""
 MACHINE = ("timeout",)
-"""Statuses that depend on the machine's speed."""
+"""Statuses that depend on the speed of the machine."""
 
 
 def differences(stored: Path, fresh: Path) -> list[str]:
-    """What the folder of a case's stored report and that of a fresh one differ in.
+    """List the differences between the stored and the fresh report folder of a case.
 
-    The rows of a peer (:func:`henon_ref.harness.registry.is_peer`) are compared where it was run afresh, since its
-    library may not be installed.
+    The rows of a peer (:func:`henon_ref.harness.registry.is_peer`) are compared only if the fresh report has rows of
+    it, since its library may not be installed.
     """
     if not (stored / RUNS).exists():
         return [f"there is no report in {stored}"]
@@ -59,22 +59,22 @@ def differences(stored: Path, fresh: Path) -> list[str]:
         return [f"the columns of {stored / RUNS} are those of another version"]
     ran = {row.solver for row in new.values()}
     old = {key: row for key, row in old.items() if row.solver in ran or not is_peer(row.solver)}
-    found = [f"{_label(key)} is stored, and is not run any more" for key in old if key not in new]
+    found = [f"{_label(key)} is stored, but is no longer run" for key in old if key not in new]
     found += [f"{_label(key)} is not stored" for key in new if key not in old]
     for key in old.keys() & new.keys():
         found += [f"{_label(key)}: {words}" for words in row_differences(old[key], new[key])]
     found += text_differences(stored / REPORT, fresh / REPORT)
     listed = json.loads((stored / MANIFEST).read_text(encoding="utf-8"))["files"]
-    found += [f"the file {name} is gone" for name in listed if name not in ROWS and not (stored / name).exists()]
+    found += [f"the file {name} is missing" for name in listed if name not in ROWS and not (stored / name).exists()]
     return found
 
 
 def row_differences(old: RunRow, new: RunRow) -> Iterator[str]:
-    """What two rows of the same run differ in, as far as that is not the machine's doing."""
+    """Yield the differences between two rows of the same run, except those that depend on the machine."""
     if old.status in MACHINE or new.status in MACHINE:
         return
     if old.verdict != "right" or new.verdict != "right":
-        # Once a run has gone wrong, the last bit decides where it goes.
+        # After its first error the rest of a run depends on the last bit, so only verdict and status are compared.
         if old.verdict != new.verdict or old.status != new.status:
             yield f"was {old.status} ({old.verdict}), is {new.status} ({new.verdict})"
         return
@@ -90,23 +90,23 @@ def row_differences(old: RunRow, new: RunRow) -> Iterator[str]:
 
 
 def text_differences(stored: Path, fresh: Path) -> list[str]:
-    """Sections on model and truth that are not the same."""
+    """List the sections on model and truth that differ."""
     old, new = (_sections(path.read_text(encoding="utf-8")) for path in (stored, fresh))
     return [f"{name}: the text differs" for name in old | new if old.get(name) != new.get(name)]
 
 
 def page_differences(reports: Path) -> list[str]:
-    """Whether the page of a folder shows what matrix and reports beside it say; a folder may have no page."""
+    """Check that the page of a folder, if it has one, shows the contents of the matrix and the reports."""
     page = reports / PAGE
     if not page.exists():
         return []
     shown = read_embedded(page.read_text(encoding="utf-8"))
     made = unpacked(embedded(content(reports, read_matrix(reports))))
-    return [] if shown == made else [f"{page} does not show what {MATRIX} and the reports beside it say"]
+    return [] if shown == made else [f"{page} does not agree with {MATRIX} and the reports in its folder"]
 
 
 def _sections(text: str) -> dict[str, str]:
-    """The title, and the text under every heading Truth and Model, by reading and heading."""
+    """Return the title, and the text below every heading Truth and Model by reading and heading."""
     found = {"title": text.split("\n", 1)[0]}
     reading = ""
     for block in re.split(r"^(?=#{2,3} )", text, flags=re.MULTILINE)[1:]:
@@ -125,7 +125,7 @@ def _label(key: Key) -> str:
 
 
 def check(paths: Sequence[Path], reports: Path, fresh: Path | None) -> list[str]:
-    """What the reports of these cases differ in from a fresh comparison; None: it is made here."""
+    """List the differences between the reports of cases and a fresh comparison; if ``fresh`` is None, run it."""
     cases = load_cases(paths)
     with tempfile.TemporaryDirectory() as made:
         if fresh is None:
@@ -152,11 +152,11 @@ def main(
     fresh: Annotated[
         Path | None,
         typer.Option(
-            help="Folder that a comparison has just filled; the cases are run anew if left out.", metavar="FOLDER"
+            help="Folder with the reports of a new comparison. If omitted, the cases are run again.", metavar="FOLDER"
         ),
     ] = None,
 ) -> int:
-    """Check stored reports against a fresh comparison, wall times apart."""
+    """Check stored reports against a fresh comparison, except for wall times."""
     found = check(cases, reports, fresh)
     for words in found:
         say(words)

@@ -1,7 +1,7 @@
-"""The command: case files in, reports out; its options, and what is wrong with them.
+"""Command ``compare``: its options and their validation.
 
-``python -m henon_ref.compare CASE.yaml [...]``. Exit status 1: the gate is not met or a required solver is wrong; for
-the others see :mod:`henon_ref.commands.exit_status`.
+``python -m henon_ref.compare CASE.yaml [...]`` has exit status 1 if the gate is not met or a required solver is wrong;
+for other statuses see :mod:`henon_ref.commands.exit_status`.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from henon_ref.commands.typer_app import FLAG, Cases, application, examples
 from henon_ref.text import listed
 
 ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
-"""A run is one thread: those of BLAS would only disturb the timings."""
-KEPT = "finished rows are kept, --resume goes on from them"
+"""Environment variables set to one thread: a run has one thread, and the threads of BLAS would disturb the timings."""
+KEPT = "finished rows are kept; --resume continues from them"
 SHORTEST, LONGEST = 0.01, 1e6
-"""Seconds that may be given to one run."""
-RUNS, SHOWN, DEMANDS = "Runs", "What is shown", "What must hold"
+"""Smallest and largest time limit of one run [s]."""
+RUNS, SHOWN, DEMANDS = "Runs", "Output", "Exit status"
 """Panels of the help."""
-HELP = "Run every solver on every case, score it against the truth, and write a report."
+HELP = "Run every solver on every case, score the runs against the truth, and write reports."
 EXAMPLES = (
     "compare fig8",
     "compare hard --solvers henon,heyoka --tolerances 1e-6,1e-9",
@@ -39,20 +39,20 @@ app = application()
 
 
 class Request(NamedTuple):
-    """What the command was asked for."""
+    """Parsed arguments of the command."""
 
     cases: Sequence[Path]
     options: Mapping[str, Any]
-    """How the campaign is run, and where its reports go: see :func:`henon_ref.harness.cli.compare_cases.run`."""
+    """Argument ``options`` of :func:`henon_ref.harness.cli.compare_cases.run`."""
     shown: Mapping[str, bool]
-    """What else that takes."""
+    """Other keyword arguments of that function."""
     check: bool
-    """Only read and explain the case files."""
+    """Whether to read and explain the case files only."""
 
 
 def _folder(text: str | Path) -> Path:
     if not str(text).strip():
-        raise typer.BadParameter("an empty path; the folder one stands in is .")
+        raise typer.BadParameter("the path is empty; use . for the current folder")
     return Path(text)
 
 
@@ -66,7 +66,7 @@ def _number(text: str | float) -> float:
 def _seconds(text: str | float) -> float:
     value = _number(text)
     if not SHORTEST <= value <= LONGEST:
-        raise typer.BadParameter(f"a number of seconds from {SHORTEST:g} to {LONGEST:g}, not '{text}'")
+        raise typer.BadParameter(f"expected a number of seconds from {SHORTEST:g} to {LONGEST:g}, not '{text}'")
     return value
 
 
@@ -78,22 +78,20 @@ def _tolerance(text: str) -> float:
 
 
 def names(text: str | None) -> tuple[str, ...] | None:
-    """Words between commas."""
+    """Split a comma-separated list of names, and drop repeated names."""
     if text is None:
         return None
     parts = tuple(part.strip() for part in text.split(",") if part.strip())
     if not parts:
-        raise typer.BadParameter("an empty list")
+        raise typer.BadParameter("the list is empty")
     return tuple(dict.fromkeys(parts))
 
 
 def _in(panel: str | None, **how: Any) -> Any:
-    """An option in a panel of the help."""
     return typer.Option(rich_help_panel=panel, **how)
 
 
 def _flag(name: str, panel: str | None, words: str) -> Any:
-    """An option without a value."""
     return typer.Option(name, help=words, metavar=FLAG, rich_help_panel=panel)
 
 
@@ -104,21 +102,21 @@ def main(
     solvers: Annotated[
         str | None,
         typer.Option(
-            help="Names with commas; all that a case lists if left out. 'all' stands for those that run by default and "
-            "the peers that are installed (henon-ref[peers]). heyoka@direction: heyoka, restarted in another way after "
-            "an event.",
+            help="Solvers to run, separated by commas. If omitted: the solvers that a case lists, or the default "
+            "solvers if it lists none. 'all' also includes the installed peers (optional libraries) if a case lists "
+            "none. 'heyoka@direction' is heyoka with the restart 'direction' after events.",
             metavar="NAMES",
         ),
     ] = None,
     tolerances: Annotated[
-        str | None, typer.Option(help="Relative tolerances with commas, in place of the cases' own.", metavar="NUMBERS")
+        str | None, typer.Option(help="Comma-separated relative tolerances that replace the case's.", metavar="NUMBERS")
     ] = None,
     check: Annotated[
         bool,
         _flag(
             "--check",
             None,
-            "Run nothing: read the files, and explain states, surfaces, effects, and the equations of each mode.",
+            "Only read the case files, and print their states, surfaces, effects, and the equations of each mode.",
         ),
     ] = False,
     timeout: Annotated[
@@ -126,41 +124,46 @@ def main(
         _in(
             RUNS,
             parser=_seconds,
-            help="Seconds of processor time that one run may take. Preparing it may take 240 besides, a truth that is "
-            "not stored 300.",
+            help="Limit on the processor time of one run. Its preparation may take 240 s in addition, and a truth that "
+            "is not stored 300 s.",
             metavar="SECONDS",
         ),
     ] = 10.0,
     repeats: Annotated[
         int | None,
-        _in(RUNS, min=1, help="Timing samples a row; as many as fit a fraction of a second if left out.", metavar="N"),
+        _in(
+            RUNS,
+            min=1,
+            help="Timing samples per row. If omitted: as many as a fraction of a second allows.",
+            metavar="N",
+        ),
     ] = None,
     jobs: Annotated[
-        int | None, _in(RUNS, min=1, help="Runs at work at once; two if there are two cores.", metavar="N")
+        int | None,
+        _in(RUNS, min=1, help="Concurrent runs. If omitted: 2, or 1 on a single processor core.", metavar="N"),
     ] = None,
-    resume: Annotated[bool, _flag("--resume", RUNS, "Keep the rows of an interrupted comparison.")] = False,
+    resume: Annotated[bool, _flag("--resume", RUNS, "Continue an interrupted comparison from its rows.")] = False,
     json: Annotated[
         bool,
-        _flag("--json", SHOWN, "The table at the end as one JSON document, and nothing else on standard output."),
+        _flag("--json", SHOWN, "Print the final table as a JSON document, and nothing else, on standard output."),
     ] = False,
     figures: Annotated[bool, _in(SHOWN, help="Draw figures.", metavar=FLAG)] = True,
     gate: Annotated[
         bool,
         _flag(
-            "--gate", DEMANDS, "Exit with 1 if a bound of a case's gate is not met, or none of its bounds was checked."
+            "--gate", DEMANDS, "Exit with status 1 if a bound of a case's gate is violated, or if no bound was checked."
         ),
     ] = False,
     require: Annotated[
         str | None,
         _in(
             DEMANDS,
-            help="Solvers with commas: exit with 1 if one of them is wrong by its own fault in some reading, at its "
-            "tightest setting, or is not judged in any.",
+            help="Solvers, separated by commas. Exit with status 1 if one of them is wrong through its own fault at "
+            "its tightest setting in some reading, or is not judged in any reading.",
             metavar="NAMES",
         ),
     ] = None,
 ) -> Request:
-    """Run every solver on every case, score it against the truth, and write a report."""
     options = {
         "solvers": names(solvers),
         "tolerances": None if tolerances is None else tuple(map(_tolerance, names(tolerances) or ())),
@@ -175,36 +178,36 @@ def main(
 
 
 def command(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; the exit status. Whatever goes wrong is one message on standard error."""
+    """Run the command and return its exit status; an error is reported in one message on standard error."""
     return exit_status(lambda: _act(arguments, served=False), name="compare", arguments=arguments, kept=KEPT)
 
 
 def program(arguments: Sequence[str] | None = None) -> int:
-    """The command as a process of its own: the exit status."""
-    for name in ONE_THREAD:  # read when numpy is imported, which it has not been yet
+    """Run the command as a separate process and return its exit status."""
+    for name in ONE_THREAD:  # read when numpy is imported, which has not happened yet
         os.environ.setdefault(name, "1")
     status = exit_status(lambda: _act(arguments, served=True), name="compare", arguments=arguments, kept=KEPT)
-    gc.freeze()  # nor is it looked through once more on the way out: a tenth of a short comparison
+    gc.freeze()  # skips the garbage collection at exit, which takes a tenth of the time of a short comparison
     return status
 
 
 def _begin_server(*, figures: bool) -> None:
-    """Begin a server of worker processes: meanwhile this process imports what the command needs."""
+    """Start a server of worker processes, while this process imports the modules of the command."""
     from henon_ref.harness.campaign import DRAWING_NEEDS, WORKERS_NEED
     from henon_ref.jit.cache_folder import cache_root
     from henon_ref.workers.worker_process import begin_server
 
-    cache_root()  # workers use the folder that is found usable here
+    cache_root()  # chooses a usable cache folder, which the workers inherit
     begin_server(*WORKERS_NEED, *(DRAWING_NEEDS if figures else ()))
 
 
 def _act(arguments: Sequence[str] | None, *, served: bool) -> int:
-    # Run outside of typer, which has its own way with an interrupt.
+    # The work is done outside of typer, which would handle an interrupt itself.
     request = parsed(app, arguments, name="compare")
     if isinstance(request, int):
         return request
     try:
-        # Before anything that takes long is imported.
+        # Shown before the slow imports.
         status_line.show(f"reading {listed([str(path) for path in request.cases], 4)}")
         from henon_ref.workers.worker import collect_seldom
 

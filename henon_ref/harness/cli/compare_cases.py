@@ -1,6 +1,6 @@
-"""What the command does: read the cases, run the campaign, write each report as it is done, then the index.
+"""Work of the command ``compare``: read the cases, run the campaign, write each finished report and then the index.
 
-On standard output: a line a finished case, the table at the end, the report's path.
+Standard output receives one line per finished case, then the final table and the path of the report.
 """
 
 from __future__ import annotations
@@ -37,24 +37,24 @@ from henon_ref.harness.table import count
 from henon_ref.text import listed, message
 
 MOST_FAILING = 24
-"""Lines on what is not right; the JSON document and the reports have all."""
+"""Largest number of lines on runs that are not right; the JSON document and the reports list all of them."""
 MOST_PLACES = 3
-"""Readings that one such line names."""
+"""Largest number of readings named in one such line."""
 NOT_JUDGED = ("not run", "not judged")
-"""Verdicts on what is no solver's fault, and yet no answer."""
+"""Verdicts on runs without an answer that are not the fault of the solver."""
 NOTE = (
-    "At the tightest setting. Over the readings in which a solver is right: of its digits the fewest, of its time the "
-    "median, of its times as long as the fastest the geometric mean."
+    "Each solver at its tightest setting, over the readings in which it is right: smallest number of digits, median "
+    "time, and geometric mean of its time relative to the fastest solver (times as long)."
 )
 
 
 class Unmet(NamedTuple):
-    """What the command's exit status may depend on, a sentence each."""
+    """Sentences on unmet requirements, which may affect the exit status."""
 
     gate: list[str]
-    """Bounds of the gate that are not met; where it decides (``--gate``) and none was checked, that."""
+    """Violated bounds of the gate; with ``--gate`` also the fact that no bound was checked."""
     required: list[str]
-    """Where a required solver is not right; where one was judged nowhere, that."""
+    """Readings in which a required solver is wrong, and required solvers that were not judged in any reading."""
 
 
 def run(
@@ -65,15 +65,15 @@ def run(
     figures: bool = True,
     as_json: bool = False,
 ) -> Unmet:
-    """Compare and report; ``options``: arguments of :class:`Options`, whose folder is that of the reports.
+    """Compare cases and write reports; ``options`` are arguments of :class:`Options`, with the folder of the reports.
 
-    ``gated``: whether the gate decides the exit status. ``as_json``: the table is one JSON document, and nothing else
-    stands on standard output.
+    With ``gated`` the gate decides the exit status. With ``as_json`` the table is printed as a JSON document, and
+    nothing else is printed on standard output.
 
     Raises
     ------
     CaseError
-        For a case file or an argument that cannot be used; nothing has been written then.
+        If a case file or an argument is invalid; nothing has been written then.
     """
     out: Path = options["folder"]
     check_writable(out)
@@ -84,14 +84,14 @@ def run(
     with locked([out / case.name for case in cases]):
         for case in cases if not asked.resume else ():
             if rows := len(read(out / case.name / FILE)):
-                say(f"starting afresh: --resume would keep {rows} rows of {case.name}")
+                say(f"starting from the beginning; --resume would keep {rows} rows of {case.name}")
         return _compared(cases, asked, out, rerun, gated=gated, figures=figures, as_json=as_json)
 
 
 def _compared(
     cases: Sequence[Case], options: Options, out: Path, rerun: str, *, gated: bool, figures: bool, as_json: bool
 ) -> Unmet:
-    """Run everything and write it into folders that nobody else writes into."""
+    """Run the campaign and write its reports; the caller has locked the folders of the cases."""
     written: list[Path] = []
     failures: list[str] = []
     rows: list[RunRow] = []
@@ -132,17 +132,17 @@ def _compared(
 
 
 def discard(folder: Path, cases: Sequence[Case]) -> None:
-    """Remove the journals in a folder: everything that they hold is written."""
+    """Remove the journals in a folder, whose rows are in the reports now."""
     for case in cases:
         (folder / case.name / FILE).unlink(missing_ok=True)
         remove_if_empty(folder / case.name)
 
 
 def rerun_command(paths: Sequence[Path], given: Options, *, figures: bool = True) -> str:
-    """The command that makes the same reports again."""
+    """Return the command that makes the same reports again."""
     here = Path.cwd()
     words = ["python", "-m", "henon_ref.compare"]
-    for path in map(Path.absolute, paths):  # as seen from here: a report names no folders of this machine
+    for path in map(Path.absolute, paths):  # relative paths: a report must not name folders of this machine
         words.append(path.relative_to(here).as_posix() if path.is_relative_to(here) else path.name)
     for option, value in (
         ("--solvers", ",".join(map(str, given.solvers or ()))),
@@ -156,19 +156,18 @@ def rerun_command(paths: Sequence[Path], given: Options, *, figures: bool = True
 
 
 def _digits(value: float) -> str:
-    """A number as short as it reads back to the same double."""
+    """Format a number briefly, but exactly."""
     short = f"{value:g}"
     return short if float(short) == value else repr(value)
 
 
 def case_line(name: str, rows: Sequence[RunRow], report: Path) -> str:
-    """What is said of a finished case."""
     right = sum(row.verdict == "right" for row in rows)
     return message(f"{name}: {count(len(rows), 'row')}, {right} right: {report}")
 
 
 def print_end(rows: Sequence[RunRow], *, readings: int) -> None:
-    """Print the table, and below it what is not right and why; ``rows``: those at the tightest settings."""
+    """Print the table of solvers, and the runs that are not right with reasons, for rows at the tightest settings."""
     print(standings_table(standings(rows)).text)
     if readings > 1:
         print(NOTE)
@@ -179,18 +178,18 @@ def print_end(rows: Sequence[RunRow], *, readings: int) -> None:
         print(f"and {len(found) - MOST_FAILING} more, see the reports")
     absent = {row.solver for row in rows if row.status == "unavailable"}
     if missing := sorted(set(map(registry.missing_package, absent)) - {""}):
-        print(f"to install what is missing: {shlex.join(['pip', 'install', *missing])}")
+        print(f"to install missing packages: {shlex.join(['pip', 'install', *missing])}")
 
 
 def document(rows: Sequence[RunRow], report: Path, **more: Any) -> str:
-    """The same as a JSON document, a missing value null; the report's path, and what else the caller knows."""
+    """Format the content of :func:`print_end` and the path of the report as JSON; a missing value is null."""
     lists = {"solvers": [*map(asdict, standings(rows))], "failing": [*map(asdict, failing(rows))]}
     return json.dumps({**lists, "report": str(report), **more}, indent=1)
 
 
 @dataclass(frozen=True)
 class Failing:
-    """What keeps a solver from being right, and where."""
+    """Runs of a solver that are not right, with one status and one reason."""
 
     solver: str
     status: str
@@ -200,7 +199,7 @@ class Failing:
 
 
 def failing(rows: Sequence[RunRow]) -> list[Failing]:
-    """What is wrong by a solver's own fault, and what has no answer, the same ones of a solver together."""
+    """Group the runs that are wrong by a fault of the solver, or have no answer, by solver, status and reason."""
     found: dict[tuple[str, str, str], list[str]] = {}
     for row in rows:
         if demand(row.solver, [row]).failures or row.verdict in NOT_JUDGED:
@@ -210,6 +209,5 @@ def failing(rows: Sequence[RunRow]) -> list[Failing]:
 
 
 def failing_line(found: Failing) -> str:
-    """What keeps a solver from being right, and where, in one line."""
     reason = f" ({found.reason.rstrip('.')})" if found.reason else ""
     return message(f"{found.solver}: {found.status}{reason}: {listed(found.where, MOST_PLACES)}")

@@ -1,6 +1,6 @@
-"""What case files say, without a run: states, surfaces, effects, the equations of each mode.
+"""Explain case files without a run: states, surfaces, effects, and the equations of each mode.
 
-``henon-ref explain CASE...``, and ``compare CASE... --check``. Exit statuses: see
+The commands are ``henon-ref explain CASE...`` and ``henon-ref compare CASE... --check``; for their exit statuses see
 :mod:`henon_ref.commands.exit_status`.
 """
 
@@ -24,18 +24,18 @@ from henon_ref.taylor.size import size, total_size
 from henon_ref.text import listed, message
 
 MOST_MODES = 9
-"""Modes whose equations are printed."""
+"""Largest number of modes whose equations are printed."""
 MOST_OPERATIONS, MOST_IN_ALL = 200, 2_500
-"""Operations up to which an expression is printed, and up to which modes are derived at all."""
+"""Largest number of operations of a printed expression, and of a system whose modes are derived."""
 SEVERAL = 8
-"""States, parameters and the like that one line names."""
+"""Largest number of states, surfaces or solvers named in one line."""
 
 app = application()
 
 
 @app.command(epilog=examples("explain fig8", "explain my_case.yaml"))
 def main(cases: Cases) -> int:
-    """Explain case files without a run: states, surfaces, effects, the equations of each mode."""
+    """Explain case files without a run: states, surfaces, effects, and the equations of each mode."""
     explain(cases)
     return DONE
 
@@ -44,12 +44,12 @@ command = command_of(app, "explain")
 
 
 def explain(paths: Sequence[Path]) -> None:
-    """Print what the case files say.
+    """Print the explanation of case files.
 
     Raises
     ------
     CaseError
-        For a file that cannot be used, before anything is printed.
+        If a file is invalid; nothing is printed then.
     """
     for case in load_cases(paths):
         for line in explanation(case):
@@ -57,7 +57,7 @@ def explain(paths: Sequence[Path]) -> None:
 
 
 def explanation(case: Case) -> Iterator[str]:
-    """The lines that explain a case, each indented by its rank; equations that readings share come once."""
+    """Yield the indented lines that explain a case; equations shared by several readings appear once."""
     file = f" ({case.path})" if case.path else ""
     yield f"{case.name}: {case.title}{file}, {count(len(case.readings), 'reading')}"
     explained: list[Reading] = []
@@ -73,7 +73,7 @@ def explanation(case: Case) -> Iterator[str]:
 
 
 def _run(reading: Reading) -> Iterator[str]:
-    """What differs from reading to reading: numbers, solvers, bounds."""
+    """Yield the lines on a reading: start, horizon, parameters, solvers, tolerances and gate."""
     problem = reading.problem
     system = problem.system
     values = [f"{x.name} = {_text(v)}" for x, v in zip(system.states, problem.initial, strict=True)]
@@ -107,7 +107,7 @@ def _model(system: FilippovSystem) -> Iterator[str]:
 
 
 def _modes(system: FilippovSystem) -> list[Mode]:
-    """All modes where they are few; else slip on one side of everything, and sliding on each surface from there."""
+    """Return all modes if they are few; else the mode of slip with all signs +1, and sliding on each surface."""
     surfaces = len(system.surfaces)
     if 3**surfaces <= MOST_MODES:
         return list(product((-1, 0, 1), repeat=surfaces))
@@ -116,7 +116,7 @@ def _modes(system: FilippovSystem) -> list[Mode]:
 
 
 def _mode(system: FilippovSystem, mode: Mode) -> Iterator[str]:
-    """One mode's equations, and where it is left."""
+    """Yield the equations of one mode, and the conditions of its releases."""
     yield f"{'sliding' if 0 in mode else 'slip'}, {mode_text(mode, system.sign_names)}"
     try:
         equations = system.equations(mode)
@@ -149,5 +149,5 @@ def _text(expression: sp.Expr) -> str:
 
 
 def _indented(line: str) -> str:
-    """A line fit for a terminal; its indent stays."""
+    """Clean a line for the terminal, and keep its indent."""
     return line[: len(line) - len(line.lstrip(" "))] + message(line)

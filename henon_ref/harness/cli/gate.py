@@ -1,7 +1,7 @@
-"""The command: whether reports hold: the bounds of their cases, solvers that have to be right, an earlier comparison.
+"""Command ``gate``: check reports against the bounds of their cases, required solvers and an earlier comparison.
 
-Exit status 1: a bound is not met or none was checked, a required solver is wrong, a row is worse than in the baseline;
-for the others see :mod:`henon_ref.commands.exit_status`.
+The exit status is 1 if a bound is violated or none was checked, if a required solver is wrong, or if a row is worse
+than in the baseline; for other statuses see :mod:`henon_ref.commands.exit_status`.
 """
 
 from __future__ import annotations
@@ -40,9 +40,9 @@ from henon_ref.text import did_you_mean, listed, message, shortened
 app = application()
 
 SUMMARY = "GITHUB_STEP_SUMMARY"
-"""Environment variable: the file to which a step of a GitHub workflow appends its summary."""
+"""Environment variable with the file to which a step of a GitHub workflow appends its summary."""
 MOST_NAMED = 8
-"""Rows that one message names."""
+"""Largest number of rows named in one message."""
 EXAMPLES = ("gate out", "gate out --require my-solver --junit junit.xml", "gate out --baseline ci/runs.csv")
 
 
@@ -54,28 +54,28 @@ def main(
     require: Annotated[
         str | None,
         typer.Option(
-            help="Solvers with commas: one that is wrong by its own fault in some reading, at its tightest setting, or "
-            "is not judged in any, does not pass.",
+            help="Solvers, separated by commas. The gate fails if one of them is wrong through its own fault at its "
+            "tightest setting in some reading, or is not judged in any reading.",
             metavar="NAMES",
         ),
     ] = None,
     baseline: Annotated[
         Path | None,
         typer.Option(
-            help="An earlier runs.csv, or a folder of reports: a row whose status got worse, or the digits of its "
-            "times by more than 0.5, does not pass.",
+            help="An earlier runs.csv, or a folder of reports. The gate fails if the status of a row is worse than "
+            "there, or its transition times have lost more than 0.5 digits.",
             metavar="CSV",
         ),
     ] = None,
     known: Annotated[
         Path | None,
-        typer.Option(help="Failures that are expected: they are told, and count for nothing.", metavar="CSV"),
+        typer.Option(help="List of expected failures. They are reported, but do not fail the gate.", metavar="CSV"),
     ] = None,
     junit: Annotated[
-        Path | None, typer.Option(help="Write the rows as JUnit XML, a test case a row.", metavar="FILE")
+        Path | None, typer.Option(help="Write the rows as JUnit XML, one test case per row.", metavar="FILE")
     ] = None,
 ) -> int:
-    """Tell whether reports hold: the bounds of their cases, required solvers, an earlier comparison."""
+    """Check reports against the bounds of their cases, required solvers, and an earlier comparison."""
     runs = runs_in(report)
     rows = [*chain.from_iterable(runs.values())]
     bounds = [own for file in runs for own in read_bounds(file.with_name(MANIFEST))]
@@ -86,14 +86,14 @@ def main(
     demands = {solver: demand(solver, rows, held.is_known) for solver in names(require) or ()}
     unmet += [f"required: {words}" for solver, own in demands.items() for words in own.unmet(solver)]
     unmet += [] if earlier is None else held.worse(earlier)
-    told = [*unmet, *held.known_lines()]
-    for line in told:
+    lines = [*unmet, *held.known_lines()]
+    for line in lines:
         say(line)
     results = [(row, held.result(row)) for row in rows]
     if junit is not None:
         _write_junit(junit, junit_xml(results))
     if os.environ.get(SUMMARY):
-        _append(Path(os.environ[SUMMARY]), step_summary(results, told))
+        _append(Path(os.environ[SUMMARY]), step_summary(results, lines))
     state = gate_state(found, any(line.startswith("gate: ") for line in unmet), wanted=False)
     print(message(f"{report}: {count(len(rows), 'row')}{state}{demands_state(demands)}"))
     return NOT_MET if unmet else DONE
@@ -104,52 +104,50 @@ command = command_of(app, "gate")
 
 @dataclass
 class Held:
-    """Rows, and what is wrong with each besides its status: bounds that are not met, what is worse than it was."""
+    """Rows, and complaints about each row: violated bounds, and changes for the worse."""
 
     rows: Sequence[RunRow]
     known: Sequence[KnownFailure]
     complaints: dict[Key, list[str]] = field(default_factory=dict)
 
     def is_known(self, row: RunRow) -> bool:
-        """Whether a failure of this row is expected."""
         return any(entry.covers(row) for entry in self.known)
 
     def result(self, row: RunRow) -> RowResult:
-        """What a row is to a test runner."""
         return row_result(row, self.complaints.get(row.key, ()), known=self.is_known(row))
 
     def _complain(self, found: Iterable[tuple[RunRow, str, str]], what: str) -> list[str]:
-        """Note each complaint (row, words, sentence); the sentences on what is not expected."""
-        told = []
+        """Note each complaint (row, words, sentence); return the sentences about unexpected failures."""
+        sentences = []
         for row, words, sentence in found:
             self.complaints.setdefault(row.key, []).append(f"{what}: {words}")
-            told += [] if self.is_known(row) else [sentence]
-        return told
+            sentences += [] if self.is_known(row) else [sentence]
+        return sentences
 
     def bounds_unmet(self, found: Gate) -> list[str]:
-        """A sentence for every bound that is not met, expected ones left out; that none was checked."""
+        """Return a sentence for every violated bound that is not an expected failure, or if no bound was checked."""
         unmet = self._complain(((row, words, f"gate: {row.case}: {words}") for row, words in found.unmet), "gate")
         if found.left_out:
             say(f"gate: {bounds_left_out(found)}")
         return [*unmet, f"gate: {why_unchecked(found)}"] if found.missing else unmet
 
     def worse(self, earlier: Sequence[RunRow]) -> list[str]:
-        """A sentence for every row that is worse than it was, expected ones left out; that none was compared."""
+        """Return a sentence for every row that is worse and not an expected failure, or if no row was compared."""
         regression = held_against(self.rows, earlier)
         changes = ((row, regression.worse[row.key]) for row in self.rows if row.key in regression.worse)
         sentences = self._complain(
             ((row, words, f"baseline: {row.name}: {words}") for row, words in changes), "worse than the baseline"
         )
         new = len(self.rows) - regression.compared
-        beside = f", {count(new, 'row')} of now not in it" if new else ""
-        say(f"baseline: {count(regression.compared, 'row')} compared, {len(sentences) or 'none'} worse{beside}")
+        added = f", {count(new, 'new row')}" if new else ""
+        say(f"baseline: {count(regression.compared, 'row')} compared, {len(sentences) or 'none'} worse{added}")
         if regression.missing:
             named = listed([row.name for row in regression.missing], MOST_NAMED)
-            say(f"baseline: {count(len(regression.missing), 'row')} did not run now: {named}")
-        return sentences if regression.compared else ["baseline: none of its rows is among those that ran"]
+            say(f"baseline: {count(len(regression.missing), 'row')} of it did not run this time: {named}")
+        return sentences if regression.compared else ["baseline: none of its rows ran this time"]
 
     def known_lines(self) -> list[str]:
-        """What became of each failure that was expected, a line each."""
+        """Return one line on the present state of each expected failure."""
         lines = []
         for entry in self.known:
             own = [row for row in self.rows if entry.names(row)]
@@ -158,24 +156,24 @@ class Held:
                 why = f" ({entry.reason})" if entry.reason else ""
                 lines.append(f"known: {entry.name}: fails as expected{why}: {listed(failing, MOST_NAMED)}")
             elif own and not bad:
-                lines.append(f"known: {entry.name}: mended: nothing of it fails any more; take the line out")
+                lines.append(f"known: {entry.name}: fixed: no matching row fails any more; remove the line")
             elif not own:
-                lines.append(f"known: {entry.name}: no row is meant by it")
+                lines.append(f"known: {entry.name}: no row matches it")
         return lines
 
 
 def runs_in(path: Path) -> dict[Path, list[RunRow]]:
-    """The rows of the ``runs.csv`` that a path is, or of those of the reports in a folder, by file.
+    """Read the rows of a ``runs.csv``, or of all reports in a folder; return them by file.
 
     Raises
     ------
     CaseError
-        Where there is none, or a file that is none.
+        If there is no such file, or a file is invalid.
     """
     files = [path] if path.is_file() else [path / RUNS] if (path / RUNS).is_file() else sorted(path.glob(f"*/{RUNS}"))
     if not files:
-        what = "no report is in it" if path.is_dir() else "there is no such file"
-        raise CaseError(f"{what}; wanted is a {RUNS}, or a folder of reports", file=str(path))
+        what = "the folder has no report" if path.is_dir() else "there is no such file"
+        raise CaseError(f"{what}; expected a {RUNS}, or a folder of reports", file=str(path))
     found = {file: rows_of(RunRow, file) for file in files}
     for file, rows in found.items():
         for row in rows:
@@ -187,12 +185,12 @@ def runs_in(path: Path) -> dict[Path, list[RunRow]]:
 
 
 def rows_of(kind: type[AnyRow], path: Path) -> list[AnyRow]:
-    """The rows of a file.
+    """Read the rows of a file.
 
     Raises
     ------
     CaseError
-        For a file that cannot be read, or is none: with line and column.
+        If the file cannot be read, or is invalid; the error has line and column.
     """
     try:
         return read_rows(kind, path)
@@ -203,20 +201,20 @@ def rows_of(kind: type[AnyRow], path: Path) -> list[AnyRow]:
 
 
 def read_known(path: Path) -> list[KnownFailure]:
-    """Failures that are expected, a line each; an empty field stands for any.
+    """Read a file of expected failures, one per line; an empty field matches any value.
 
     Raises
     ------
     CaseError
-        For a file that is none, with line and column.
+        If the file is invalid; the error has line and column.
     """
     found = rows_of(KnownFailure, path)
     with path.open(encoding="utf-8-sig", newline="") as file:
         header = next(csv.reader(file), [])
     allowed = KnownFailure.columns()
     for name in map(str.strip, header):
-        if name not in (*allowed, *RunRow.columns()):  # a word that is misspelt would stand for any
-            words = f"{shortened(name)} is no column here; there are {', '.join(allowed)}{did_you_mean(name, allowed)}"
+        if name not in (*allowed, *RunRow.columns()):  # the missing column of a misspelt name would match any value
+            words = f"unknown column {shortened(name)}; allowed: {', '.join(allowed)}{did_you_mean(name, allowed)}"
             raise CaseError(words, file=str(path), line=1, column=1)
     return found
 
@@ -230,9 +228,9 @@ def _write_junit(path: Path, content: bytes) -> None:
 
 
 def _append(path: Path, text: str) -> None:
-    """Append a step's summary; where the runner's file cannot be written, that is told and changes nothing else."""
+    """Append the summary of a step; if the file cannot be written, print a message and continue."""
     try:
         with path.open("a", encoding="utf-8") as file:
             file.write(f"\n{text}" if file.tell() else text)
     except OSError as error:
-        say(f"the step's summary cannot be written: {path}: {error.strerror or error}")
+        say(f"cannot write the step summary: {path}: {error.strerror or error}")

@@ -1,4 +1,4 @@
-"""The commands that list what there is: cases, solvers, and the JSON Schema of a case file."""
+"""Commands ``cases``, ``solvers`` and ``schema``: list cases and solvers, and print the JSON Schema of a case file."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ def cases(
     folders: Annotated[
         list[Path] | None,
         typer.Argument(
-            help="Case files, or folders of them; those that come with the program if left out.",
+            help="Case files, or folders of them. If omitted: the cases that come with the program.",
             show_default=False,
             metavar="CASE",
         ),
     ] = None,
     tag: Annotated[
         list[str] | None,
-        typer.Option(help="Only cases with this tag; given several times, with all of them.", metavar="TAG"),
+        typer.Option(help="List only cases with this tag; if repeated, cases with all these tags.", metavar="TAG"),
     ] = None,
 ) -> int:
-    """List cases: names, numbers of readings, states and surfaces, titles, tags."""
-    # Their files are read as YAML alone, their expressions are not.
+    """List cases: names, numbers of readings, states and surfaces, titles, and tags."""
+    # The files are read as YAML only; their expressions are not parsed.
     places = [located(path) for path in folders or [shipped_folder()]]
     files = [file for place in places for file in (yaml_files(place) if place.is_dir() else [place])]
     found = [outline(file) for file in files]
@@ -54,22 +54,23 @@ def _case(case: Outline) -> tuple[str, ...]:
 
 
 def _span(sizes: Sequence[int]) -> str:
-    """A number, or the least and the largest of several readings."""
+    """Format the number of one reading, or the range of several."""
     least, largest = min(sizes), max(sizes)
     return str(least) if least == largest else f"{least} to {largest}"
 
 
 SOLVERS_HELP = (
-    "List solvers: package and version, what drives them, how they restart after an event, and why one cannot be had."
+    "List solvers: package, version, error control (tolerances or fixed step), restart after events, and the reason "
+    "why a solver is unavailable."
     "\n\n"
-    "A solver with a restart takes others, as in heyoka@direction. Those that do not run by default run where a case "
-    "or --solvers names them."
+    "A solver with a restart can be given another one: heyoka@direction. A solver that does not run by default runs if "
+    "a case or --solvers names it."
 )
 
 
 @solvers_app.command(help=SOLVERS_HELP, epilog=examples("solvers"))
 def solvers() -> int:
-    """List solvers. A third party's is loaded by a worker first: its module may hang or die."""
+    """List solvers; a worker loads each third-party solver first, since its module may hang or crash."""
     from henon_ref.harness import registry
     from henon_ref.harness.campaign.case_files import fixed_step
 
@@ -93,7 +94,7 @@ def solvers() -> int:
 
 
 def unavailable(name: str) -> str:
-    """Why a solver's rows would say that it is unavailable; empty where they would not."""
+    """Return the reason why a solver is unavailable; empty if it is available."""
     from henon_ref.baselines.adapter import LibrarySolver
     from henon_ref.baselines.protocol.program import ProgramSolver
     from henon_ref.harness import registry
@@ -111,14 +112,14 @@ def unavailable(name: str) -> str:
 
 SCHEMA_HELP = (
     "Print the JSON Schema of a case file, for editors that complete and check YAML.\n\n"
-    "Beside case.schema.json, a case file whose first line is '# yaml-language-server: $schema=case.schema.json' is "
-    "checked while it is written."
+    "Save the schema as case.schema.json next to a case file, and begin the case file with the line "
+    "'# yaml-language-server: $schema=case.schema.json': the editor then checks it while you write."
 )
 
 
 @schema_app.command(help=SCHEMA_HELP, epilog=examples("schema > case.schema.json"))
 def schema() -> int:
-    """Print the schema, alone on standard output."""
+    """Print the schema, and nothing else, on standard output."""
     from henon_ref.casefile.json_schema import schema_text
 
     print(schema_text(), end="")

@@ -1,6 +1,6 @@
-"""The program ``henon-ref``, which is also ``python -m henon_ref``: one subcommand a job.
+"""The program ``henon-ref`` (also ``python -m henon_ref``) and its table of subcommands.
 
-A subcommand's module is imported when it is called, so that the others' libraries cost it nothing.
+The module of a subcommand is imported only when the subcommand runs, so that each subcommand starts fast.
 """
 
 from __future__ import annotations
@@ -21,52 +21,52 @@ from henon_ref.commands.typer_app import FLAG, examples
 
 @dataclass(frozen=True)
 class Subcommand:
-    """Where a subcommand is found, and what the list of them says of it."""
+    """Location and summary of a subcommand."""
 
     target: str
-    """``module:function``, in :mod:`henon_ref.harness.cli` unless it says more: it takes the arguments, and returns the
-    status."""
+    """``module:function`` of the function that takes the arguments and returns the exit status. A module without a dot
+    is in :mod:`henon_ref.harness.cli`, any other in :mod:`henon_ref`."""
     summary: str
 
     def run(self, arguments: Sequence[str]) -> int:
-        """Import it, and run it; the exit status."""
+        """Import and run the subcommand; return the exit status."""
         return int(self._found("")(arguments))
 
     @property
     def app(self) -> typer.Typer:
-        """Its typer application: beside the function, and named like it."""
+        """Typer application of the subcommand, in the same module."""
         found: typer.Typer = self._found("app")
         return found
 
     def _found(self, instead: str) -> Any:
-        """The function; what is named like it, ``instead`` in place of its last word."""
+        """Import the function of the subcommand, or the object named like it with ``instead`` as last word."""
         name, _, function = self.target.partition(":")
         module = import_module(f"henon_ref.{name}" if "." in name else f"henon_ref.harness.cli.{name}")
         return getattr(module, re.sub("(command|program)$", instead, function) if instead else function)
 
 
 SUBCOMMANDS = {
-    "compare": Subcommand("compare:program", "Run every solver on cases, score it against the truth, write a report."),
-    "explain": Subcommand("explain_cases:command", "Explain what case files say, without a run."),
+    "compare": Subcommand("compare:program", "Run solvers on cases, score them against the truth, and write reports."),
+    "explain": Subcommand("explain_cases:command", "Explain case files without a run."),
     "gate": Subcommand("gate:command", "Check reports against their cases' gates, and against an earlier comparison."),
     "check": Subcommand("check:command", "Check stored reports against a fresh comparison."),
     "demo": Subcommand("commands.demo:command", "Draw a stick-slip orbit with its transitions."),
-    "simulate": Subcommand("commands.simulate:command", "Simulate one case: its transitions, a picture."),
+    "simulate": Subcommand("commands.simulate:command", "Simulate one case; print its transitions, and draw the run."),
     "sweep": Subcommand("sweep:program", "Run one system at many points, and observe each run."),
-    "cases": Subcommand("lists:cases_command", "List cases: names, sizes, titles, tags."),
-    "solvers": Subcommand("lists:solvers_command", "List solvers: versions, options, and why one cannot be had."),
+    "cases": Subcommand("lists:cases_command", "List cases: names, sizes, titles, and tags."),
+    "solvers": Subcommand("lists:solvers_command", "List solvers: versions, properties, and why one is unavailable."),
     "schema": Subcommand("lists:schema_command", "Print the JSON Schema of a case file."),
-    "new-solver": Subcommand("new_solver:command", "Write a package with a solver of your own to fill in."),
-    "truth": Subcommand("truth:command", "Compute truths, compare them with the stored ones, store them."),
+    "new-solver": Subcommand("new_solver:command", "Write a template package for a solver of your own."),
+    "truth": Subcommand("truth:command", "Compute truths, compare them with the stored ones, and store them."),
     "study": Subcommand("study:command", "Run a study: price, paired-times, atlas, restarts, causes or paper."),
 }
-"""Name -> subcommand, in the order of the list."""
+"""Name -> subcommand, in the order of the help."""
 
 EXAMPLES = ("demo", "cases", "compare fig8", "explain my_case.yaml", "compare --help")
 
 
 def program(arguments: Sequence[str] | None = None) -> int:
-    """Run the program, with the process's arguments if none are given; the exit status."""
+    """Run the program with arguments, by default those of the process, and return the exit status."""
     words = sys.argv[1:] if arguments is None else list(arguments)
     words = words[1:] if words[:1] == ["--"] else words
     if words and words[0] in SUBCOMMANDS:
@@ -75,7 +75,7 @@ def program(arguments: Sequence[str] | None = None) -> int:
 
 
 def application() -> typer.Typer:
-    """The program's own options and its list of subcommands, which read their arguments themselves."""
+    """Make the typer application of the program's own options; subcommands parse their arguments themselves."""
     app = typer.Typer(
         add_completion=False,
         pretty_exceptions_enable=False,
@@ -92,17 +92,17 @@ def _own_options(
     context: typer.Context,
     version: Annotated[bool, typer.Option("--version", help="Print the version.", metavar=FLAG)] = False,
     verbose: Annotated[
-        bool, typer.Option("--verbose", help="With --version: the libraries' versions, too.", metavar=FLAG)
+        bool, typer.Option("--verbose", help="With --version: print also the versions of the libraries.", metavar=FLAG)
     ] = False,
 ) -> None:
-    """Which solver gets the stick-slip transitions of a Filippov system right, to how many digits, at what cost."""
+    """Find out which solvers compute the stick-slip transitions of a Filippov system correctly, and at what cost."""
     if version:
         _print_versions(libraries=verbose)
         raise typer.Exit
     if verbose:
-        raise typer.BadParameter("it goes with --version", param_hint="--verbose")
+        raise typer.BadParameter("it requires --version", param_hint="--verbose")
     if context.invoked_subcommand is None:
-        raise typer.BadParameter(f"no subcommand; there are {', '.join(SUBCOMMANDS)}")
+        raise typer.BadParameter(f"no subcommand; the subcommands are {', '.join(SUBCOMMANDS)}")
 
 
 def _print_versions(*, libraries: bool) -> None:

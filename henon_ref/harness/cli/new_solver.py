@@ -1,4 +1,4 @@
-"""The command ``new-solver``: a package with a solver to fill in, which works as it stands, or that names a program."""
+"""Command ``new-solver``: write a template package of a solver, either a Python method or an external program."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from henon_ref.text import message, shortened
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 TEMPLATES = "new_solver_template"
-"""Folder of the templates, beside this file."""
+"""Folder of the templates, next to this file."""
 NAME = re.compile(r"[a-z][a-z0-9]*([-_][a-z0-9]+)*")
 LONGEST = 40
-"""Characters of a name."""
+"""Largest length of a name [characters]."""
 
 
 @app.command()
@@ -35,19 +35,20 @@ def main(
         str, typer.Argument(metavar="NAME", help="Name of the solver and of its package.", show_default=False)
     ],
     out: Annotated[
-        Path | None, typer.Option(metavar="PATH", help="Folder to write, ./NAME if left out.", show_default=False)
+        Path | None, typer.Option(metavar="PATH", help="Folder to write. If omitted: ./NAME.", show_default=False)
     ] = None,
     program: Annotated[
         str | None,
         typer.Option(
             metavar="COMMAND",
-            help="A program in any language that speaks the protocol, in place of a method in Python.",
+            help="Command of a solver program in any language that implements henon_ref's protocol. If given, the "
+            "package runs this program instead of a Python method.",
         ),
     ] = None,
 ) -> int:
-    """Write a package with a solver of your own, which works as it stands and has one method to fill in.
+    """Write a template package for a solver of your own.
 
-    The package registers NAME with henon_ref: once it is installed (pip install -e NAME), --solvers NAME runs it.
+    It has a working solver with one method to replace. After pip install -e NAME, the option --solvers NAME runs it.
     """
     check_name(name)
     folder = out if out is not None else Path(name)
@@ -62,12 +63,11 @@ command = command_of(app, "new-solver")
 
 
 def module_of(name: str) -> str:
-    """The module in which a solver of this name is written."""
     return name.replace("-", "_")
 
 
 def check_name(name: str) -> None:
-    """Refuse a name that no package, no module or no further solver may have.
+    """Refuse a name that is invalid, or already taken by a solver or a module.
 
     Raises
     ------
@@ -75,25 +75,25 @@ def check_name(name: str) -> None:
     """
     if not NAME.fullmatch(name) or len(name) > LONGEST:
         raise CaseError(
-            f"NAME is {shortened(name)}; allowed are small letters and digits, begun with a letter, in parts joined by "
-            f"- or _, {LONGEST} characters at most: my-rk"
+            f"NAME is {shortened(name)}; a name has lowercase letters and digits, begins with a letter, may contain "
+            f"single - or _ inside, and has at most {LONGEST} characters, for example my-rk"
         )
     module = module_of(name)
     if name in registry.names():
-        raise CaseError(f"a solver named '{name}' is installed; take another name")
+        raise CaseError(f"a solver named '{name}' is installed; choose another name")
     if iskeyword(module) or module in sys.stdlib_module_names:
-        raise CaseError(f"'{module}' is a word or a module of Python; take another name")
+        raise CaseError(f"'{module}' is a keyword or a standard module of Python; choose another name")
     if module in packages_distributions() or module == "henon_ref":
-        raise CaseError(f"an installed package has a module '{module}'; take another name")
+        raise CaseError(f"an installed package has a module '{module}'; choose another name")
 
 
 def command_words(command: str) -> tuple[str, ...]:
-    """The words of a command line, paths of files that are there made absolute.
+    """Split a command line into words, and make the paths of existing files absolute.
 
     Raises
     ------
     CaseError
-        Where it has none, or a quotation mark is left open.
+        If the command line is empty, or a quotation mark is not closed.
     """
     try:
         words = shlex.split(command)
@@ -105,10 +105,10 @@ def command_words(command: str) -> tuple[str, ...]:
 
 
 def package_files(name: str, words: tuple[str, ...] = ()) -> dict[str, str]:
-    """Path of every file of the package -> its text; ``words``: the command of a program, where it names one.
+    """Map the path of every file of the package to its text; ``words`` is the command of the solver program, if any.
 
-    The module lies below ``src``: the package's own folder, seen from the folder that it is in, would be taken for the
-    module where both have one name.
+    The module is in ``src``, because Python would import the folder of the package instead of a module of the same
+    name next to it.
     """
     module = module_of(name)
     environment = Environment(
@@ -127,15 +127,15 @@ def package_files(name: str, words: tuple[str, ...] = ()) -> dict[str, str]:
 
 
 def write_package(name: str, folder: Path, words: tuple[str, ...] = ()) -> None:
-    """Write the package, whole or not at all.
+    """Write the package completely, or not at all.
 
     Raises
     ------
     CaseError
-        Where the folder is there already, or cannot be written.
+        If the folder exists already, or cannot be written.
     """
     if os.path.lexists(folder):
-        raise CaseError(f"{folder} exists already; remove it, or give another folder by --out")
+        raise CaseError(f"{folder} exists already; remove it, or choose another folder with --out")
     try:
         with TemporaryDirectory(prefix=".new-solver-", dir=folder.parent) as place:
             whole = Path(place) / "package"

@@ -1,9 +1,9 @@
-"""What of a folder of reports is worth keeping in a repository.
+"""Reduce a folder of reports to the files worth keeping in a repository.
 
-``python -m henon_ref.harness.cli.prune CASE... [--reports DIR]``: the folders of these cases stay, without their rows
-of transitions and raw samples; those of all other cases go, and live on in the matrix, from which the index is made.
-The rows of every run behind the pages of the studies go, too. Links to what has gone become text, figures are made as
-short as they can be. Files that this package has not written stay as they are.
+``python -m henon_ref.harness.cli.prune CASE... [--reports DIR]`` keeps the folders of these cases, without their
+``transitions.csv`` and raw samples. It removes the folders of all other cases, whose results remain in the matrix from
+which the index is made. It also removes the rows of every run from the folders of the studies, replaces links to
+removed files by text, and shortens the figures. Files that this package has not written are not changed.
 """
 
 from __future__ import annotations
@@ -36,20 +36,20 @@ from henon_ref.harness.report.svg import shortened
 from henon_ref.harness.studies.study import STUDIES
 
 PAGE_ROWS = tuple(f"{study.folder}/{name}" for study in STUDIES.values() for name in study.every_run)
-"""Files that hold every run behind a page."""
+"""Files with every run of a study."""
 
 
 def prune(folder: Path, kept: Sequence[str]) -> int:
-    """Remove what index and pages can do without, all cases' folders but some; the bytes that are left.
+    """Remove all files that index and pages do not require, except the reports of some cases; return the bytes left.
 
     Raises
     ------
     CaseError
-        Where README.md or the matrix are somebody else's; nothing is removed then.
+        If another program wrote README.md or the matrix; nothing is removed then.
     """
     check_index(folder)
     with locked([folder], wait=True):
-        write_folder_report(folder)  # the matrix has every row, the page every run, before a folder goes
+        write_folder_report(folder)  # before removing a folder, copy its rows to the matrix and the page
         for manifest in folder.glob(f"*/{MANIFEST}"):
             report, own = manifest.parent, own_files(manifest.parent)
             for name in own & set(ROWS) if report.name in kept else own:
@@ -79,10 +79,10 @@ app = application()
 
 @app.command()
 def main(
-    cases: Annotated[list[Path], typer.Argument(help="Case files whose reports stay.", show_default=False)],
+    cases: Annotated[list[Path], typer.Argument(help="Case files whose reports are kept.", show_default=False)],
     reports: Annotated[Path, typer.Option(help="Folder of the reports.")] = Path("reports"),
 ) -> int:
-    """Leave of a folder of reports what people read: the index, the pages, and the reports of some cases."""
+    """Reduce a folder of reports to the index, the pages, and the reports of some cases."""
     size = prune(reports, [case.name for case in load_cases(cases)])
     say(f"{reports}: {size / 1e6:.1f} MB are left")
     return DONE

@@ -1,6 +1,7 @@
-"""The command: ``henon-ref study NAME [CASES] [--out out]``.
+"""Command ``henon-ref study NAME [CASES] [--out out]``.
 
-Exit status 1: a claim of the page fails its check; for the others see :mod:`henon_ref.commands.exit_status`.
+The exit status is 1 if a claim of the page fails its check; for other statuses see
+:mod:`henon_ref.commands.exit_status`.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from henon_ref.harness.studies.study import STUDIES, Asked, Study
 app = application()
 
 HELP = " ".join(f"{name}: {own.summary}" for name, own in STUDIES.items())
-"""What there is."""
+"""Help on the argument NAME."""
 
 
 @app.command(
@@ -40,23 +41,26 @@ def main(
         typer.Argument(help="Case files, or folders of them.", show_default=False, metavar="[CASE]..."),
     ] = None,
     solvers: Annotated[
-        str | None, typer.Option(help="Solvers, with commas; all: and the peers.", show_default="the study's own")
+        str | None,
+        typer.Option(help="Comma-separated solvers; 'all' includes the installed peers.", show_default="the study's"),
     ] = None,
     rows: Annotated[
-        Path | None, typer.Option(help="Folder of reports whose rows tell paired-times who is timed.", metavar="FOLDER")
+        Path | None, typer.Option(help="Folder of reports that name the solvers for paired-times.", metavar="FOLDER")
     ] = None,
     timeout: Annotated[
-        float | None, typer.Option(min=0.1, help="Seconds of processor time that a run may take.", show_default="10")
+        float | None, typer.Option(min=0.1, help="Limit on the processor time of a run, in seconds.", show_default="10")
     ] = None,
     jobs: Annotated[
-        int | None, typer.Option(min=1, help="Runs at work at once.", show_default="1 where times are compared, else 2")
+        int | None, typer.Option(min=1, help="Concurrent runs.", show_default="1 if times are compared, else 2")
     ] = None,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Keep the rows of an interrupted study.", metavar=FLAG)
+        bool, typer.Option("--resume", help="Continue an interrupted study from its finished rows.", metavar=FLAG)
     ] = False,
-    out: Annotated[Path, typer.Option(help="Folder of reports that the page lies in.", metavar="FOLDER")] = Path("out"),
+    out: Annotated[Path, typer.Option(help="Folder in which the study has a subfolder.", metavar="FOLDER")] = Path(
+        "out"
+    ),
 ) -> int:
-    """Run a study, and write its page into a folder of its own."""
+    """Run a study, and write its page into a folder of the study."""
     from henon_ref.harness import registry
     from henon_ref.harness.campaign.case_files import load_cases
     from henon_ref.harness.campaign.options import Options
@@ -67,7 +71,7 @@ def main(
 
     own = STUDIES.get(study)
     if own is None:
-        raise typer.BadParameter(f"there is no study '{study}'; there are {', '.join(STUDIES)}")
+        raise typer.BadParameter(f"unknown study '{study}'; the studies are {', '.join(STUDIES)}")
     given = {"cases": cases, "solvers": solvers, "rows": rows, "timeout": timeout, "jobs": jobs, "resume": resume}
     chosen = names(solvers)
     for name in chosen or ():
@@ -93,19 +97,18 @@ def main(
 
 
 def _check_taken(name: str, study: Study, given: Sequence[str]) -> None:
-    """See that a study is given what it needs and nothing that it does not take."""
+    """Check that a study receives the arguments that it requires, and no argument that it does not take."""
     for option in given:
         if option not in study.takes:
             what = "no cases" if option == "cases" else f"no --{option}"
             raise typer.BadParameter(f"study {name} takes {what}")
     for needed in ("cases", "rows"):
         if needed in study.takes and needed not in given:
-            what = "the cases to run" if needed == "cases" else "--rows, the folder of the reports that it starts from"
-            raise typer.BadParameter(f"study {name} needs {what}")
+            what = "the cases to run" if needed == "cases" else "--rows, a folder of existing reports"
+            raise typer.BadParameter(f"study {name} requires {what}")
 
 
 def command(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; the exit status."""
     words = sys.argv[1:] if arguments is None else arguments
     kept = KEPT if any("resume" in STUDIES[word].takes for word in words[:1] if word in STUDIES) else ""
     return exit_status(lambda: int(parsed(app, arguments, name="study")), name="study", arguments=arguments, kept=kept)

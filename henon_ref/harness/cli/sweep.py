@@ -1,4 +1,4 @@
-"""The command ``sweep`` with what the harness gives it: a lock on the folder, and the folder's page."""
+"""Command ``sweep`` of the program: it also locks the folder of the results, and writes the page of the folder."""
 
 from __future__ import annotations
 
@@ -11,5 +11,4 @@ app = sweep.app
 
 
 def program(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; the exit status."""
     return sweep.program(arguments, around=written)

@@ -1,4 +1,4 @@
-"""The command: recompute truths, hold them against what is stored, store them."""
+"""Command ``truth``: recompute truths, compare them with the stored ones, and store them."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from henon_ref.text import message
 app = application()
 PROOF_SECONDS = 1800.0
 HELP = (
-    "Compute the truth of every reading, compare it with what is stored, and store it under cases/truth.\n\n"
-    "A stored truth that the new one agrees with stays as it is, unless more of it is now proven. One that is "
-    "certified stays wherever the new one is not."
+    "Compute the truth of every reading, compare it with the stored truth, and store it in cases/truth.\n\n"
+    "If the new truth agrees with the stored one, the stored one is kept, unless the new one proves more. A certified "
+    "stored truth is never replaced by a new one that is not certified."
 )
 
 
@@ -33,13 +33,13 @@ def main(
         bool, typer.Option("--dry-run", help="Write nothing; exit with 1 if a stored truth differs.", metavar=FLAG)
     ] = False,
     missing: Annotated[
-        bool, typer.Option("--missing", help="Only what is not stored or out of date.", metavar=FLAG)
+        bool, typer.Option("--missing", help="Compute only truths that are missing or out of date.", metavar=FLAG)
     ] = False,
     proof_seconds: Annotated[
-        float, typer.Option(help="Seconds that one proof may take.", metavar="SECONDS")
+        float, typer.Option(help="Limit on the time of one proof.", metavar="SECONDS")
     ] = PROOF_SECONDS,
 ) -> int:
-    """Compute truths, compare them with what is stored, and store them."""
+    """Compute truths, compare them with the stored ones, and store them."""
     if not proof_seconds >= 0:
         raise CaseError(f"--proof-seconds is a number of seconds from 0 on, not {proof_seconds:g}")
     failed = False
@@ -53,18 +53,18 @@ command = command_of(app, "truth")
 
 
 class Stored(NamedTuple):
-    """What lies in the place of a reading's truth."""
+    """Stored truth of a reading, if any."""
 
     truth: Truth | None
-    """The truth of the reading's mathematics, or what a damaged file says of it; None where there is neither."""
+    """The truth, possibly from a damaged file; None if nothing is stored for the mathematics of the reading."""
     fault: str
-    """Why the file is not to be believed."""
+    """Damage of the file; empty if it is intact."""
     current: bool
-    """Whether nothing is wrong with it, and it has been held against what the case claims now."""
+    """Whether the truth is intact, and was checked against the present claims of the case."""
 
 
 def _stored(case: Case, reading: Reading, folder: Path) -> Stored:
-    """What lies in a folder; a damaged file is told."""
+    """Read the stored truth of a reading; print a message if the file is damaged."""
     try:
         truth, fault = store.load(folder, case.name, reading.name), ""
     except store.StoredTruthError as error:
@@ -76,7 +76,7 @@ def _stored(case: Case, reading: Reading, folder: Path) -> Stored:
 
 
 def _one(case: Case, reading: Reading, *, dry_run: bool, missing: bool, proof_seconds: float) -> bool:
-    """One reading; False where something is wrong."""
+    """Compute and store the truth of one reading; return False if an error or a difference is found."""
     name, stored = f"{case.name}, {reading.name}", _stored(case, reading, store.folder_of(case.path))
     if stored.current and missing:
         return True
@@ -98,10 +98,7 @@ def _one(case: Case, reading: Reading, *, dry_run: bool, missing: bool, proof_se
 
 
 def _compared(stored: Stored, fresh: Truth, folder: Path, *, dry_run: bool) -> tuple[str, bool]:
-    """How a stored truth and a new one stand to each other, and whether that is right.
-
-    The new one is stored unless nothing is to be written; a certified one is not given up for one that is not.
-    """
+    """Compare a stored truth with a new one, and store the new one if required; return the verdict and success."""
     old, fault = stored.truth, stored.fault
     faults = [*([] if old is None else compute.differences(old, fresh)), *([fault] if fault else [])]
     weaker = old is not None and old.certified and not fresh.certified
@@ -109,19 +106,19 @@ def _compared(stored: Stored, fresh: Truth, folder: Path, *, dry_run: bool) -> t
     if old is None and not fault:
         verdict, right = ("not stored or out of date" if dry_run else "stored"), not dry_run
     elif faults:
-        verdict, right = "differs from what was stored: " + "; ".join(faults[:5]), not stays
+        verdict, right = "differs from the stored truth: " + "; ".join(faults[:5]), not stays
     elif not stored.current:
-        verdict, right = "was not held against what the case claims now", not stays
+        verdict, right = "the stored truth was not checked against the present claims of the case", not stays
     elif old is not None and (fresh.certified, fresh.proven) > (old.certified, old.proven):
-        verdict, right = "agrees, and more is proven now", True
+        verdict, right = "agrees with the stored truth, and more is proven now", True
     else:
-        verdict, right, stays = "agrees with what is stored", not (dry_run and weaker), True
+        verdict, right, stays = "agrees with the stored truth", not (dry_run and weaker), True
     if not stays:
         try:
             store.save(folder, fresh)
         except OSError as error:
             verdict, right = f"cannot be stored in {folder}: {error.strerror or error}", False
-    return f"{verdict}{'; what is stored is certified and stays' * weaker}", right
+    return f"{verdict}{'; the stored truth is certified and is kept' * weaker}", right
 
 
 def _summary(truth: Truth) -> str:

@@ -1,4 +1,4 @@
-"""Figure: worst error against wall time, one ladder of settings a solver."""
+"""Figure: work-precision diagram, largest error against wall time, with one curve of settings per solver."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ TITLE = "Accuracy against time"
 
 
 def draw_cost(rows: Sequence[RunRow], expected: Expected, *, of: str = "") -> Figure | None:
-    """Work-precision diagram: median wall time of a run over the worst error of a transition.
+    """Draw the work-precision diagram: largest error of a transition time over median wall time of a run.
 
-    ``of`` is what the title names: a reading, where it is one of several. Filled markers are runs that are right,
-    hollow ones those that are not, whatever is wrong with them.
+    ``of`` is the name of the reading for the title, if the case has several readings. Filled markers are right runs,
+    hollow markers all other runs. None if fewer than two runs have an error and a time.
     """
-    floor = max(expected.radius, HALF_ULP * expected.time_unit)  # less cannot be claimed
+    floor = max(expected.radius, HALF_ULP * expected.time_unit)  # smallest error that can be claimed
     timed = [row for row in rows if row.wall_s and row.max_time_error_s is not None]
-    if len(timed) < 2:  # a single point compares with nothing
+    if len(timed) < 2:
         return None
     ladders = {
         solver: [row for row in timed if row.solver == solver] for solver in dict.fromkeys(r.solver for r in timed)
@@ -43,7 +43,7 @@ def draw_cost(rows: Sequence[RunRow], expected: Expected, *, of: str = "") -> Fi
         axes = figure.add_axes((0.1, 0.11, 0.645, 0.78))
         axes.set_xscale("log")
         axes.set_yscale("log")
-        axes.set_autoscale_on(False)  # limits are set below; errors that are all the same have no scale of their own
+        axes.set_autoscale_on(False)  # limits are set below, since equal errors have no scale
         for solver, ladder in ladders.items():
             _draw_ladder(axes, lines[solver], ladder, *points[solver])
         _set_limits(axes, *np.hstack(list(points.values())))
@@ -60,7 +60,7 @@ def draw_cost(rows: Sequence[RunRow], expected: Expected, *, of: str = "") -> Fi
 
 
 def _points(rows: Sequence[RunRow], floor: float) -> NDArray[np.float64]:
-    """Wall times [s], and errors [s], none below what can be claimed."""
+    """Return wall times [s] and errors [s]; no error is below ``floor``."""
     return np.array([(number(row.wall_s), max(number(row.max_time_error_s), floor)) for row in rows]).T
 
 
@@ -76,7 +76,7 @@ def _draw_ladder(
 
 
 def _draw_legend(axes: Axes, rows: Sequence[RunRow]) -> None:
-    """What markers and bars mean; only those that are drawn."""
+    """Draw the legend of the markers and bars that occur."""
     from matplotlib.lines import Line2D
 
     marker: dict[str, Any] = {"color": style.GREY, "marker": "o", "ls": "none"}
@@ -93,7 +93,7 @@ def _draw_legend(axes: Axes, rows: Sequence[RunRow]) -> None:
 
 
 def _set_limits(axes: Axes, x: NDArray[np.float64], y: NDArray[np.float64]) -> None:
-    """Room on all sides, and at least two decades of time, so that two of them are labelled."""
+    """Set limits with margins, and with at least two decades of time so that two decades are labelled."""
     left, right = x.min() / 2.0, x.max() * 2.0
     if math.floor(math.log10(right)) - math.ceil(math.log10(left)) < 1:
         left, right = 10.0 ** math.floor(math.log10(left)), 10.0 ** math.ceil(math.log10(right))
@@ -103,8 +103,8 @@ def _set_limits(axes: Axes, x: NDArray[np.float64], y: NDArray[np.float64]) -> N
 
 def _description(tips: Mapping[str, NDArray[np.float64]]) -> str:
     ordered = sorted(tips.items(), key=lambda tip: float(tip[1][0]))
-    told = [f"{solver} {error:.1e} s in {style.time_text(wall)}" for solver, (wall, error) in ordered]
+    parts = [f"{solver} {error:.1e} s in {style.time_text(wall)}" for solver, (wall, error) in ordered]
     return (
         "Work-precision diagram with logarithmic axes: across, the median wall time of one run; upward, the worst "
-        f"error of a transition time in seconds. The most accurate run of each solver: {'; '.join(told)}."
+        f"error of a transition time in seconds. The most accurate run of each solver: {'; '.join(parts)}."
     )

@@ -1,4 +1,4 @@
-"""Figure: the largest error of a transition time so far, per solver, at its tightest setting."""
+"""Figure: running maximum of the error of the transition times, each solver at its tightest setting."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ if TYPE_CHECKING:
 
 TITLE = "Largest error so far, each solver at its tightest setting"
 LEAST = 1e-18
-"""Errors below this [s] are drawn at the lower edge, and none at all (a run that agrees to the last bit), too."""
+"""Errors below this value, and zero errors, are drawn at the lower edge [s]."""
 LEAST_POWER = -8
-"""Of times below two to this [s] half a unit in the last place is less than LEAST."""
+"""Half a unit in the last place of times below two to this power is smaller than ``LEAST``."""
 ROOM = 2
-"""Decades below the smallest error that a curve ends with: how it began is of less interest."""
+"""Decades shown below the smallest final error of a curve."""
 MARKERS = 6
-"""Markers, roughly, of a curve."""
+"""Approximate number of markers per curve."""
 Scored = tuple[RunRow, Sequence[TransitionRow]]
 """A run and its transitions."""
 
 
 @dataclass(frozen=True)
 class Curve:
-    """A run's largest absolute error [s] up to each of its matched transitions, by their times [s]."""
+    """Running maximum of the absolute time error [s] of a run, at the times of its matched transitions [s]."""
 
     run: RunRow
     times: NDArray[np.float64]
@@ -42,19 +42,19 @@ class Curve:
 
     @property
     def last(self) -> float:
-        """The largest error of all; none where nothing but touches was matched."""
+        """Largest error of the run [s]; 0 if only touches are matched."""
         return float(self.errors[-1]) if self.errors.size else 0.0
 
     @property
     def label(self) -> str:
-        """Solver, setting, and what is wrong with a run that is not right."""
+        """Solver and setting, and the status or verdict of a run that is not right."""
         wrong = self.run.verdict if self.run.status == "ok" else self.run.status
         words = f"{self.run.solver} {self.run.setting}"
         return words if self.run.verdict == "right" else f"{words} ({wrong})"
 
 
 def running_maximum(run: RunRow, transitions: Sequence[TransitionRow]) -> Curve:
-    """A run's curve; touches are left out."""
+    """Compute the curve of a run without touches."""
     pairs = [
         (row.reference_time_s, abs(row.time_error_s))
         for row in transitions
@@ -65,10 +65,10 @@ def running_maximum(run: RunRow, transitions: Sequence[TransitionRow]) -> Curve:
 
 
 def draw_errors(runs: Sequence[Scored], expected: Expected) -> Figure | None:
-    """Running maximum of the absolute time error of matched transitions, over their times.
+    """Draw the running maximum of the absolute time error of matched transitions, over their times.
 
-    Of every solver the last setting that matched at least one transition. A run that the time limit stopped is left
-    out: how far it came is the machine's doing.
+    Each solver is drawn at its last setting with a matched transition. Runs that timed out are left out, since their
+    length depends on the machine. None if there is nothing to draw.
     """
     tightest = {run.solver: (run, own) for run, own in runs if run.matched and run.status != "timeout"}
     if not tightest or not expected.transitions:
@@ -98,22 +98,22 @@ def draw_errors(runs: Sequence[Scored], expected: Expected) -> Figure | None:
 
 
 def _limits(curves: Sequence[Curve], expected: Expected) -> tuple[float, float]:
-    """Whole decades around where the curves end, the lower end not below what can be seen or claimed."""
+    """Return limits of whole decades around the final errors, not below the radius of the truth or ``LEAST``."""
     ends = np.array([curve.last for curve in curves if curve.errors.size])
     seen = ends[ends > max(LEAST, expected.radius)]
     if not seen.size:
         return LEAST, 1e-12
     least = seen.min() / 10**ROOM
-    if seen.size < ends.size:  # a curve that ends at the lower edge must not look like an error of some size
+    if seen.size < ends.size:  # a curve with zero error at the lower edge must not look like one with an error
         least = min(least, float(np.spacing(abs(expected.end_time))) / 8)
     return max(float(10 ** np.floor(np.log10(least))), LEAST), float(10 ** np.ceil(np.log10(seen.max()) + 0.1))
 
 
 def _draw(axes: Axes, line: style.Line, curve: Curve, lowest: float, *, shift: float, last: float) -> None:
-    """One solver's curve: level from a transition to the next.
+    """Draw the curve of one solver, constant between two transitions.
 
-    It reaches the right edge where the truth's last transition is matched, else it ends in a cross. ``shift`` (of the
-    markers' distance) keeps the markers of two solvers apart.
+    It extends to the right edge if the last exact transition is matched; otherwise it ends in a cross. ``shift``, a
+    fraction of the distance of two markers, separates the markers of different solvers.
     """
     times, shown = curve.times, np.maximum(curve.errors, lowest)
     if not times.size:
@@ -143,7 +143,7 @@ def _description(curves: Sequence[Curve], expected: Expected) -> str:
 
 
 def _draw_floor(axes: Axes, expected: Expected, lowest: float) -> None:
-    """What a time in double precision can hold, and the truth's radius where it is in sight."""
+    """Draw the resolution of a time in double precision, and the radius of the truth if it is visible."""
     ends = expected.start, expected.end_time
     powers = 2.0 ** np.arange(LEAST_POWER, np.ceil(np.log2(max(map(abs, ends)))) + 1)
     edges = np.unique(np.clip(np.concatenate([-powers, powers, ends]), *ends))
@@ -155,7 +155,7 @@ def _draw_floor(axes: Axes, expected: Expected, lowest: float) -> None:
 
 
 def _notes(curves: Sequence[Curve], expected: Expected, lowest: float, last: float) -> str:
-    """What is drawn besides the curves, two to a line."""
+    """Explain the marks other than the curves, two to a line."""
     some = [curve for curve in curves if curve.times.size]
     known = {
         "grey: below half a unit in the last place of t": np.spacing(abs(expected.end_time)) / 2 > lowest,

@@ -1,4 +1,4 @@
-"""Labels right of the axes, each with a sample of its line: a figure's legend."""
+"""Legend of a figure: labels to the right of the axes, each with a sample of its line."""
 
 from __future__ import annotations
 
@@ -12,22 +12,23 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SAMPLE = 22.0
-"""Length of a line's sample beside its label [pt]."""
+"""Length of the sample of a line [pt]."""
 LARGE, SMALL = 8.0, 6.0
-"""Sizes of a label [pt]: usual, and of one that is too long for that."""
+"""Largest and smallest font size of a label [pt]."""
 LETTER = 0.62
-"""Width of a letter, rather more than it is on average [em]."""
+"""Assumed width of a letter, slightly above the average [em]."""
 
 
 def label_column(
     axes: Axes, labels: Sequence[tuple[str, Line]], *, x: float, gap: float, ends: Sequence[float] = ()
 ) -> None:
-    """Labels in a column right of the axes, from its top down.
+    """Draw a column of labels to the right of the axes, from top to bottom.
 
-    The column begins at ``x``, as a fraction of the axes' width; labels are at least ``gap`` of its height apart, or
-    less where there are many. Where ``ends`` tells the heights (in data; limits and scales are set) at which their
-    curves end, labels stand in the order of these, as near to them as there is room, and a thin line leads to each
-    from there: in the margin, so that nothing is drawn across the curves, and none across another.
+    The column begins at ``x``, as a fraction of the width of the axes. The distance of two labels is ``gap``, as a
+    fraction of the height, or less if there are many labels. ``ends`` are the final values of the curves in data
+    coordinates; limits and scales must be set before. With ``ends``, labels are ordered by these values and placed as
+    near to them as possible, and a thin line in the margin connects each label with the end of its curve. These lines
+    cross neither the curves nor each other.
     """
     from matplotlib.lines import Line2D
 
@@ -41,7 +42,7 @@ def label_column(
         if ends:
             place_of_end = (axes.transScale + axes.transLimits).transform((axes.get_xlim()[0], ends[k]))
             level = min(max(float(place_of_end[1]), 0.0), 1.0)
-        height = max(min(level, height - gap), (len(labels) - row - 0.5) * gap)  # the others still have room below
+        height = max(min(level, height - gap), (len(labels) - row - 0.5) * gap)  # leaves room for the labels below
         if ends:
             way = [1.005, x - 2 * point], [level, height]
             axes.add_artist(Line2D(*way, lw=0.5, alpha=0.7, color=line.colour, zorder=1, **place))
@@ -53,7 +54,7 @@ def label_column(
 
 
 def _fitted(axes: Axes, label: str, x: float) -> tuple[str, float]:
-    """A label and its size [pt], so that it ends within the figure: a long one is set smaller, a longer one cut."""
+    """Fit a label into the figure by a smaller font, and by truncation if necessary; return text and size [pt]."""
     place = axes.get_position()
     room = ((1.0 - place.x0) / place.width - x) / _point(axes) - SAMPLE - 6
     most = int(room / (LETTER * SMALL))
@@ -62,5 +63,5 @@ def _fitted(axes: Axes, label: str, x: float) -> tuple[str, float]:
 
 
 def _point(axes: Axes) -> float:
-    """A point, as a fraction of the axes' width."""
+    """Return one point (1/72 inch) as a fraction of the width of the axes."""
     return axes.figure.dpi / 72.0 / axes.bbox.width

@@ -1,1 +1,1 @@
-"""Reports: markdown, CSV, figures and manifest, generated from a comparison and from nothing else."""
+"""Reports: markdown, CSV, figures and manifest, generated from a comparison only."""

@@ -1,4 +1,4 @@
-"""A case's report: all of it is made before any of it is put in place."""
+"""Write the report of a case; all files are prepared before the first one is replaced."""
 
 from __future__ import annotations
 
@@ -19,11 +19,10 @@ from henon_ref.harness.rows import RunRow, StickRow, TransitionRow, csv_text, ro
 from henon_ref.text import one_line
 
 SAMPLE_COLUMNS = ("reading", "solver", "rtol", "step_s", "samples_ns")
-"""A row a timed run; its samples in nanoseconds, in their order, with blanks between them."""
+"""Columns of ``samples.csv``, with one row per timed run; samples [ns] are separated by spaces."""
 
 
 def report_files(comparison: Comparison, origin: Provenance) -> dict[str, bytes]:
-    """Every file of one case's report, by name."""
     files: dict[str, bytes] = {
         names.REPORT: report_text(comparison, origin).encode(),
         names.RUNS: rows_text(RunRow, comparison.run_rows).encode(),
@@ -39,7 +38,6 @@ def report_files(comparison: Comparison, origin: Provenance) -> dict[str, bytes]
 
 
 def samples_text(comparison: Comparison) -> str:
-    """Raw timing samples of one case as CSV."""
     rows = [
         (*record.run.key[1:], " ".join(f"{round(sample * 1e9)}" for sample in record.samples))
         for record in comparison.records
@@ -49,7 +47,7 @@ def samples_text(comparison: Comparison) -> str:
 
 
 def case_content(comparison: Comparison) -> dict[str, Any]:
-    """What the page shows of a case besides its rows: tags, source, each reading's story and portrait."""
+    """Collect the data of a case for the HTML page, except its rows: tags, source, stories and portraits."""
     from henon_ref.figures.motion import motion_of
     from henon_ref.harness.report.html.portrait import packed
 
@@ -72,11 +70,10 @@ def case_content(comparison: Comparison) -> dict[str, Any]:
 
 
 def write_report(comparison: Comparison, origin: Provenance, folder: Path) -> Path:
-    """Write one case's report into ``folder/<name>``; its own file is returned.
+    """Write the report of one case into ``folder/<name>``; return the path of its ``report.md``.
 
-    Everything is written into a folder beside it first; only then is each file moved to its place, and are the
-    files of an earlier report that this one does not have removed. Where it cannot be written (OSError), what was
-    there is as it was.
+    All files are first written into a temporary folder, and then moved to their places. Files of an earlier report that
+    the new one does not have are removed. If writing fails (OSError), the earlier report is unchanged.
     """
     place = folder / comparison.case.name
     files = report_files(comparison, origin)
@@ -85,7 +82,7 @@ def write_report(comparison: Comparison, origin: Provenance, folder: Path) -> Pa
     try:
         for name, content in files.items():
             write_through(waiting / name, content)
-        with locked([folder], wait=True):  # who writes the index sees the old report or the new one
+        with locked([folder], wait=True):  # a writer of the index reads the old or the new report
             place.mkdir(exist_ok=True)
             stale = own_files(place) - set(files)
             for name in files:

@@ -1,4 +1,4 @@
-"""The job that draws a reading's figures, done by a worker like any other."""
+"""Job of a worker that draws the figures of a reading."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 DRAW_SECONDS = 120.0
-"""Processor time that a reading's figures may take [s]."""
+"""Limit on the processor time of the figures of a reading [s]."""
 KINDS = ("scene", "portrait", "modes", "errors", "cost")
-"""The figures of a reading, as their file names name them."""
+"""Kinds of figures of a reading, which are part of their file names."""
 
 
 @dataclass(frozen=True)
 class FigureJob(Job):
-    """Draw the figures of one reading; the result is the files, by name."""
+    """Draw the figures of one reading; the result maps file names to contents."""
 
     content: Reading
     expected: Expected | None
@@ -33,7 +33,6 @@ class FigureJob(Job):
 
     @property
     def reading(self) -> str:
-        """Name of the reading."""
         return self.content.name
 
     @property
@@ -45,7 +44,7 @@ class FigureJob(Job):
         return {file_name(self.reading, kind): svg(figure) for kind, figure in drawn if figure is not None}
 
     def _figures(self) -> list[Figure | None]:
-        """Those of KINDS; None where there is nothing to draw."""
+        """Draw the figures in the order of ``KINDS``; None if there is nothing to draw."""
         from henon_ref.figures.motion import draw_portrait, motion_of
         from henon_ref.figures.scene import draw_scene
         from henon_ref.figures.time_series import draw_modes
@@ -67,10 +66,8 @@ class FigureJob(Job):
 
 
 def figure_job(result: ReadingResult, records: list[Record]) -> FigureJob:
-    """The job that draws a reading's figures."""
     return FigureJob(result.reading, result.expected, result.samples, tuple(records))
 
 
 def file_name(reading: str, kind: str) -> str:
-    """Name of a figure's file."""
     return f"{reading}_{kind}.svg"

@@ -1,7 +1,7 @@
-"""Folders of reports: which files this package writes there, links between them, and locks.
+"""Folders of reports: the files that this package writes, links between them, and locks.
 
-A lock is the system's own lock on a hidden file in the folder: it ends with the process that holds it, however that
-ends, so that two runs do not destroy each other's files and a killed one blocks nobody. The file names its holder.
+A lock prevents two runs from destroying each other's files. It is a lock of the operating system on a hidden file with
+the number of the process. It ends with the process, so that a killed run does not block the folder.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from henon_ref.errors import CaseError
 
 try:
     import fcntl
-except ImportError:  # Windows: nothing is locked there
+except ImportError:  # Windows, where folders are not locked
     fcntl = None  # type: ignore[assignment]
 
 _LOG = logging.getLogger(__name__)
@@ -33,63 +33,62 @@ RUNS, TRANSITIONS, STICKS = "runs.csv", "transitions.csv", "sticks.csv"
 SAMPLES = "samples.csv"
 """Raw timing samples of a report's runs."""
 CASE_FILE, SCHEMA = "page.json", 1
-"""What the page shows of a case besides its rows, and the version of that."""
+"""File with the data of a case for the page, except its rows, and the version of its format."""
 ROWS = (TRANSITIONS, SAMPLES)
-"""Files of a report that are too long to be kept in a repository."""
+"""Files of a report that are too long for a repository."""
 INDEX, MATRIX = "README.md", "matrix.csv"
-"""The index of all reports in a folder, and the rows that it is made of."""
+"""Index of all reports in a folder, and the table from which it is made."""
 PAGE = "index.html"
-"""The page to click through, of a folder of reports or of a sweep."""
+"""Interactive page of a folder of reports, or of a sweep."""
 PAGE_BEGINNING = "<!doctype html>\n<!-- henon_ref "
 _STUDY = re.compile(
     r"# (What accuracy costs in time|Atlas of grazes|What the libraries do by themselves|The paper, computed again"
     r"|Restart habits|How a library is restarted after an event"
     r"|Rivals in turn|Times of henon and of other solvers, run in turn)\n"
 )
-"""How the README.md of a study's folder begins, of earlier versions, too."""
+"""First line of the README.md of a study, in this version and earlier ones."""
 _BEGINNINGS = {
     INDEX: re.compile(rf"# Reports\n\n(Which solver to|\| solver \| right in |\d+ readings? of )|{_STUDY.pattern}"),
     MATRIX: re.compile("case,(title,)?reading,kind,solver,"),
     PAGE: re.compile(PAGE_BEGINNING),
 }
-"""How the files begin that this package writes over all reports of a folder, and into that of a study."""
+"""First characters of the index, matrix and page that this package writes."""
 
 
 def remove_if_empty(folder: Path) -> None:
-    """Remove a folder that is there and has nothing in it."""
     if folder.is_dir() and not any(folder.iterdir()):
         folder.rmdir()
 
 
 def check_folder(folder: Path) -> None:
-    """See that files can be written into a folder, without leaving anything there; else CaseError."""
+    """Check that files can be written into a folder, and leave none there; raise CaseError if not."""
     nearest = next((path for path in (folder, *folder.absolute().parents) if path.exists()), Path("/"))
     if not nearest.is_dir():
-        raise CaseError(f"{nearest} is a file; --out needs a folder", file=None)
+        raise CaseError(f"{nearest} is a file; --out requires a folder", file=None)
     try:
         with tempfile.TemporaryFile(dir=nearest, prefix=".henon_ref."):
             pass
     except OSError as error:
-        words = f"cannot write into {nearest}: {error.strerror}; give --out a folder that can be written"
+        words = f"cannot write into {nearest}: {error.strerror}; choose a writable folder with --out"
         raise CaseError(words) from error
 
 
 def check_index(folder: Path) -> None:
-    """See that a folder's README.md, matrix and page may be replaced, CaseError where somebody else wrote one."""
+    """Check that this package wrote the index, matrix and page to be replaced in a folder; raise CaseError if not."""
     for file, beginning in ((folder / name, beginning) for name, beginning in _BEGINNINGS.items()):
         if file.exists() and not _begins(file, beginning):
-            words = "was not written by henon_ref, so it is not replaced; give --out another folder"
+            words = "was not written by henon_ref, so it is not replaced; choose another folder with --out"
             raise CaseError(words, file=str(file))
 
 
 def check_writable(folder: Path) -> None:
-    """See that reports can be written into a folder: :func:`check_folder`, :func:`check_index`."""
+    """Check that reports can be written into a folder: :func:`check_folder`, :func:`check_index`."""
     check_folder(folder)
     check_index(folder)
 
 
 def own_files(folder: Path) -> set[str]:
-    """The files of a case's report that are in its folder, as its manifest lists them; of any other folder, none."""
+    """Return the existing files that the manifest of a case's report lists; empty for any other folder."""
     try:
         content = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
     except (FileNotFoundError, NotADirectoryError, RecursionError, ValueError):
@@ -105,7 +104,7 @@ def own_files(folder: Path) -> set[str]:
 
 
 def is_study(folder: Path) -> bool:
-    """Whether this package wrote the README.md of a study's folder."""
+    """Check whether a folder has the README.md of a study, written by this package."""
     return _begins(folder / INDEX, _STUDY)
 
 
@@ -122,7 +121,7 @@ _CODE = re.compile(r"^```.*?^```$|^ {4}.*?$|`[^`\n]+`", re.DOTALL | re.MULTILINE
 
 
 def linked(text: str) -> Iterator[str]:
-    """Addresses of relative links and pictures in markdown."""
+    """Yield the addresses of relative links and pictures in markdown."""
     code = [found.span() for found in _CODE.finditer(text)]
     for found in _LINK.finditer(text):
         inside = any(begin <= found.start() < end for begin, end in code)
@@ -131,12 +130,12 @@ def linked(text: str) -> Iterator[str]:
 
 
 def dead_links(text: str, folder: Path) -> Iterator[str]:
-    """Those that lead to no file; ``folder`` is where the page lies."""
+    """Yield the addresses of relative links to missing files; ``folder`` is the folder of the page."""
     return (own for own in linked(text) if not os.path.exists(folder / unquote(own.partition("#")[0])))
 
 
 def without_dead_links(text: str, folder: Path) -> str:
-    """Markdown of a page in a folder in which dead links are plain text, and dead pictures are gone."""
+    """Replace dead links in the markdown of a page by their text, and remove dead pictures."""
     dead = set(dead_links(text, folder))
 
     def kept(found: re.Match[str]) -> str:
@@ -149,17 +148,17 @@ def without_dead_links(text: str, folder: Path) -> str:
 
 LOCK = ".henon_ref.lock"
 PATIENCE = 60.0
-"""Seconds for which a lock is waited for that is only ever held for a moment."""
+"""Longest time to wait for a lock that other processes hold only briefly [s]."""
 POLL = 0.02
-"""Seconds between two tries."""
+"""Time between two attempts [s]."""
 TRIES = 100
-"""How often a file is opened anew because its last holder has just removed it."""
+"""Largest number of attempts to open a lock file that its holder has just removed."""
 UNSUPPORTED = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)
-"""What a file system says that has no locks."""
+"""Errors of a file system without locks."""
 
 
 class FolderLock:
-    """A lock on one folder, which is made if it is not there; BlockingIOError, and no change, where it is held."""
+    """Lock on one folder, which is created if necessary; BlockingIOError if another process holds the lock."""
 
     def __init__(self, folder: Path) -> None:
         self.path = folder / LOCK
@@ -174,17 +173,17 @@ class FolderLock:
             raise
 
     def _opened(self) -> int:
-        """The file, locked."""
+        """Open and lock the file; return its descriptor."""
         for _ in range(TRIES):
             try:
                 self.path.parent.mkdir(parents=True, exist_ok=True)
                 descriptor = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o644)
-            except FileNotFoundError:  # its holder has just removed the folder
+            except FileNotFoundError:  # the last holder has just removed the folder
                 continue
             with ExitStack() as failed:
                 failed.callback(os.close, descriptor)
                 self._lock(descriptor)
-                # Where its holder has just removed the file, who comes next would lock another one.
+                # If the last holder has just removed the file, the next process would lock a new file: try again.
                 with suppress(FileNotFoundError):
                     if os.path.samestat(os.fstat(descriptor), os.lstat(self.path)):
                         failed.pop_all()
@@ -201,7 +200,7 @@ class FolderLock:
             _LOG.warning(words, self.path, error.strerror)
 
     def release(self) -> None:
-        """Remove the file, and the folders that were made for it if nothing else is in them; then end the lock."""
+        """Remove the file, and the folders made for it if they are empty; then end the lock."""
         _held.discard(self)
         with suppress(OSError):
             self.path.unlink()
@@ -214,7 +213,7 @@ _held: WeakSet[FolderLock] = WeakSet()
 
 
 def _forget_all() -> None:
-    """In a fork of their holder: the locks are not this process's."""
+    """Close the lock files in a forked process, which does not hold the locks of its parent."""
     for lock in list(_held):
         os.close(lock.descriptor)
     _held.clear()
@@ -226,13 +225,13 @@ if hasattr(os, "register_at_fork"):
 
 @contextmanager
 def locked(folders: Iterable[Path], *, wait: bool = False) -> Iterator[None]:
-    """Hold the locks of some folders; ``wait``: others hold them for a moment only.
+    """Hold the locks of some folders; with ``wait``, wait up to ``PATIENCE`` for other processes.
 
-    Where another process holds one of them, CaseError names it, and nothing has been changed.
+    If another process holds one of the locks, raise CaseError, which names the folder; nothing has been changed then.
     """
     deadline = time.monotonic() + (PATIENCE if wait else 0.0)
     with ExitStack() as stack:
-        # What another run holds is there already: it is tried before anything is made.
+        # Existing lock files come first: if another run holds one, no folder has been created yet.
         for folder in sorted(dict.fromkeys(folders), key=lambda folder: not (folder / LOCK).exists()):
             while fcntl is not None:
                 try:
@@ -241,14 +240,14 @@ def locked(folders: Iterable[Path], *, wait: bool = False) -> Iterator[None]:
                 except BlockingIOError:
                     if time.monotonic() >= deadline:
                         words = f"{folder} is being written by another run{_holder(folder)}"
-                        raise CaseError(f"{words}; wait for it, or give --out another folder") from None
+                        raise CaseError(f"{words}; wait for it, or choose another folder with --out") from None
                 time.sleep(POLL)
         yield
 
 
 def _holder(folder: Path) -> str:
-    """Who holds a lock, as text; empty where the file does not say."""
-    for _ in range(TRIES):  # between locking the file and writing into it there is a moment
+    """Format the process that holds a lock; empty if the file does not contain its number."""
+    for _ in range(TRIES):  # the holder writes its number shortly after it has locked the file
         with suppress(OSError, ValueError):
             return f", process {int((folder / LOCK).read_text(encoding='ascii'))}"
         time.sleep(POLL)

@@ -1,4 +1,4 @@
-"""What stands over all reports of a folder: their matrix, the index in markdown, and the page to click through."""
+"""Write the files that summarise all reports of a folder: the matrix, the index in markdown, and the HTML page."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from henon_ref.harness.table import count
 
 SCRIPTS = ("page.js", "matrix.js", "run.js")
 FIRST = 9
-"""Digits that the page begins with."""
+"""Number of digits selected when the page is opened."""
 MEAN_PARTS = round(1 / CLOSE)
-"""Roots are close within one of so many parts of their mean spacing."""
+"""Two roots are close if their distance is below their mean spacing divided by this number."""
 PAGES = {
     "price": "[Price list](price/README.md): what accuracy costs in time, from one transition to a million seconds",
     "rivals": "[Times in turn](rivals/README.md): `henon` against heyoka and whichever other solver is the cheapest",
@@ -29,25 +29,25 @@ PAGES = {
     "causes": "[Causes](causes/README.md): what the libraries do by themselves, each shown by the library alone",
     "paper": "[The paper](paper/README.md): every number and equation of the paper, computed again",
 }
-"""Folders of the studies, and how the index leads to them."""
+"""Folder of a study -> its link in the index."""
 
 
 def write_folder_report(folder: Path) -> Path:
-    """Write the matrix of all reports in a folder, and what is made of it: the page and the index, which is returned.
+    """Write the matrix of all reports in a folder, the page and the index; return the path of the index.
 
-    The matrix keeps its rows of solvers and cases that no report there has (:func:`.text.matrix.merged`). Where it
-    would replace a file of somebody else's, CaseError says so, and nothing has been written.
+    The matrix keeps its rows of solvers and cases without a report in the folder (:func:`.text.matrix.merged`). If this
+    package has not written a file that it would replace, raise CaseError and write nothing.
     """
     check_index(folder)
     rows = merged(folder)
     replace_file(folder / MATRIX, rows_text(MatrixRow, rows).encode())
     replace_file(folder / PAGE, page_text(rows, folder).encode())
-    replace_file(folder / INDEX, index_text(rows, folder).encode())  # last: it links to what is there alone
+    replace_file(folder / INDEX, index_text(rows, folder).encode())  # last, since it links to existing files only
     return folder / INDEX
 
 
 def index_text(rows: Sequence[MatrixRow], folder: Path) -> str:
-    """The index as markdown, of the rows of a folder's matrix; links lead only to what is there."""
+    """Format the index as markdown from the rows of a folder's matrix, with links to existing files only."""
     text = (
         environment()
         .get_template("index.md.j2")
@@ -64,7 +64,7 @@ def index_text(rows: Sequence[MatrixRow], folder: Path) -> str:
 
 
 def page_text(rows: Sequence[MatrixRow], folder: Path) -> str:
-    """The page as HTML, of the rows of a folder's matrix."""
+    """Format the page as HTML from the rows of a folder's matrix."""
     data = content(folder, rows)
     cases, readings = len({row.case for row in rows}), len({row.problem for row in rows})
     files = {INDEX: "index (markdown)", MATRIX: "matrix (CSV)"}

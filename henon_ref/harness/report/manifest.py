@@ -1,4 +1,4 @@
-"""The manifest of a report, which holds what is needed to make it again."""
+"""Manifest of a report, with the data needed to make the report again."""
 
 from __future__ import annotations
 
@@ -18,22 +18,21 @@ from henon_ref.workers.machine import commit, machine
 
 SCHEMA = 1
 WIDTH = 120
-"""Characters up to which a value of a manifest stands on one line."""
+"""Largest length of a line of the manifest that holds several values [characters]."""
 
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where results come from: command, commit, machine, versions."""
+    """Origin of results: command, commit, machine and versions."""
 
     rerun: str
-    """The command that makes them again."""
+    """Command that makes the results again."""
     commit: str
     machine: Mapping[str, object]
     versions: Mapping[str, str]
 
     @property
     def machine_text(self) -> str:
-        """The machine in one phrase."""
         memory = self.machine["memory_bytes"]
         size = f", {memory / 2**30:.0f} GiB" if isinstance(memory, int) else ""
         return (
@@ -42,7 +41,7 @@ class Provenance:
         )
 
     def packages(self, solvers: Mapping[str, str]) -> dict[str, str]:
-        """Package -> version behind the solvers that ran (name -> the version each gave)."""
+        """Return the versions by package for the solvers that ran (name of a solver -> version that it reported)."""
         found: dict[str, str] = {}
         for solver, version in solvers.items():
             package = registry.distribution(solver) or solver
@@ -51,12 +50,11 @@ class Provenance:
 
 
 def provenance(rerun: str) -> Provenance:
-    """The provenance of results made here and now."""
+    """Return the provenance of results made by this process."""
     return Provenance(one_line(rerun), commit(), machine(), registry.all_versions())
 
 
 def manifest_text(comparison: Comparison, origin: Provenance, files: Iterable[str]) -> str:
-    """The manifest of one case as JSON."""
     options = comparison.options
     content = {
         "schema": SCHEMA,
@@ -77,7 +75,7 @@ def manifest_text(comparison: Comparison, origin: Provenance, files: Iterable[st
 
 
 def json_text(value: object, indent: str = "") -> str:
-    """JSON of which whatever fits into a line of 120 characters stands on one: a manifest is read by people.
+    """Format a value as readable JSON: a list or object is on one line if it fits into 120 characters.
 
     Examples
     --------
@@ -101,7 +99,7 @@ def json_text(value: object, indent: str = "") -> str:
 
 
 def read_bounds(manifest: Path) -> list[Bounds]:
-    """The bounds of a report's gate; none where it is of an earlier version, or has no manifest."""
+    """Read the bounds of a report's gate; empty if the manifest is missing or of an earlier version."""
     try:
         content = json.loads(manifest.read_text(encoding="utf-8"))
         return [Bounds(**own) for own in content.get("gate", ())]
@@ -112,7 +110,7 @@ def read_bounds(manifest: Path) -> list[Bounds]:
 
 
 def _reading(result: ReadingResult) -> dict[str, Any]:
-    """The exact problem, and what it was scored against."""
+    """Return the exact problem of a reading, and the properties of its truth."""
     problem, statement, expected = result.reading.problem, result.statement, result.expected
     system = problem.system
 

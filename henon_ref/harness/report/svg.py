@@ -1,4 +1,4 @@
-"""A figure as SVG, no longer than it need be."""
+"""Write a figure as a short SVG."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 UNIT = 0.01
-"""Coordinates are whole multiples of this [pt], a seventieth of a screen's point."""
+"""Resolution of coordinates [pt], about a hundredth of a pixel."""
 BEND = 0.03
-"""Farthest that a curve with fewer points lies from the one with all [pt]: a twentieth of a thin line's width."""
+"""Largest distance of a simplified curve from the original [pt], a twentieth of the width of a thin line."""
 _NOTES = re.compile(rb"(?<=\n) +(?=<)|<!--.*?-->\n|<metadata>.*?</metadata>\n", re.DOTALL)
 _GROUP = re.compile(rb'<g id="\w+_\d+"')
 _GROUP_OF_ONE = re.compile(rb"<g>\n(<(?:path|use) [^>]*/>)\n</g>")
@@ -32,16 +32,16 @@ _COMMAND = re.compile(rb"([MLQCz])([-\d\s.e]*)")
 
 
 def svg(figure: Figure) -> bytes:
-    """A figure as SVG: the same bytes for the same data."""
+    """Format a figure as SVG; equal data give equal bytes."""
     from henon_ref.figures.style import image
 
     return shortened(image(figure))
 
 
 def shortened(content: bytes) -> bytes:
-    """An SVG that looks the same: coordinates and curves as exact as a screen shows them, and nothing said twice.
+    """Shorten an SVG without visible change: round coordinates, simplify curves, and remove repeated styles.
 
-    One that has been shortened stays as it is.
+    A shortened SVG is returned unchanged.
 
     Examples
     --------
@@ -66,13 +66,13 @@ def shortened(content: bytes) -> bytes:
 
 
 def _coarse(glyph: re.Match[bytes]) -> bytes:
-    """A letter, of which 64 units are a hundredth of its size, in units 16 times as large."""
+    """Write the outline of a glyph in units 16 times as large."""
     outline = re.sub(rb"-?[\d.]+", lambda own: b"%d" % round(float(own[0]) / 16), glyph[3])
     return glyph[1] + b"d" + glyph[2] + outline + glyph[4] + b"0.25"
 
 
 def _without_repeated_styles(content: bytes) -> bytes:
-    """Uses of a marker without what the marker's own style says, too; a style that is there twice as a class."""
+    """Remove style parts that a marker already defines, and replace styles that occur several times by classes."""
     markers = {name: style.split(b"; ") for name, style in _MARKER.findall(content)}
 
     def fewer(found: re.Match[bytes]) -> bytes:
@@ -94,14 +94,14 @@ def _units(text: bytes) -> int:
 
 
 def _number(units: int) -> bytes:
-    """So many units as text, without zeros that say nothing."""
+    """Format a number of units as points without leading and trailing zeros."""
     text = f"{units * UNIT:.2f}".rstrip("0").rstrip(".")
     return text.replace("0.", ".", 1).encode() if text.startswith(("0.", "-0.")) else text.encode()
 
 
 @dataclass
 class _Piece:
-    """A command of a path, its numbers [UNIT], and how far the points that it left out lie from it [UNIT]."""
+    """Command of a path, its numbers [UNIT], and a bound on the distance of omitted points from it [UNIT]."""
 
     command: bytes
     values: list[int]
@@ -109,7 +109,7 @@ class _Piece:
 
 
 def _relative(path: bytes) -> bytes:
-    """A path of absolute coordinates with each piece relative to its beginning, and no more points than are seen."""
+    """Convert a path to relative coordinates, and omit points that make no visible difference."""
     pieces: list[_Piece] = []
     here = begin = (0, 0)
     for command, text in _COMMAND.findall(path):
@@ -125,7 +125,7 @@ def _relative(path: bytes) -> bytes:
 
 
 def _add(pieces: list[_Piece], command: bytes, steps: list[int]) -> None:
-    """Add a piece; a line that goes on nearly as the one before makes that one longer."""
+    """Add a piece; a line with nearly the direction of the previous line extends that line."""
     last = pieces[-1]
     if command == last.command == b"l":
         (a, b), (c, d) = last.values, steps

@@ -1,4 +1,4 @@
-"""The function :func:`henon_ref.sweep`: a sweep whose folder is locked while it is written, and has a page."""
+"""The function :func:`henon_ref.sweep`, which also locks the folder of the sweep and writes its page."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def written(folder: Path) -> Iterator[None]:
-    """Hold the folder of a sweep while it is written, and write its page then."""
+    """Lock the folder of a sweep while it is written, and finally write its page."""
     from henon_ref.harness.report.html.sweep_page import write_sweep_page
 
     check_folder(folder)

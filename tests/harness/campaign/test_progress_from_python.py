@@ -47,8 +47,8 @@ def shown(stream: io.StringIO, clock: list[float], name: str | None) -> str:
 
 ERASED = "\r\x1b[2K"
 LINES = [
-    "3 of 12 rows, 0 s; at work: belt default henon rtol 1e-09 (0 s)",
-    "4 of 12 rows, 6 s; at work: belt [31mred (0 s)",
+    "3 of 12 rows, 0 s; running: belt default henon rtol 1e-09 (0 s)",
+    "4 of 12 rows, 6 s; running: belt [31mred (0 s)",
 ]
 
 

@@ -86,7 +86,7 @@ def test_a_gate_that_checked_nothing_does_not_pass(made_up, capsys):
     captured = capsys.readouterr()
     assert captured.out.splitlines()[-1] == last
     assert sorted(words_of(captured.err).splitlines()) == [
-        "gate: bounds on what did not run are left out: henon",
+        "gate: bounds are skipped for runs that did not take place: henon",
         f"gate: {words}",
     ]
 
@@ -99,7 +99,7 @@ def test_a_gate_that_is_checked_in_part_says_so(made_up, tmp_path, capsys):
     assert captured.out.splitlines()[-1] == (
         "out/README.md; gate met: 2 of 4 bounds checked, 2 belong to solvers that were not run"
     )
-    assert words_of(captured.err) == "gate: bounds on what did not run are left out: heyoka\n"
+    assert words_of(captured.err) == "gate: bounds are skipped for runs that did not take place: heyoka\n"
 
 
 @pytest.mark.parametrize(
@@ -118,7 +118,7 @@ def test_a_bound_at_a_tolerance_that_did_not_run_is_left_out_and_named(tmp_path,
     (tmp_path / "gated.yaml").write_text(re.sub("gate: .*", f"gate: {gate}", CASE.format(name="gated")))
     assert run("gated.yaml", "--gate", "--tolerances", "1e-3") == status
     captured = capsys.readouterr()
-    (line,) = [line for line in captured.err.splitlines() if "are left out" in line]
+    (line,) = [line for line in captured.err.splitlines() if "are skipped" in line]
     assert named in line
     unchecked = "gate not checked: its " in captured.out, "gate: its " in captured.err
     assert unchecked == ("1e-3" not in gate,) * 2
@@ -170,8 +170,8 @@ def test_a_case_without_a_gate_says_so_where_the_gate_is_asked_for(tmp_path, cap
     ("arguments", "words"),
     [
         (["--solvers", "henn"], "did you mean 'henon'"),
-        (["--solvers", "ida"], "none of the solvers asked for"),
-        (["--solvers", ","], "empty list"),
+        (["--solvers", "ida"], "none of the requested solvers"),
+        (["--solvers", ","], "the list is empty"),
         (["--tolerances", "1e-3,abc"], "not 'abc'"),
         (["--tolerances", "nan"], "between 1e-16 and 1"),
         (["--repeats", "0"], "repeats"),
@@ -179,8 +179,8 @@ def test_a_case_without_a_gate_says_so_where_the_gate_is_asked_for(tmp_path, cap
         (["--timeout", "nan"], "timeout"),
         (["--timeout", "inf"], "timeout"),
         (["--timeout", "2e6"], "timeout"),
-        (["--out", ""], "an empty path"),
-        (["--out", " "], "an empty path"),
+        (["--out", ""], "the path is empty"),
+        (["--out", " "], "the path is empty"),
         (["--out", "."], "README.md: was not written by henon_ref"),
         (["--out", "headed"], "headed/README.md: was not written by henon_ref"),
         (["--out", "bytes"], "bytes/README.md: was not written by henon_ref"),

@@ -83,7 +83,7 @@ def test_one_line_installs_the_libraries_that_are_missing(capsys, monkeypatch):
     named = ["heyoka@direction", "cvode-adams", "ida", "nosnoc", "diffrax-dopri8", "scipy-bdf+numba", "somebody's"]
     print_end([row(solver, 1e-9, **gone) for solver in named], readings=1)
     lines = capsys.readouterr().out.splitlines()
-    assert lines[-1] == "to install what is missing: pip install 'henon-ref[peers]' heyoka scikit-sundae"
+    assert lines[-1] == "to install missing packages: pip install 'henon-ref[peers]' heyoka scikit-sundae"
     print_end([row("heyoka", 1e-9)], readings=1)
     assert "install" not in capsys.readouterr().out
 
@@ -122,7 +122,7 @@ def test_plain_lines_are_one_a_case_then_the_table_then_the_path(made_up, tmp_pa
     assert lines[2].split() == ["solver", "right", "of", "judged", "digits", "time", "times", "as", "long"]
     assert lines[3].split()[:4] == ["henon", "2", "of", "2"]
     assert lines[4].split() == ["heyoka", "0", "of", "2"]
-    assert lines[5].startswith("At the tightest setting.")
+    assert lines[5].startswith("Each solver at its tightest setting")
     where = "made_up default at 1e-6, other default at 1e-6"
     assert lines[6].startswith("heyoka: wrong (1 missed, 0 spurious, first missed: crossing at t = 2): ")
     assert sorted(lines[6].split("): ")[1].split(", ")) == where.split(", ")

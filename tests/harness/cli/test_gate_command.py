@@ -82,7 +82,7 @@ def test_bounds_on_what_did_not_run_are_left_out_and_none_at_all_does_not_pass(o
     reported(out, [made("heyoka", 1e-6, 1e-3)])
     assert gate(out) == 1
     assert capsys.readouterr().err.splitlines() == [
-        "gate: bounds on what did not run are left out: henon",
+        "gate: bounds are skipped for runs that did not take place: henon",
         "gate: its 2 bounds belong to solvers that were not run",
     ]
 
@@ -133,13 +133,13 @@ def test_a_row_that_lost_digits_decides_the_exit_status(out, capsys, factor, sta
 def test_rows_that_did_not_run_are_named_and_decide_nothing(out, capsys):
     assert gate(out, "--baseline", earlier(out, FAILS, rtol=1e-4)) == 0
     assert capsys.readouterr().err.splitlines() == [
-        "baseline: 2 rows compared, none worse, 1 row of now not in it",
-        f"baseline: 1 row did not run now: made_up: default: {FAILS} (rtol 0.0001)",
+        "baseline: 2 rows compared, none worse, 1 new row",
+        f"baseline: 1 row of it did not run this time: made_up: default: {FAILS} (rtol 0.0001)",
     ]
     lines = earlier(out, "henon", case="another").read_text().splitlines()
     Path("baseline.csv").write_text("\n".join(lines[:3]) + "\n")
     assert gate(out, "--baseline", "baseline.csv") == 1
-    assert capsys.readouterr().err.splitlines()[-1] == "baseline: none of its rows is among those that ran"
+    assert capsys.readouterr().err.splitlines()[-1] == "baseline: none of its rows ran this time"
 
 
 def test_the_columns_of_the_contract_are_enough_for_a_baseline(out):
@@ -161,13 +161,13 @@ def test_a_known_failure_is_told_and_not_counted(out, capsys):
     assert gate(out, *options, "--known", known(f"made_up,,{FAILS},1e-3,,")) == 1
 
 
-def test_a_failure_that_is_mended_is_told(out, capsys):
+def test_a_failure_that_is_fixed_is_reported(out, capsys):
     lines = ["made_up,default,henon,1e-6,wrong,", f",,{FAILS},,,", "another,,,,,"]
     assert gate(out, "--known", known(*lines)) == 0
-    mended, failing, nowhere = capsys.readouterr().err.splitlines()
-    assert mended.startswith("known: case made_up, reading default, solver henon, rtol 1e-06, status wrong: mended: ")
+    fixed, failing, nowhere = capsys.readouterr().err.splitlines()
+    assert fixed.startswith("known: case made_up, reading default, solver henon, rtol 1e-06, status wrong: fixed: ")
     assert failing.startswith(f"known: solver {FAILS}: fails as expected: ")
-    assert nowhere == "known: case another: no row is meant by it"
+    assert nowhere == "known: case another: no row matches it"
 
 
 def test_junit_has_a_test_case_a_row(out, capsys):
@@ -194,7 +194,7 @@ def test_a_step_of_a_workflow_gets_a_summary(out, monkeypatch, capsys):
     monkeypatch.setenv("GITHUB_STEP_SUMMARY", "none/summary.md")
     capsys.readouterr()
     assert gate(out) == 0
-    words = "the step's summary cannot be written: none/summary.md: No such file or directory\n"
+    words = "cannot write the step summary: none/summary.md: No such file or directory\n"
     assert capsys.readouterr().err == words
 
 
@@ -212,7 +212,7 @@ def test_a_known_failure_is_a_line(tmp_path):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("case,slover\nx,y\n", "1:1: 'slover' is no column here; there are case, reading, solver, rtol, step_s, "),
+        ("case,slover\nx,y\n", "1:1: unknown column 'slover'; allowed: case, reading, solver, rtol, step_s, "),
         ("case,solver\nfig8,ida\nfig8\n", "3:1: 1 fields; there are 2 columns"),
         ("case,rtol\nfig8,tight\n", "2:6: 'tight' is no number: the field takes a number or nothing"),
         ("case,step_s\nfig8,nan\n", "2:6: 'nan' is no number"),
@@ -249,6 +249,6 @@ def test_a_bad_baseline_is_told_with_its_place(out, capsys, text, words):
 
 def test_what_is_no_report_is_said(out, capsys):
     Path("empty").mkdir()
-    for path, words in (("gone", "there is no such file"), ("empty", "no report is in it")):
+    for path, words in (("gone", "there is no such file"), ("empty", "the folder has no report")):
         assert gate(path) == 2
-        assert capsys.readouterr().err == f"error: {path}: {words}; wanted is a runs.csv, or a folder of reports\n"
+        assert capsys.readouterr().err == f"error: {path}: {words}; expected a runs.csv, or a folder of reports\n"

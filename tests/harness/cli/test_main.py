@@ -45,11 +45,11 @@ def test_every_subcommand_has_a_help_of_80_columns_that_ends_with_examples_a_lin
 def test_the_options_of_compare_stand_in_groups_and_its_limits_are_told(capsys):
     program(["compare", "--help"])
     text = capsys.readouterr().out
-    for panel in ("Options", "Runs", "What is shown", "What must hold"):
+    for panel in ("Options", "Runs", "Output", "Exit status"):
         assert f"─ {panel} ─" in text
     words = " ".join(text.replace("│", " ").split())
-    assert "Seconds of processor time that one run may take." in words
-    assert f"Preparing it may take {PREPARE_SECONDS:g} besides, a truth that is not stored {TRUTH_SECONDS:g}." in words
+    assert "Limit on the processor time of one run." in words
+    assert f"may take {PREPARE_SECONDS:g} s in addition, and a truth that is not stored {TRUTH_SECONDS:g} s." in words
 
 
 def test_the_list_of_subcommands_is_shown_where_none_is_named(capsys):

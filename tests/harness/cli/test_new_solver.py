@@ -75,7 +75,7 @@ def test_a_bad_name_is_refused_in_one_line_that_says_what_is_allowed(name, tmp_p
     assert command(["--", name]) == 2
     said = capsys.readouterr().err
     assert said.count("\n") == 1
-    assert "small letters and digits" in said
+    assert "lowercase letters and digits" in said
     assert list(tmp_path.iterdir()) == []
 
 
@@ -83,8 +83,8 @@ def test_a_bad_name_is_refused_in_one_line_that_says_what_is_allowed(name, tmp_p
     ("name", "words"),
     [
         ("heyoka", "a solver named 'heyoka' is installed"),
-        ("lambda", "a word or a module of Python"),
-        ("json", "a word or a module of Python"),
+        ("lambda", "a keyword or a standard module of Python"),
+        ("json", "a keyword or a standard module of Python"),
         ("numpy", "an installed package has a module 'numpy'"),
         ("henon-ref", "an installed package has a module 'henon_ref'"),
     ],

@@ -57,7 +57,7 @@ def test_a_terminal_is_shown_what_is_read_then_the_runs_at_work_then_the_table(c
     status, written = on_a_terminal(case, "compare", "leaving_slide.yaml", *QUICK)
     assert status == 0
     assert written.startswith("reading leaving_slide.yaml")
-    assert re.search(r"K[01] of 1 rows, .*at work: leaving_slide default scipy-dop853 rtol 1e-06 \(\d+ s\)", written)
+    assert re.search(r"K[01] of 1 rows, .*running: leaving_slide default scipy-dop853 rtol 1e-06 \(\d+ s\)", written)
     end = written.split("\r")
     assert re.search(r"scipy-dop853 +1 of 1 ", written)
     assert end[-2].endswith("out/leaving_slide/report.md")

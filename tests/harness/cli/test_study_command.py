@@ -61,12 +61,12 @@ def test_rows_of_one_folder_tell_who_is_timed_for_another(tmp_path, capsys):
     ("words", "told"),
     [
         (["paired-times", str(CASE), "--rows", "."], "leaving_slide/runs.csv is not there: henon-ref compare CASES"),
-        (["paired-times", str(CASE)], "study paired-times needs --rows"),
+        (["paired-times", str(CASE)], "study paired-times requires --rows"),
         (["price", "no.yaml"], "no.yaml"),
-        (["atlas"], "study atlas needs the cases to run"),
+        (["atlas"], "study atlas requires the cases to run"),
         (["paper", str(CASE)], "study paper takes no cases"),
         (["paired-times", str(CASE), "--rows", "x", "--resume"], "study paired-times takes no --resume"),
-        (["nobody"], "there is no study 'nobody'; there are price, paired-times, atlas, restarts, causes, paper"),
+        (["nobody"], "unknown study 'nobody'; the studies are price, paired-times, atlas, restarts, causes, paper"),
     ],
 )
 def test_a_study_is_given_what_it_takes_or_nothing_is_written(tmp_path, monkeypatch, capsys, words, told):

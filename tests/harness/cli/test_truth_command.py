@@ -91,7 +91,7 @@ def test_a_certified_truth_is_not_given_up_for_one_that_is_not(run: Run, file: P
     code, text = run(file, "--proof-seconds", "0")
     assert code == 0
     assert "not certified: " in text
-    assert "agrees with what is stored; what is stored is certified and stays" in text
+    assert "agrees with the stored truth; the stored truth is certified and is kept" in text
     assert stored.read_text() == before
     assert run(file, "--proof-seconds", "0", "--dry-run")[0] == 1
 
@@ -100,7 +100,7 @@ def test_a_certified_truth_is_not_given_up_for_one_that_is_not(run: Run, file: P
     stored.write_text(moved)
     code, text = run(file, "--proof-seconds", "0")
     assert code == 1
-    assert "differs from what was stored: transition 0" in text
+    assert "differs from the stored truth: transition 0" in text
     assert stored.read_text() == moved
 
 

@@ -190,7 +190,7 @@ def test_solvers_of_one_package_are_not_set_against_each_other():
 
 def test_a_matrix_that_is_none_is_named(tmp_path):
     (tmp_path / "matrix.csv").write_text("case,title,reading,kind,settings\na,b,c,d,1\n")
-    with pytest.raises(CaseError, match="is no matrix of this package: there is no column 'solver'"):
+    with pytest.raises(CaseError, match="is not a matrix of this package: there is no column 'solver'"):
         read_matrix(tmp_path)
 
 

@@ -70,8 +70,8 @@ def test_a_study_does_not_replace_a_page_of_somebody_else(tmp_path, capsys, page
     ("name", "content", "words"),
     [
         ("manifest.json", "{", "cannot be read"),
-        ("manifest.json", "[1]", "it names no title"),
-        ("manifest.json", '{"name": "an app"}', "it names no title"),
+        ("manifest.json", "[1]", "it has no title"),
+        ("manifest.json", '{"name": "an app"}', "it has no title"),
         ("runs.csv", "run,value\n1,2\n", "there is no column 'case'"),
         ("runs.csv", "\xff", "cannot be read"),
     ],
@@ -267,9 +267,7 @@ def test_a_damaged_journal_is_told_in_one_line_and_the_comparison_ends_with_all_
     capsys.readouterr()
     assert run(made_up, "--out", "out", "--resume") == 0
     (line,) = messages(capsys)
-    assert line.startswith(
-        "out/made_up/.partial: line 2 is damaged (its checksum does not fit) and 3 more; set aside in"
-    )
+    assert line.startswith("out/made_up/.partial: line 2 is damaged (its checksum is wrong) and 3 more; set aside in")
     with (tmp_path / "out" / "made_up" / "runs.csv").open() as file:
         rows = [(row["solver"], row["rtol"], row["matched"]) for row in csv.DictReader(file)]
     assert rows == [

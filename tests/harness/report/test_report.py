@@ -138,7 +138,7 @@ def test_a_gate_of_one_bound_that_was_not_checked_says_why():
 
 def test_the_stick_of_static_friction_says_when_it_is_entered():
     static = load_case(Path(__file__).parents[3] / "cases" / "static_belt.yaml").readings[0].problem.system
-    assert any(note.startswith("entered wherever") for note in mode_equations(static, (0,)).notes)
+    assert any(note.startswith("entered whenever") for note in mode_equations(static, (0,)).notes)
     assert not any(note.startswith("entered") for note in mode_equations(static, (1,)).notes)
     plain = compared().readings[0].reading.problem.system
     assert not any(note.startswith("entered") for note in mode_equations(plain, (0,)).notes)
@@ -284,6 +284,6 @@ def test_texts_and_files_are_checked_too(stored):
     listed = json.loads((old / "manifest.json").read_text())["files"]
     (old / "sticks.csv").unlink()
     assert "sticks.csv" in listed
-    assert check.differences(old, fresh) == ["Truth: the text differs", "the file sticks.csv is gone"]
+    assert check.differences(old, fresh) == ["Truth: the text differs", "the file sticks.csv is missing"]
     shutil.rmtree(old)
     assert check.differences(old, fresh) == [f"there is no report in {old}"]

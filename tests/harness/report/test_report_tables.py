@@ -218,7 +218,7 @@ def test_of_few_readings_the_tables_stand_at_the_top():
     assert MANY == 4
     head = report_text(sweep(readings=VALUES[:3]), ORIGIN).split("## f1\n")[0]
     assert [own.headings[0] for own in tables(head)] == ["solver"] * 3
-    assert head.count("The most accurate right run of each solver") == 1
+    assert head.count("Most accurate right run of each solver") == 1
     assert "[f2](#f2)" in head
     assert "## All readings" not in head
 

@@ -91,4 +91,4 @@ def test_where_no_progress_is_shown_a_truth_that_takes_long_is_said_once(
         shown.tick()
     said = capsys.readouterr().err
     assert said.count("\n") == 1
-    assert said.startswith("computing what is not stored: level default truth")
+    assert said.startswith("computing a truth that is not stored: level default truth")

@@ -1,1 +1,1 @@
-"""A folder's page: one file with its data, its style and its script in it."""
+"""HTML page of a folder: a single file that contains its data, styles and scripts."""

@@ -1,7 +1,7 @@
-"""Everything that the page of a folder of reports shows, as JSON: the matrix, the choice, what is known of each case.
+"""Collect the data of the page of a folder of reports as JSON: the matrix, the recommended solvers, and the cases.
 
-The details of a case (its runs, its portrait) come from its folder; of a case whose folder is gone, and of solvers that
-the comparison there did not run, from the page that stands there already: it forgets no more than the matrix does.
+The details of a case (its runs and portraits) come from its folder. If the folder has been removed, or its comparison
+did not run a solver, the details come from the existing page. The page thus keeps as much as the matrix.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ from henon_ref.text import one_line
 
 FORMAT = 2
 TEXT = 0
-"""In place of a number's significant places: the field is text."""
+"""Marks a text field in ``FIELDS``, instead of a number of significant digits."""
 FIELDS: Mapping[str, int] = {
     "setting": TEXT, "status": TEXT, "verdict": TEXT, "digits": 5, "max_time_error_s": 2, "wall_s": 4,
     "max_stick_error_s": 2, "max_state_error": 2, "steps": 12, "rhs_evaluations": 12, "wall_s_iqr": 2, "missed": 12,
     "spurious": 12, "missed_touches": 12, "status_reason": TEXT, "cause": TEXT, "verdict_basis": TEXT,
 }  # fmt: skip
-"""What a run on the page is a list of, and the places of each number."""
+"""Fields of a run on the page -> significant digits."""
 CELL = ("settings", "judged", "right", "status", "verdict", "digits", *map(wall_column, (None, *LEVELS)))
-"""Columns of the matrix that a cell is a list of, behind its solver."""
+"""Columns of the matrix in a cell, after the index of the solver."""
 SHOWN_FILES = (".md", ".csv", ".svg")
 PROJECTS = {
     "henon-ref": ("", "Taylor method with Hénon's landing, and the paper's own programs; this project"),
@@ -49,14 +49,14 @@ PROJECTS = {
     "pydiffsol": ("https://github.com/martinjrobins/diffsol", "diffsol, solvers in Rust with their own language"),
     "nosnoc": ("https://github.com/nosnoc/nosnoc_py", "time stepping with switch detection, by optimization"),
 }
-"""Package, or program, that solvers come from -> (address, line); no address for this one."""
+"""Package or program of solvers -> (address, description); no address for this project."""
 Details = dict[str, Any]
-"""What is known of a case: title, words of its file, ``files`` beside its report, and ``readings`` by name, each with
-its portrait and, by solver, its runs."""
+"""Details of a case: title, tags, source, ``files`` of its report, and ``readings`` by name, each with its portrait and
+its runs by solver."""
 
 
 def content(folder: Path, rows: Sequence[MatrixRow]) -> dict[str, Any]:
-    """The page's data, of a folder of reports and the rows of its matrix."""
+    """Return the data of the page for a folder of reports and the rows of its matrix."""
     earlier, few = earlier_details(folder), few_readings(rows)
     solvers, kinds = sorted(solvers_of(rows), key=few.__contains__), list(by_kind(rows))
     lines = solver_lines(solvers)
@@ -79,7 +79,7 @@ def content(folder: Path, rows: Sequence[MatrixRow]) -> dict[str, Any]:
 
 
 def few_readings(rows: Sequence[MatrixRow]) -> set[str]:
-    """The solvers that were run on less than half of the readings: they stand apart."""
+    """Return the solvers that were run on less than half of the readings; the page shows them separately."""
     every = len(readings_of(rows))
     return {solver for solver, own in by_solver(rows).items() if 2 * len(own) < every}
 
@@ -93,7 +93,7 @@ def _solver(name: str, line: Mapping[str, object], few: bool) -> Details:
 def _reading(
     rows: Sequence[MatrixRow], details: Details, solvers: Sequence[str], kinds: Sequence[str]
 ) -> dict[str, Any]:
-    """A reading with its cells, and the runs of the solvers that have one."""
+    """Return the data of a reading, with its cells and the runs of the solvers that have a cell."""
     own = details.get("readings", {}).get(rows[0].reading, {})
     runs, ran = own.get("runs", {}), {row.solver for row in rows}
     return {
@@ -107,20 +107,20 @@ def _reading(
 
 
 def run_values(row: RunRow) -> list[Any]:
-    """A run as the page has it: :data:`FIELDS`; counts of what went wrong are left out where they are 0."""
+    """Return the :data:`FIELDS` of a run; error counts of 0 become None."""
     shown = dict(zip(FIELDS, row.values(FIELDS), strict=True)) | {"setting": row.setting}
     if row.digits is not None and row.digits > 0:
-        shown["digits"] = int(row.digits * 1000) / 1000  # never more than there are
+        shown["digits"] = int(row.digits * 1000) / 1000  # rounded down
     shown |= {name: shown[name] or None for name in ("missed", "spurious", "missed_touches")}
     return [rounded(shown[name], places) for name, places in FIELDS.items()]
 
 
 def details_of(folder: Path) -> Details | None:
-    """What a case's folder says of it; None where there is no report in it that can be read."""
+    """Read the details of a case from its folder; None if it has no readable report."""
     try:
         manifest, rows = read_report(folder)
     except CaseError:
-        return None  # the index names it, and leaves it out
+        return None  # the writer of the matrix prints a message
     words, known = _words_of(folder), mapping(manifest.get("readings"))
     return {
         "title": one_line(manifest["title"] or folder.name),
@@ -134,7 +134,7 @@ def details_of(folder: Path) -> Details | None:
 
 
 def _words_of(folder: Path) -> Mapping[str, Any]:
-    """The content of the file that a report keeps for the page; empty where it has none, or one of another version."""
+    """Read ``page.json`` of a report; empty if it is missing or of another version."""
     try:
         words = mapping(json.loads((folder / CASE_FILE).read_text(encoding="utf-8")))
     except (FileNotFoundError, RecursionError, ValueError):
@@ -143,9 +143,9 @@ def _words_of(folder: Path) -> Mapping[str, Any]:
 
 
 def _details_of(reading: str, manifest: Mapping[str, Any], words: Mapping[str, Any], rows: Sequence[RunRow]) -> Details:
-    """What its manifest, the words of the case's file and its rows say of a reading."""
+    """Collect the details of a reading from its manifest, ``page.json`` and its rows."""
     truth = mapping(manifest.get("truth"))
-    told = {
+    details = {
         "title": one_line(str(manifest.get("title") or "")),
         "story": mapping(words.get("stories")).get(reading),
         "portrait": mapping(mapping(words.get("portraits")).get(reading)) or None,
@@ -156,13 +156,13 @@ def _details_of(reading: str, manifest: Mapping[str, Any], words: Mapping[str, A
         "proven": truth.get("certified"),
     }
     return {
-        **{key: value for key, value in told.items() if value not in (None, "")},
+        **{key: value for key, value in details.items() if value not in (None, "")},
         "runs": {solver: list(map(run_values, own)) for solver, own in by_solver(rows).items()},
     }
 
 
 def updated(fresh: Details | None, earlier: Details) -> Details:
-    """What a case's folder says (None: it is gone), and what an earlier page knows: portraits, other solvers' runs."""
+    """Add portraits and runs of other solvers from an earlier page to the details from the folder of a case, if any."""
     if fresh is None:
         return earlier
     known = earlier.get("readings", {})
@@ -176,7 +176,7 @@ def _both(fresh: Details, earlier: Details) -> Details:
 
 
 def earlier_details(folder: Path) -> dict[str, Details]:
-    """What the page that stands in a folder knows of each case; nothing where it is of another version."""
+    """Read the details of each case from the existing page of a folder; empty if it is of another version."""
     try:
         data = read_embedded((folder / PAGE).read_text(encoding="utf-8"))
     except (FileNotFoundError, UnicodeDecodeError):
@@ -187,11 +187,11 @@ def earlier_details(folder: Path) -> dict[str, Details]:
         names = [solver["name"] for solver in data["solvers"]]
         return {case["name"]: _known(case, names) for case in data["cases"]}
     except (IndexError, KeyError, TypeError):
-        return {}  # somebody has changed it
+        return {}  # the page was edited
 
 
 def _known(case: Mapping[str, Any], solvers: Sequence[str]) -> Details:
-    """What a page knows of a case whose folder may be gone."""
+    """Convert a case in the data of a page back to details."""
     known: Details = {key: case[key] for key in ("title", "tags", "source") if key in case}
     left_out, readings = ("name", "kind", "commit", "cells"), {}
     for reading in case["readings"]:
@@ -201,14 +201,14 @@ def _known(case: Mapping[str, Any], solvers: Sequence[str]) -> Details:
 
 
 PAPER, NIGHT = "#ffffff", "#15181c"
-"""Backgrounds of a light and of a dark page."""
+"""Background colours of the light and the dark page."""
 SEEN = 3.0
-"""Contrast with the background that a line has at least (WCAG 2.2, 1.4.11)."""
+"""Smallest contrast of a line with the background (WCAG 2.2, 1.4.11)."""
 _DASHES = {"-": (), "--": (5, 3), ":": (1.5, 2.5), "-.": (5, 2, 1.5, 2)}
 
 
 def solver_lines(solvers: Iterable[str]) -> dict[str, dict[str, object]]:
-    """Colours (light, dark), dashes [line widths], marker and width of each solver's line."""
+    """Return colours (light and dark), dashes [line widths], marker and width of the line of each solver."""
     return {name: _drawn(line) for name, line in lines_of(solvers).items()}
 
 
@@ -224,7 +224,7 @@ def _drawn(line: Line) -> dict[str, object]:
 
 
 def towards(colour: str, end: float, background: str) -> str:
-    """A colour, mixed with black (0) or white (1) until it is seen on a background.
+    """Mix a colour with black (0) or white (1) until its contrast with a background is sufficient.
 
     Examples
     --------
@@ -240,7 +240,7 @@ def towards(colour: str, end: float, background: str) -> str:
 
 
 def contrast(one: str, other: str) -> float:
-    """Contrast ratio of two colours (WCAG 2.2).
+    """Return the contrast ratio of two colours (WCAG 2.2).
 
     Examples
     --------

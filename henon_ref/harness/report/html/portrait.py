@@ -1,4 +1,4 @@
-"""A phase portrait in a few kilobytes: points as whole numbers on a grid, so many as the eye needs."""
+"""Compress a phase portrait to a few kilobytes: integer points on a grid, thinned without visible change."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from henon_ref.figures.motion import Motion, axes_of_portrait, limits_around, pl
 from henon_ref.modes.system import FilippovSystem
 
 CELLS = 4096
-"""Steps of the grid across the portrait's limits; points may lie up to seven times that far outside."""
+"""Grid steps between the limits of the portrait; points may lie up to seven times this distance outside."""
 MOST_POINTS = 1500
-"""Points of a portrait: where there would be more, they are thinned further."""
+"""Number of points above which a portrait is thinned further."""
 THRESHOLD = 2.0
-"""Steps of the grid by which a thinned curve may lie beside its points, as long as they are few enough."""
+"""Allowed distance of a thinned curve from its points [grid steps]; doubled until the points are few enough."""
 Points = NDArray[np.float64]
 
 
 def packed(system: FilippovSystem, motion: Motion) -> dict[str, Any]:
-    """The portrait of a motion as JSON; of a system with one state, that state over time.
+    """Return the portrait of a motion as JSON; for a system with one state, the state over time.
 
-    ``pieces`` are (label, points), in order of time, ``surfaces`` points; points are the base64 text of little-endian
-    16-bit integers x, y, x, y, ..., of which 0 and ``CELLS`` are the limits.
+    ``pieces`` are pairs (label, points) in order of time, ``surfaces`` are points. Points are base64 text of
+    little-endian 16-bit integers x, y, x, y, ...; the values 0 and ``CELLS`` are the limits.
     """
     pair = axes_of_portrait(system)
     x, y = pair or (0, 0)
@@ -47,7 +47,7 @@ def packed(system: FilippovSystem, motion: Motion) -> dict[str, Any]:
 
 
 def _on_grid(points: Points, limits: tuple[tuple[float, float], tuple[float, float]], threshold: float) -> Points:
-    """A curve in steps of the grid, without the points that lie on the line between their neighbours."""
+    """Convert a curve to grid steps, and remove points on the line between their neighbours."""
     from matplotlib.path import Path
 
     low, high = np.array(limits).T

@@ -1,6 +1,6 @@
-"""A page put together: its template, with style, script and data in it, so that it needs no other file.
+"""Render an HTML page from a template as a single file with its style, scripts and data.
 
-The data is JSON, compressed, as base64 text in a script element that is never run; it is read back from there.
+The data is compressed JSON, as base64 text in a script element that the browser does not run. It can be read back.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from typing import Any
 from henon_ref.text import one_line
 
 MOST_BYTES = 4 * 2**20
-"""Bytes that a page may have: every solver and peer on every reading of the suite, with all its runs."""
+"""Largest size of a page with all runs of every solver and peer on the whole suite [bytes]."""
 _BLOCK = re.compile(r'<script type="application/zlib" id="data">(.*?)</script>', re.DOTALL)
 
 
 def rendered(template: str, scripts: Sequence[str], data: Any, **context: Any) -> str:
-    """A page as text: a template and the scripts that draw the data, by their files' names among the templates.
+    """Render a page from the file names of its template and of the scripts that draw the data.
 
-    ``context`` is what else the template shows; all of it is escaped, but for style, script and data.
+    ``context`` holds the other variables of the template. They are escaped; style, scripts and data are not.
     """
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -41,7 +41,7 @@ def rendered(template: str, scripts: Sequence[str], data: Any, **context: Any) -
 
 
 def embedded(data: Any) -> str:
-    """Data as text that may stand in a page: whatever is in it, it ends no element and begins none.
+    """Encode data as text that contains no HTML markup.
 
     Examples
     --------
@@ -53,12 +53,12 @@ def embedded(data: Any) -> str:
 
 
 def unpacked(text: str) -> Any:
-    """The data behind what :func:`embedded` makes of it."""
+    """Decode the text of :func:`embedded`."""
     return json.loads(zlib.decompress(b64decode(text)))
 
 
 def read_embedded(page: str) -> Any:
-    """The data of a page; None where it has none."""
+    """Read the data of a page; None if it has none."""
     block = _BLOCK.search(page)
     try:
         return None if block is None else unpacked(block[1])
@@ -67,7 +67,7 @@ def read_embedded(page: str) -> Any:
 
 
 def rounded(value: object, places: int) -> object:
-    """A number to so many significant places, a whole one without a point; anything else as it is, text printable."""
+    """Round a number to significant digits, as an integer if possible; make text printable."""
     if isinstance(value, str):
         return one_line(value)
     if not isinstance(value, float | int):

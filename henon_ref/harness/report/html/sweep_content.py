@@ -1,6 +1,6 @@
-"""What the page of a sweep's folder draws, as JSON: columns of the points and tables, packed.
+"""Collect the data of the page of a sweep as JSON: packed columns of the points and of the tables.
 
-It is made from the folder alone: ``sweep.yaml`` and the Parquet files.
+The data comes from the folder of the sweep only: ``sweep.yaml`` and the Parquet files.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from henon_ref.sweeps.storage import chunk_files, owned
 from henon_ref.text import one_line
 
 POINT_BYTES, ROW_BYTES = 1_500_000, 1_100_000
-"""Bytes that the points, and the rows of all tables, may have before they are written as base64 text."""
+"""Largest size of the points, and of the rows of all tables, before encoding as base64 text [bytes]."""
 MOST_READ = 2_000_000
-"""Points of which a page is made, and rows that are read of a table; a sweep of more points has none."""
+"""Largest number of points of a sweep with a page, and of rows read from a table."""
 MOST_WORDS = 255
-"""Different texts that a column of the page may have."""
+"""Largest number of different texts in a column of the page."""
 
 
 def kept_points(plan: Plan, bytes_a_point: int) -> NDArray[np.int64]:
-    """Numbers of the points that the page keeps: all, or as many as there is room for, evenly.
+    """Return the numbers of the points on the page: all points, or an even selection that fits into the page.
 
-    Of a grid some values of each axis are kept, so that it stays a grid.
+    The selection of a grid is again a grid.
     """
     most = max(POINT_BYTES // bytes_a_point, 1)
     count, sizes = len(plan.points), grid_sizes(plan)
@@ -47,7 +47,7 @@ def kept_points(plan: Plan, bytes_a_point: int) -> NDArray[np.int64]:
 
 
 def grid_sizes(plan: Plan) -> tuple[int, ...]:
-    """Values of each axis of a grid; empty where the points are none."""
+    """Return the number of values on each axis of a grid; empty if the points are not a grid."""
     values = plan.points.values
     sizes = tuple(len(np.unique(values[:, k])) for k in range(values.shape[1]))
     whole = plan.points.chain == 1 and "grid" in plan.points.written and np.prod(sizes) == len(values)
@@ -55,12 +55,12 @@ def grid_sizes(plan: Plan) -> tuple[int, ...]:
 
 
 def bytes_a_point(columns: Mapping[str, Any], swept: Sequence[str]) -> int:
-    """Bytes of a point's row: its number and its columns."""
+    """Return the size of the row of a point: its number and its columns [bytes]."""
     return 4 + sum(8 if name in swept else 4 if _is_number(dtype) else 1 for name, dtype in columns.items())
 
 
 def point_columns(table: pd.DataFrame, swept: Sequence[str]) -> list[dict[str, Any]]:
-    """The columns of the points that are kept: swept values in full, other numbers as single precision, texts."""
+    """Pack the columns of the selected points: swept values in double precision, other numbers in single, texts."""
     made: list[dict[str, Any]] = []
     for name, own in table.items():
         if name in swept:
@@ -78,7 +78,7 @@ def point_columns(table: pd.DataFrame, swept: Sequence[str]) -> list[dict[str, A
 
 
 def coloured(table: pd.DataFrame, swept: Sequence[str]) -> str:
-    """What a map of two swept names shows first: a column of few texts, else one of numbers."""
+    """Choose the column that a map shows first: one of few different texts, else one of numbers."""
     others = {name: own for name, own in table.items() if name not in swept and own.nunique() > 1}
     few = [name for name, own in others.items() if not _is_number(own.dtype) and own.nunique() <= MOST_BASINS]
     numbers = [name for name, own in others.items() if _is_number(own.dtype)]
@@ -86,9 +86,10 @@ def coloured(table: pd.DataFrame, swept: Sequence[str]) -> str:
 
 
 def frame_content(name: str, frame: pd.DataFrame, rows: int, kept: NDArray[np.int64], tables: int) -> dict[str, Any]:
-    """A table with several rows a point (its column ``point``): those of kept points, thinned where they are many.
+    """Pack a table with several rows per point (column ``point``): the rows of selected points, thinned if too many.
 
-    ``rows`` are those of the whole table, of which ``frame`` may be a part; ``tables`` share the page's room.
+    ``rows`` is the number of rows of the whole table, of which ``frame`` may be a part. ``tables`` is the number of
+    tables that share the space of the page.
     """
     own = frame[frame["point"].isin(kept)]
     place = np.searchsorted(kept, own["point"].to_numpy())
@@ -105,7 +106,7 @@ def frame_content(name: str, frame: pd.DataFrame, rows: int, kept: NDArray[np.in
 
 
 def observed_rows(table: pd.DataFrame) -> list[tuple[str, ...]]:
-    """A row a column, over all points: how many have a value, least, median, greatest; of texts the shares."""
+    """Return one row per column: number of values, minimum, median and maximum, or the shares of texts."""
     made = []
     for name, column in table.items():
         own = column.dropna()
@@ -121,7 +122,7 @@ def observed_rows(table: pd.DataFrame) -> list[tuple[str, ...]]:
 
 
 def read_table(folder: Path, name: str = POINTS, *, most: int | None = None) -> pd.DataFrame:
-    """A table of a sweep's folder, its chunks in order; of more than ``most`` rows every second, third ... one."""
+    """Read a table of a sweep from its chunks in order; use a stride if it has more than ``most`` rows."""
     stride = max(-(-rows_of(folder, name) // most), 1) if most else 1
     parts, before = [], 0
     for file in chunk_files(folder, name):
@@ -132,14 +133,12 @@ def read_table(folder: Path, name: str = POINTS, *, most: int | None = None) -> 
 
 
 def rows_of(folder: Path, name: str = POINTS) -> int:
-    """Rows of a table of a sweep's folder."""
     import pyarrow.parquet as pq
 
     return sum(int(pq.read_metadata(file).num_rows) for file in chunk_files(folder, name))
 
 
 def tables_of(folder: Path) -> list[str]:
-    """Names of the tables with several rows a point."""
     own = owned(folder)
     return sorted(set(own.tables) - {POINTS}) if own is not None else []
 
@@ -149,6 +148,6 @@ def _is_number(dtype: Any) -> bool:
 
 
 def packed_numbers(values: Any, kind: str) -> str:
-    """Numbers of a NumPy kind, little-endian, as base64 text."""
-    with np.errstate(over="ignore"):  # what single precision does not hold is infinite
+    """Encode numbers of a NumPy type (little-endian) as base64 text."""
+    with np.errstate(over="ignore"):  # values beyond single precision become infinite
         return b64encode(np.asarray(values).astype(kind).tobytes()).decode("ascii")

@@ -1,6 +1,6 @@
-"""The page of a sweep's folder, ``index.html``, made from what is in it.
+"""Write the page ``index.html`` of a sweep from the files of its folder.
 
-Beside the points it has the runs behind some of them, as portraits of their last part, and any point as a case file.
+In addition to the points, the page shows portraits of the last part of some runs, and any point as a case file.
 """
 
 from __future__ import annotations
@@ -32,26 +32,26 @@ _LOG = logging.getLogger(__name__)
 
 SCRIPTS = ("page.js", "sweep.js")
 OBSERVED = (
-    ("quantity", "l"), ("points with a value", "r"), ("least", "r"), ("median", "r"), ("greatest", "r"),
-    ("values, of the points with one", "l"),
+    ("quantity", "l"), ("points with a value", "r"), ("minimum", "r"), ("median", "r"), ("maximum", "r"),
+    ("shares of the points with a value", "l"),
 )  # fmt: skip
 """Headings of the table of observations."""
-CHAINED = "Each point of a continuation starts where its neighbour ended, so that none is a run by itself."
+CHAINED = "Each point of a continuation starts from the final state of its neighbour, so that it is not a separate run."
 
 KEPT = 25
-"""Runs that the page keeps a portrait of."""
+"""Largest number of runs with a portrait."""
 SHOWN_TRANSITIONS = 40
-"""A portrait shows a run from its so many last transition on: where it ends up, not how it gets there."""
+"""Number of last transitions in a portrait, which shows the final motion rather than the transient."""
 MOST_STEPS = 20_000
-"""Steps of a run whose polynomials are kept for a portrait."""
+"""Largest number of steps of a run with a portrait, which requires the polynomials of all steps."""
 TIMES = 1500
-"""Times at which a run is looked at."""
+"""Number of sample times of a portrait."""
 NAME, PLACE = "NAMEOFTHEPOINT", "VALUEOFTHEPOINT{}E"
-"""What stands in the case file's text for the point's name and values."""
+"""Placeholders for the name and the values of a point in the text of a case file."""
 
 
 def write_sweep_page(folder: Path) -> Path | None:
-    """Write the page of a finished sweep in its folder; one of more than two million points has none."""
+    """Write the page of a finished sweep into its folder; None if it has more than two million points."""
     if sweep_content.rows_of(folder) > sweep_content.MOST_READ:
         _LOG.warning("%s has no page: it has more than %d points", folder, sweep_content.MOST_READ)
         return None
@@ -85,9 +85,9 @@ def write_sweep_page(folder: Path) -> Path | None:
         "columns": sweep_content.point_columns(shown, swept),
         "frames": [frame for frame in frames if frame["point"]],
         "runs": kept_runs(plan),
-        "no_runs": CHAINED if chained else "No run of this sweep is kept here: each has too many steps for a picture.",
+        "no_runs": CHAINED if chained else "This page has no portraits: each run has too many steps.",
         "case": case,
-        "no_case": CHAINED if chained else "What is swept here stands in no case file.",
+        "no_case": CHAINED if chained else "The swept quantities cannot be written in a case file.",
         "place_of_name": NAME,
         "places": [PLACE.format(k) for k in range(len(swept))],
         "rtol": rtol,
@@ -110,7 +110,7 @@ def write_sweep_page(folder: Path) -> Path | None:
 
 
 def _drawn(points: int, kept: int) -> str:
-    return f"All {count(points, 'point')}." if kept == points else f"{kept:,} of the {points:,} points, evenly chosen."
+    return f"All {count(points, 'point')}." if kept == points else f"{kept:,} of the {points:,} points, evenly spaced."
 
 
 def _rerun(folder: Path) -> str:
@@ -120,7 +120,7 @@ def _rerun(folder: Path) -> str:
 
 
 def kept_runs(plan: Plan) -> list[dict[str, Any]]:
-    """Portraits of runs of points that are spread over all; of chains none, whose points start where others end."""
+    """Return portraits of the runs of evenly spread points; none for a continuation, whose points depend on others."""
     if plan.points.chain > 1:
         return []
     found = []
@@ -143,7 +143,7 @@ def _spread(plan: Plan) -> list[int]:
 
 
 def _run(plan: Plan, number: int) -> Solution | None:
-    """A point's run with its polynomials; None where it cannot be had, or has too many steps for a picture."""
+    """Repeat the run of a point with dense output; None if it fails, or has too many steps."""
     settings = plan.work
     values = dict(zip(plan.points.names, plan.points.values[number].tolist(), strict=True))
     moved = {name: values.pop(name) for name in settings.system.state if name in values}
@@ -155,7 +155,7 @@ def _run(plan: Plan, number: int) -> Solution | None:
     try:
         first = simulate(settings.system, initial, dense_output=False, **how)
         return simulate(settings.system, initial, **how) if first.counts.steps <= MOST_STEPS else None
-    except HenonRefError:  # the sweep's row says why
+    except HenonRefError:  # the row of the sweep has the reason
         return None
 
 
@@ -168,7 +168,7 @@ def _last_part(run: Solution) -> Motion:
 
 
 def case_text(plan: Plan, folder: Path) -> str | None:
-    """The text of a case file with places for a point's name and values; None where no such file says the same."""
+    """Return the text of a case file with placeholders for a point; None if no case file can express the points."""
     from ruamel.yaml import YAML
 
     content = YAML(typ="safe", pure=True).load((folder / SWEEP_FILE).read_text(encoding="utf-8"))

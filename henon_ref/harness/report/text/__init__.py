@@ -1,1 +1,1 @@
-"""Reports as markdown."""
+"""Reports in markdown."""

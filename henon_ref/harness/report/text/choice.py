@@ -1,4 +1,4 @@
-"""Which solver to take, by kind of case and digits; who is right how often, and in which case."""
+"""Recommended solvers by kind of case and digits; how often each solver is right, and in which cases."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from henon_ref.harness.table import Table, count, digits, duration, significant
 from henon_ref.text import code, markdown
 
 ANY = None
-"""In place of a number of digits: right, however few its digits."""
+"""Used instead of a number of digits: the run must be right, with any number of digits."""
 UNKNOWN = "kind not known"
-"""Kind of readings whose report does not say theirs."""
+"""Kind of a reading whose report does not name it."""
 AS_MANY = 0.9
-"""Part of the most readings from which on a solver counts as getting there in as many."""
+"""Fraction of the largest number of readings from which a solver counts as reaching equally many."""
 HEADINGS = ("kind of case", "readings", "take", "gets", "time", "other package", "gets", "times as long")
 SIDES = "lrlrrlrr"
-"""Columns of the page's table, and of each whether it is text or numbers."""
+"""Alignment of the columns ``HEADINGS`` of the page."""
 CAPTION = (
     "The fastest of the solvers that get {} in the most readings, or in up to a tenth fewer; readings: of all, those "
     "with a transition to time; times are medians"
@@ -36,31 +36,31 @@ Key = tuple[str, str]
 
 
 def by_kind(rows: Iterable[MatrixRow]) -> dict[str, list[MatrixRow]]:
-    """Rows of a matrix by the kind of their reading, in the order of KINDS."""
+    """Group the rows of a matrix by the kind of their reading, in the order of ``KINDS``."""
     found = grouped(rows, lambda row: str(row.kind or UNKNOWN))
     return {kind: found[kind] for kind in dict.fromkeys([*KINDS, *found]) if kind in found}
 
 
 def readings_for(rows: Iterable[MatrixRow], level: int | None) -> set[Key]:
-    """The readings that count for so many digits: all for :data:`ANY`, else those with a transition to time."""
+    """Return the readings that count for a number of digits: all for :data:`ANY`, else those with a transition time."""
     return {row.problem for row in rows if level is None or row.digits is not None}
 
 
 @dataclass(frozen=True)
 class Reach:
-    """The readings in which one solver reaches so many digits, and its times there [s]."""
+    """Readings in which one solver reaches a number of digits, and its wall times there [s]."""
 
     solver: str
     walls: Mapping[Key, float]
 
     def against(self, others: Mapping[Key, float]) -> float | None:
-        """How many times as long as others it takes: the median over the readings that both reach."""
+        """Return the median ratio of the times to other times, over common readings; None if there are none."""
         ratios = [wall / others[key] for key, wall in self.walls.items() if others.get(key)]
         return median(ratios) if ratios else None
 
 
 def _reaches(rows: Iterable[MatrixRow], level: int | None) -> tuple[list[Reach], dict[Key, float]]:
-    """Every solver, and the shortest time of any of them in each reading."""
+    """Return the reach of every solver, and the shortest time of all solvers in each reading."""
     found, fastest = [], dict[Key, float]()
     for solver, own in by_solver(rows).items():
         walls = {row.problem: wall for row in own if (wall := row.wall(level)) is not None}
@@ -70,7 +70,7 @@ def _reaches(rows: Iterable[MatrixRow], level: int | None) -> tuple[list[Reach],
 
 
 def reaches(rows: Sequence[MatrixRow], level: int | None) -> list[Reach]:
-    """The solvers that reach so many digits in about as many readings as any other, the fastest first."""
+    """Return the solvers that reach a number of digits in about as many readings as the best one, fastest first."""
     every, fastest = _reaches(rows, level)
     least = max(1, AS_MANY * max((len(reach.walls) for reach in every), default=0))
     found = [reach for reach in every if len(reach.walls) >= least]
@@ -79,21 +79,21 @@ def reaches(rows: Sequence[MatrixRow], level: int | None) -> list[Reach]:
 
 @dataclass(frozen=True)
 class Choice:
-    """The solver to take, and the one of all other packages."""
+    """Recommended solver, and the best solver of all other packages."""
 
     first: Reach
     other: Reach | None
     times: float | None
-    """How many times as long the other takes."""
+    """Time of the other solver relative to the first."""
 
     @property
     def longer(self) -> str:
-        """The same with two places; empty where it is not known."""
+        """Relative time with two digits; empty if unknown."""
         return "" if self.times is None else significant(self.times, 2)
 
 
 def choice(rows: Sequence[MatrixRow], level: int | None) -> Choice | None:
-    """Whom to take for so many digits; None where no solver gets there. Solvers of one package are no alternatives."""
+    """Choose solvers of two different packages for a number of digits; None if no solver reaches it."""
     found = reaches(rows, level)
     if not found:
         return None
@@ -103,14 +103,14 @@ def choice(rows: Sequence[MatrixRow], level: int | None) -> Choice | None:
 
 
 def package_of(solver: str) -> str:
-    """The package that a solver belongs to."""
     return registry.distribution(solver) or solver
 
 
 def choice_table(rows: Sequence[MatrixRow]) -> Table:
-    """A row a kind of case, a column a number of digits: the solver to take, and the one of another package.
+    """Make the table of recommended solvers, with a row per kind of case and a column per number of digits.
 
-    Each with the number of readings in which it gets there, the other with how many times as long it takes.
+    A cell names the recommended solver and the best one of another package, each with the number of readings in which
+    it reaches the digits, and the time of the latter relative to the former.
     """
     columns = {"right": ANY, **{f"{level} digits": level for level in LEVELS}}
     lines = []
@@ -129,10 +129,10 @@ def _choice_cell(found: Choice | None) -> str:
 
 
 def choice_levels(rows: Sequence[MatrixRow], solvers: Sequence[str]) -> list[dict[str, Any]]:
-    """What the page shows of the choice, for each number of digits (0: right, however few).
+    """Return the data of the page on the choice of a solver, for each number of digits (0: right, any digits).
 
-    The table of :func:`choice_rows`; and for all kinds of case, and each one of them, the answer in words and a bar a
-    solver, which is told by its place among ``solvers``.
+    It consists of the table of :func:`choice_rows` and, for each kind of case and for all together, the answer in words
+    and a bar per solver. A solver is given by its index in ``solvers``.
     """
     groups = {"all kinds of case": rows, **by_kind(rows)}
     wanted = {level: count(level, "digit") if level else "the right sequence and end" for level in (ANY, *LEVELS)}
@@ -149,7 +149,7 @@ def choice_levels(rows: Sequence[MatrixRow], solvers: Sequence[str]) -> list[dic
 
 
 def choice_rows(rows: Sequence[MatrixRow], level: int | None) -> list[tuple[str, ...]]:
-    """A row a kind of case, in the columns :data:`HEADINGS`: what the index has."""
+    """Return one row per kind of case, with the columns :data:`HEADINGS`."""
     made: list[tuple[str, ...]] = []
     for kind, own in by_kind(rows).items():
         every, counted = readings_for(own, ANY), readings_for(own, level)
@@ -166,7 +166,7 @@ def choice_rows(rows: Sequence[MatrixRow], level: int | None) -> list[tuple[str,
 
 
 def _group(asked: str, rows: Sequence[MatrixRow], level: int | None, solvers: Sequence[str]) -> dict[str, Any]:
-    """Of some readings: the answer in words, and a bar a solver."""
+    """Return the answer in words, and a bar per solver, for some readings."""
     counted, found = readings_for(rows, level), choice(rows, level)
     readings = count(len(counted), "reading") + ("" if level is ANY else " with a transition to time")
     answer = "no solver gets there"
@@ -180,9 +180,9 @@ def _group(asked: str, rows: Sequence[MatrixRow], level: int | None, solvers: Se
 
 
 def _bars(rows: Sequence[MatrixRow], level: int | None, solvers: Sequence[str]) -> list[list[Any]]:
-    """Solver, readings that it gets, readings in which it is judged, its time over the fastest solver's (or None).
+    """Return (solver, readings reached, readings judged, time relative to the fastest solver or None) of every solver.
 
-    Those with the most readings first.
+    The solvers are sorted by decreasing number of readings reached.
     """
     (every, fastest), judged = _reaches(rows, level), Counter(row.solver for row in rows)
     bars = [(solvers.index(own.solver), len(own.walls), judged[own.solver], own.against(fastest)) for own in every]
@@ -191,10 +191,10 @@ def _bars(rows: Sequence[MatrixRow], level: int | None, solvers: Sequence[str]) 
 
 
 def often_table(rows: Sequence[MatrixRow]) -> Table:
-    """In how many readings each solver is right, of those it is judged in and run on; how often it is the cheapest.
+    """Make the table of the numbers of readings in which each solver is right, judged, run and cheapest.
 
-    Right is a solver that is so at one setting at least. Where nobody else gets so far, the one that does is the
-    cheapest.
+    A solver is right in a reading if it is right at one setting at least. A solver that alone reaches a number of
+    digits counts as the cheapest.
     """
     wins: dict[str, Counter[int]] = {}
     reached, contested = Counter[int](), Counter[int]()
@@ -220,7 +220,7 @@ def often_table(rows: Sequence[MatrixRow]) -> Table:
 
 
 def coverage_words(rows: Sequence[MatrixRow]) -> str:
-    """On how many readings each solver was run, in a sentence; empty where all were run on all."""
+    """Return a sentence on the numbers of readings on which the solvers were run; empty if all were run on all."""
     counts, readings = Counter(row.solver for row in rows), len(readings_of(rows))
     groups = grouped(solvers_of(rows), counts.__getitem__)
     words = "; ".join(f"{own}: {', '.join(solvers)}" for own, solvers in sorted(groups.items(), reverse=True))
@@ -228,17 +228,17 @@ def coverage_words(rows: Sequence[MatrixRow]) -> str:
 
 
 def commits(rows: Sequence[MatrixRow]) -> str:
-    """How many commits of the program the rows mix."""
+    """Describe the number of commits of the program from which the rows come."""
     known = len(commits_of(rows))
     return f"{count(known, 'commit')} of the program" if known else "a program of no known commit"
 
 
 def case_table(rows: Sequence[MatrixRow]) -> Table:
-    """A row a case, its readings folded.
+    """Make the table with one row per case, over all its readings.
 
-    ``right of judged``: solvers that are right in every reading that they were judged in, at one setting at least,
-    and solvers judged. Best digits: the most that one of them gets in all its readings. Cheapest: the one that takes
-    the least time for all readings, of those judged in the most.
+    The columns are: ``right of judged``, the number of solvers that are right at one setting at least in every reading
+    in which they were judged, and the number of judged solvers; the best digits that one of the right solvers reaches
+    in all its readings; and the solver with the shortest total time, among right solvers judged in the most readings.
     """
     lines = []
     for case, own in grouped(rows, lambda row: row.case).items():

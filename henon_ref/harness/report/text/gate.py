@@ -1,4 +1,4 @@
-"""What is said of a gate: in a report, on a terminal, to a CI (JUnit XML, the page that GitHub shows for a step)."""
+"""Results of a gate as text: in a report, on a terminal, and for CI (JUnit XML, summary of a GitHub step)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from henon_ref.text import code, markdown, short_line
 
 
 def gate_table(gate: Gate) -> Table | None:
-    """One row: whether the gate is met, how many of its bounds were checked, what is not met, what did not run."""
+    """Make the table of a gate: state, number of checked bounds, violated bounds, and bounds not checked."""
     if not gate.total:
         return None
     state = "not met" if gate.unmet else "met" if gate.checked else "not checked"
@@ -26,7 +26,6 @@ def gate_table(gate: Gate) -> Table | None:
 
 
 def why_unchecked(gate: Gate) -> str:
-    """Why no bound of a gate was checked."""
     if not gate.total:
         return "there is no bound"
     bounds = "its only bound belongs" if gate.total == 1 else f"its {gate.total} bounds belong"
@@ -34,14 +33,14 @@ def why_unchecked(gate: Gate) -> str:
 
 
 def _not_run(gate: Gate) -> str:
-    """What the bounds belong to that were not checked."""
+    """Describe the runs to which the unchecked bounds belong."""
     solvers_only = all(rtol is None for _, rtol in gate.left_out)
     return f"{'solvers' if solvers_only else 'solvers or tolerances'} that were not run"
 
 
 def bounds_left_out(gate: Gate) -> str:
-    """The bounds that were not checked, by what did not run."""
-    return f"bounds on what did not run are left out: {listing([_name(*entry) for entry in gate.left_out])}"
+    """Return a message with the solvers and tolerances whose bounds were not checked."""
+    return f"bounds are skipped for runs that did not take place: {listing([_name(*entry) for entry in gate.left_out])}"
 
 
 def _name(solver: str, rtol: float | None) -> str:
@@ -49,7 +48,7 @@ def _name(solver: str, rtol: float | None) -> str:
 
 
 def gate_state(gate: Gate, failed: bool, *, wanted: bool) -> str:
-    """What became of the gate, behind the report's name; ``wanted``: whether it decides the exit status."""
+    """Describe the result of a gate after the name of the report; ``wanted``: whether it decides the exit status."""
     if not gate.total and not wanted:
         return ""
     if failed and gate.checked:
@@ -64,7 +63,7 @@ def gate_state(gate: Gate, failed: bool, *, wanted: bool) -> str:
 
 
 def demands_state(demands: Mapping[str, Demand]) -> str:
-    """In how many readings each required solver is right, behind the report's name."""
+    """Describe in how many readings each required solver is right, after the name of the report."""
     return "".join(f"; {solver} right in {own.right} of {own.judged} judged" for solver, own in demands.items())
 
 
@@ -72,19 +71,19 @@ OUTPUT = (
     "status", "verdict", "verdict_basis", "cause", "digits", "max_time_error_s", "wall_s", "matched", "missed",
     "spurious",
 )  # fmt: skip
-"""Columns that a test case's output tells."""
+"""Columns in the output of a test case."""
 _ELEMENTS: dict[Kind, str] = {"failure": "failure", "error": "error", "skipped": "skipped", "known": "skipped"}
 MOST_ROWS = 50
-"""Rows that are shown one by one on GitHub's page, which may not be longer than a mebibyte."""
+"""Largest number of rows in the summary of a GitHub step, which is limited to 1 MiB."""
 Results = Sequence[tuple[RunRow, RowResult]]
 
 
 def junit_xml(results: Results) -> bytes:
-    """Rows as JUnit XML, as Jenkins (the schema of its xUnit plugin), GitLab and others read it: a suite a case.
+    """Format rows as JUnit XML for Jenkins (schema of its xUnit plugin), GitLab and similar, one suite per case.
 
-    ``classname`` is the case and the reading, ``name`` the solver and its setting, ``time`` the wall time of a run in
-    seconds with three decimals, as the schema has it; in full it stands in ``system-out``. A failure that is expected
-    is ``skipped``, and says so.
+    ``classname`` is the case and the reading, ``name`` the solver and its setting, and ``time`` the wall time of a run
+    [s] with the three decimals of the schema; ``system-out`` has all digits. An expected failure is ``skipped``, with a
+    reason.
     """
     root = ElementTree.Element("testsuites", {"name": "henon_ref", **_counts(results)})
     for case, own in grouped(results, lambda pair: pair[0].case).items():
@@ -120,21 +119,21 @@ def _test_case(suite: ElementTree.Element, row: RunRow, result: RowResult) -> No
         what = {"message": reason} if element == "skipped" else {"message": reason, "type": row.status}
         ElementTree.SubElement(case, element, what).text = reason
     known = zip(OUTPUT, row.values(OUTPUT), strict=True)
-    told = [f"{column}: {short_line(csv_field(value))}" for column, value in known if value is not None]
-    ElementTree.SubElement(case, "system-out").text = "\n".join(told)
+    output = [f"{column}: {short_line(csv_field(value))}" for column, value in known if value is not None]
+    ElementTree.SubElement(case, "system-out").text = "\n".join(output)
 
 
 def step_summary(rows: Results, lines: Sequence[str]) -> str:
-    """A table of the solvers, one of the rows that fail, and the command's other messages, as markdown."""
+    """Format a table of the solvers, a table of the failing rows, and the messages of the command as markdown."""
     failing = [(row, result) for row, result in rows if result.kind in ("failure", "error")]
     parts = ["## henon_ref", _solvers(rows).markdown]
     if failing:
         parts += ["### Failures", _failures(failing[:MOST_ROWS]).markdown]
     if len(failing) > MOST_ROWS:
         parts.append(f"{len(failing) - MOST_ROWS} more are in `runs.csv`.")
-    told = [f"- {markdown(line)}" for line in lines[:MOST_ROWS]]
-    told += [f"- and {len(lines) - MOST_ROWS} more"] if len(lines) > MOST_ROWS else []
-    return "\n\n".join([*parts, *(["\n".join(told)] if told else [])]) + "\n"
+    items = [f"- {markdown(line)}" for line in lines[:MOST_ROWS]]
+    items += [f"- and {len(lines) - MOST_ROWS} more"] if len(lines) > MOST_ROWS else []
+    return "\n\n".join([*parts, *(["\n".join(items)] if items else [])]) + "\n"
 
 
 def _solvers(rows: Results) -> Table:

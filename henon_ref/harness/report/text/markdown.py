@@ -1,4 +1,4 @@
-"""The report of a case as markdown: a template, and what it shows of the comparison."""
+"""Report of a case as markdown, made from a template and a comparison."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 MANY = 4
-"""Readings from which on a report begins with tables over all of them, and each one's tables stand in its section."""
+"""Number of readings from which a report begins with tables over all readings."""
 _EMPTY = re.compile(r"\n{3,}")
-"""Blank lines around what a template leaves out."""
+"""Repeated blank lines, which a template leaves around omitted parts."""
 
 
 @cache
 def environment() -> Environment:
-    """The environment of the templates: of reports, of the index, and of the studies' pages."""
+    """Make the environment of the templates of reports, of the index, and of the pages of studies."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     return Environment(
@@ -43,7 +43,6 @@ def environment() -> Environment:
 
 
 def report_text(comparison: Comparison, origin: Provenance) -> str:
-    """The report of one case."""
     case, results = comparison.case, comparison.readings
     models: dict[str, str] = {}
     stories = {""}
@@ -70,7 +69,7 @@ def _text(table: Table | None) -> str:
 
 
 def _whole(comparison: Comparison) -> Mapping[str, Any] | None:
-    """Of many readings who is right in how many, what the cheapest that is right in all costs, who is right where."""
+    """Make the tables over all readings, if there are many: solvers, prices, and digits by reading."""
     readings = {
         result.reading.name: [record.run for record in comparison.of_reading(result.reading.name)]
         for result in comparison.readings
@@ -91,11 +90,11 @@ def _whole(comparison: Comparison) -> Mapping[str, Any] | None:
 def _reading(
     comparison: Comparison, result: ReadingResult, models: dict[str, str], stories: set[str]
 ) -> Mapping[str, Any]:
-    """What a report shows of a reading; models and stories that it has already are not told again."""
+    """Collect the variables of the template for a reading; repeated models and stories are left out."""
     reading, records = result.reading, comparison.of_reading(result.reading.name)
     rows = [record.run for record in records]
     story, model = paragraphs(reading.story or ""), model_text(result)
-    same, told = models.setdefault(model, reading.name), story in stories
+    same, repeated = models.setdefault(model, reading.name), story in stories
     stories.add(story)
     names = {kind: file_name(reading.name, kind) for kind in KINDS}
     return {
@@ -113,7 +112,7 @@ def _reading(
         "runs": tables.run_table(records).markdown,
         "reasons": _text(tables.reason_table(rows)),
         "truth": truth.truth_table(result, rows).markdown,
-        "story": "" if told else story,
+        "story": "" if repeated else story,
         "model": model,
         "same_model": "" if same == reading.name else same,
         "parameters": ", ".join(parameters(result)),
@@ -121,7 +120,6 @@ def _reading(
 
 
 def _figures_note(comparison: Comparison, result: ReadingResult) -> str:
-    """Why a reading has no figures."""
     if result.figures_reason:
         return f"Figures could not be drawn: {markdown(result.figures_reason)}."
     drawn = any(other.figures for other in comparison.readings)
@@ -131,7 +129,7 @@ def _figures_note(comparison: Comparison, result: ReadingResult) -> str:
 
 
 def _origin(comparison: Comparison, origin: Provenance) -> Mapping[str, str]:
-    """Units of time that digits are counted in where they are not seconds, source, and versions of what ran."""
+    """Return the units of time for the count of digits if other than seconds, the source, and the versions."""
     units = {result.expected.time_unit for result in comparison.readings if result.expected is not None} - {1.0}
     links = dict.fromkeys(link(own) for result in comparison.readings for own in result.reading.links)
     source = markdown(comparison.case.source or "").rstrip(".")

@@ -1,6 +1,6 @@
-"""The matrix of a folder of reports, ``matrix.csv``: a row a reading and solver, with what its settings come to.
+"""Matrix of a folder of reports, ``matrix.csv``: a row per reading and solver, which summarises all settings.
 
-Index and page are made from it, so that they still know every case where most cases' own folders have been removed.
+Index and page are made from the matrix, and therefore still cover the cases whose folders have been removed.
 """
 
 from __future__ import annotations
@@ -21,56 +21,55 @@ from henon_ref.harness.rows import NOT_RUN, AnyRow, Row, RunRow, TableError, rea
 from henon_ref.text import message
 
 SHORT = 12
-"""Characters that a commit is told by, as in a report."""
+"""Length of an abbreviated commit, as in a report [characters]."""
 UNJUDGED = (None, "not judged")
 """Verdicts of runs that were not judged."""
 
 
 @dataclass(frozen=True)
 class MatrixRow(Row):
-    """A solver on a reading, over all settings; digits and times are rounded, as far as an overview needs them."""
+    """Summary of a solver on a reading over all settings; digits and times are rounded."""
 
     case: str
     reading: str
     kind: str | None
-    """The reading's (:mod:`henon_ref.harness.score.kinds`)."""
+    """Kind of the reading (:mod:`henon_ref.harness.score.kinds`)."""
     solver: str
     settings: int = 0
-    """Settings that were tried."""
+    """Number of settings tried."""
     judged: int = 0
     right: int = 0
     status: str = ""
-    """Of the right run with the most digits, else of the last one; so are verdict and digits."""
+    """Status of the right run with the most digits, else of the last run; verdict and digits are of the same run."""
     verdict: str | None = None
     digits: float | None = None
     wall_s: float | None = None
     """Shortest time of a right run [s]."""
     wall_3_s: float | None = None
-    """The same of runs that get the worst transition to three digits [s]."""
+    """Shortest time of a right run with at least three digits in its worst transition [s]."""
     wall_6_s: float | None = None
     wall_9_s: float | None = None
     wall_12_s: float | None = None
     commit: str | None = None
-    """The program's when the runs were made."""
+    """Commit of the program that made the runs."""
 
     @property
     def problem(self) -> tuple[str, str]:
-        """Case and reading."""
         return self.case, self.reading
 
     def wall(self, digits: int | None) -> float | None:
-        """Shortest time to so many digits [s]; None: of any right run."""
+        """Return the shortest time of a right run with a number of digits [s]; None: with any digits."""
         found: float | None = getattr(self, wall_column(digits))
         return found
 
 
 def wall_column(digits: int | None) -> str:
-    """The column with the times to so many digits, one of LEVELS; None: of any right run."""
+    """Return the column of the times for a number of digits in ``LEVELS``; None: for any right run."""
     return f"wall_{digits}_s" if digits else "wall_s"
 
 
 def summary(rows: Sequence[RunRow], *, kind: str | None = None, commit: str = "") -> MatrixRow:
-    """What the settings of one solver on one reading come to; at least one."""
+    """Summarise the runs of one solver on one reading, at least one, in one row."""
     best, right = best_of(rows), [row for row in rows if row.verdict == "right"]
     walls = {wall_column(digits): _shortest(reaching(rows, digits)) for digits in LEVELS}
     return MatrixRow(
@@ -96,31 +95,30 @@ def _shortest(rows: Sequence[RunRow]) -> float | None:
 
 
 def solvers_of(rows: Iterable[MatrixRow | RunRow]) -> list[str]:
-    """Solvers of some rows, in the registry's order."""
+    """Return the solvers of some rows, in the order of the registry."""
     present = {row.solver for row in rows}
     order = [solver for solver in registry.names() if solver in present]
     return order + sorted(present - set(order))
 
 
 def commits_of(rows: Sequence[MatrixRow]) -> list[str]:
-    """The commits of the program that made some rows of the matrix, each once, in the rows' order."""
     return list(dict.fromkeys(row.commit for row in rows if row.commit))
 
 
 def read_report(folder: Path) -> tuple[Mapping[str, Any], list[RunRow]]:
-    """The manifest and the runs in the folder of a case's report; CaseError where they are not this package's."""
+    """Read the manifest and the runs of a case's report; CaseError if they were not written by this package."""
     file = folder / MANIFEST
     try:
         content = json.loads(file.read_text(encoding="utf-8"))
     except (OSError, RecursionError, ValueError) as error:
         raise CaseError(f"cannot be read: {error}", file=str(file)) from error
     if not isinstance(mapping(content).get("title"), str):
-        raise CaseError("is no manifest of a report: it names no title", file=str(file))
+        raise CaseError("is not the manifest of a report: it has no title", file=str(file))
     return content, _rows(RunRow, folder / RUNS, "list of runs")
 
 
 def mapping(value: object) -> Mapping[str, Any]:
-    """What should be one, in a file that somebody may have changed."""
+    """Return a value from a file if it is a mapping, else an empty one."""
     return value if isinstance(value, dict) else {}
 
 
@@ -129,7 +127,7 @@ def _text(value: object) -> str | None:
 
 
 def read_matrix(folder: Path) -> list[MatrixRow]:
-    """The rows of a folder's matrix; none where it has none, CaseError where it is not this package's."""
+    """Read the rows of a folder's matrix; empty if there is none, CaseError if this package has not written it."""
     file = folder / MATRIX
     return _rows(MatrixRow, file, "matrix") if file.exists() else []
 
@@ -140,29 +138,29 @@ def _rows(kind: type[AnyRow], file: Path, what: str) -> list[AnyRow]:
     except (OSError, UnicodeDecodeError) as error:
         raise CaseError(f"cannot be read: {error}", file=str(file)) from error
     except TableError as error:
-        raise CaseError(f"is no {what} of this package: {error}", file=str(file)) from error
+        raise CaseError(f"is not a {what} of this package: {error}", file=str(file)) from error
 
 
 def rows_of_report(folder: Path) -> tuple[list[MatrixRow], list[str]]:
-    """The matrix's rows of one case, from the folder of its report, and all readings that the case has."""
+    """Make the rows of the matrix for one case from the folder of its report; return them and all its readings."""
     manifest, runs = read_report(folder)
     commit, readings = _text(manifest.get("commit")) or "", mapping(manifest.get("readings"))
-    commit = commit.rstrip("+")[:SHORT] + ("+" if commit.endswith("+") else "")  # the mark of files that differed
-    kinds = {reading: _text(mapping(own).get("kind")) for reading, own in readings.items()}  # earlier ones: none
+    commit = commit.rstrip("+")[:SHORT] + ("+" if commit.endswith("+") else "")  # + marks a modified checkout
+    kinds = {reading: _text(mapping(own).get("kind")) for reading, own in readings.items()}  # None in old manifests
     rows = [
         replace(summary(own, kind=kinds.get(reading), commit=commit), case=folder.name)
         for (_, reading), rows in readings_of(runs).items()
         for own in by_solver(rows).values()
     ]
-    named = manifest.get("case_readings", manifest.get("readings"))  # an earlier version names those that it ran
+    named = manifest.get("case_readings", manifest.get("readings"))  # old manifests list the readings that ran
     return rows, list(map(str, named)) if isinstance(named, list | dict) else []
 
 
 def merged(folder: Path) -> list[MatrixRow]:
-    """The matrix's rows by case, reading and solver: of the reports in a folder, and earlier ones of its matrix.
+    """Merge the reports in a folder into the rows of its matrix, sorted by case, reading and solver.
 
-    An earlier row stays where the case has no report there, and where the report's comparison did not run the solver.
-    A report that cannot be read is named, and left out; a matrix that cannot be read is an error.
+    An earlier row is kept if the case has no report in the folder, or if the report did not run the solver. A report
+    that cannot be read is skipped with a message. A matrix that cannot be read is an error.
     """
     cases = grouped(read_matrix(folder), lambda row: row.case)
     for report in sorted(file.parent for file in folder.glob(f"*/{MANIFEST}") if file.with_name(RUNS).exists()):
@@ -176,9 +174,9 @@ def merged(folder: Path) -> list[MatrixRow]:
 
 
 def updated(earlier: Sequence[MatrixRow], fresh: Sequence[MatrixRow], readings: Collection[str]) -> list[MatrixRow]:
-    """The rows of one case after a comparison of some of its solvers; ``readings`` are those that it has now.
+    """Merge the rows of one case after a comparison of some of its solvers.
 
-    The kinds of the fresh rows hold for all. Earlier rows of other readings go.
+    Earlier rows of readings that are not in ``readings`` are removed. The kinds of the fresh rows replace earlier ones.
     """
     ran = {(row.reading, row.solver) for row in fresh}
     rows = [*fresh, *(row for row in earlier if (row.reading, row.solver) not in ran and row.reading in readings)]

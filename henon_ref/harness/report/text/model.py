@@ -1,4 +1,4 @@
-"""The model of a reading, in markdown: equations of every mode, parameters, start and horizon, effects of a scene."""
+"""Model of a reading in markdown: equations of every mode, parameters, start and horizon, and effects of a scene."""
 
 from __future__ import annotations
 
@@ -27,23 +27,23 @@ from henon_ref.taylor.tape import TIME, build_tape
 from henon_ref.text import markdown
 
 MOST_MODES = 9
-"""Modes whose equations are printed."""
+"""Largest number of modes whose equations are printed."""
 
 
 class ModeText(NamedTuple):
-    """One mode's equations."""
+    """Equations of one mode."""
 
     title: str
     equations: str
     """LaTeX of the field."""
     notes: list[str]
-    """LaTeX of equivalent signs and of what ends a sliding mode."""
+    """LaTeX of equivalent signs and of the guards that end a sliding mode."""
 
 
 def model_text(result: ReadingResult) -> str:
-    """All of it but the values: readings that differ in these alone have the same."""
+    """Return the model without values, which is equal for readings that differ only in values."""
     system, effects = result.reading.problem.system, effect_table(result)
-    blocks = ["Effects built, and no others:", effects[0].markdown, effects[1]] if effects else []
+    blocks = ["Effects of the scene (no others are compiled):", effects[0].markdown, effects[1]] if effects else []
     blocks += [_displayed(general_form(system)), _listed(as_written(system))]
     blocks.append(_listed([*kink_notes(system), *reset_notes(system)]))
     for mode in modes_of(result):
@@ -61,7 +61,7 @@ def _listed(lines: Sequence[str]) -> str:
 
 
 def as_written(system: FilippovSystem) -> list[str]:
-    """What :func:`general_form` leaves out, as the case file has it, in markdown."""
+    """Return the expressions that :func:`general_form` omits, as written in the case file, in markdown."""
     parts = [(f"{x.name}' = ", x, f) for x, f in zip(system.states, system.field, strict=True)]
     parts += [(f"{s.name} = sign of ", s, h) for s, h in zip(system.signs, system.surfaces, strict=True)]
     every = not few([*system.field, *system.surfaces])
@@ -73,36 +73,35 @@ def as_written(system: FilippovSystem) -> list[str]:
 
 
 def kink_notes(system: FilippovSystem) -> list[str]:
-    """What is said of surfaces that stand for kinks, and of those across which the field is continuous."""
+    """Return notes on surfaces that represent kinks, or across which the field is continuous."""
     smooth = continuous(system)
     notes = []
     for index, name in enumerate(system.sign_names):
         if index in smooth:
-            notes.append(f"`{name}`: a kink, the field is continuous there; it is crossed, and nothing slides on it")
+            notes.append(f"`{name}`: a kink of a continuous field; it is always crossed, without sliding")
         elif index in system.kinks and any(rate.has(system.signs[index]) for rate in system.field):
             notes.append(f"`{name}`: a jump of the field")
     return notes
 
 
 def reset_notes(system: FilippovSystem) -> list[str]:
-    """What is said of surfaces at which the state jumps."""
     notes = []
     for index, reset in sorted(system.resets.items()):
         values = [(x, value) for x, value in reset.map.items() if printable(value)]
         lines = ", ".join(f"${symbol(x.name)}^+ = {latex(value)}$" for x, value in values)
         lines += "" if len(values) == len(reset.map) else " (a value is too long to be printed)"
-        note = f"`{system.sign_names[index]}`: where it falls through zero, the state jumps: {lines}"
+        note = f"`{system.sign_names[index]}`: when it falls through zero, the state jumps: {lines}"
         impact, part = impact_of(system, index), f"2^{log2(REMAINING):.0f}"
         note += f" (priority {reset.priority:g})" if reset.priority else ""
         if impact is not None and not impact.idle:
-            note += f"; impacts are told of until all later ones last less than {part} of the run, then "
+            note += f"; impacts are reported until all later ones last less than {part} of the run, then "
             note += f"the run ends: {impact.refusal}" if impact.refusal else "the body rests"
         notes.append(note)
     return notes
 
 
 def modes_of(result: ReadingResult) -> list[Mode]:
-    """The modes that the exact run visits, or all of a single surface."""
+    """Return the modes that the exact run visits, or all modes of a single surface."""
     if len(result.reading.problem.system.surfaces) == 1:
         return [(-1,), (0,), (1,)]
     events = result.expected.transitions if result.expected else ()
@@ -111,7 +110,6 @@ def modes_of(result: ReadingResult) -> list[Mode]:
 
 
 def mode_equations(system: FilippovSystem, mode: Mode) -> ModeText:
-    """The equations of one mode as LaTeX."""
     title = f"{'Stick' if 0 in mode else 'Slip'}, `{mode_text(mode, system.sign_names)}`"
     try:
         equations = system.equations(mode)
@@ -126,14 +124,14 @@ def mode_equations(system: FilippovSystem, mode: Mode) -> ModeText:
     for guard in releases:
         sides = ", ".join(f"{signs[i]} = {side:+d}" for i, side in guard.cut or ((guard.index, guard.to_sign),))
         notes.append(f"left to ${sides}$ where ${latex(guard.expression)}$ falls through 0")
-    held = "entered wherever the surface is reached with these positive, whatever the slip fields do"
+    held = "entered whenever the surface is reached while these guards are positive, whatever the slip fields"
     notes += [held for index, entry in enumerate(mode) if entry == 0 and system.held_inside(index)]
     lines = [derivative(x, f) for x, f in zip(system.states, equations.field, strict=True)]
     return ModeText(title, aligned(lines), notes)
 
 
 def parameters(result: ReadingResult) -> list[str]:
-    """``name = exact value (decimal)`` of every parameter, the start and the horizon, as LaTeX."""
+    """Format ``name = exact value (decimal)`` of every parameter, initial value and the horizon as LaTeX."""
     problem = result.reading.problem
     start = f"({latex(problem.start)})" if problem.start != 0 else "(0)"
     values = {symbol(s.name): value for s, value in problem.system.parameters.items()}
@@ -144,7 +142,7 @@ def parameters(result: ReadingResult) -> list[str]:
 
 
 def _value(value: sp.Expr) -> str:
-    """An exact number, with its decimals where they are not plain to see."""
+    """Format an exact number, with a decimal approximation if it is not a short decimal."""
     decimal = float(value)
     if size(value, MOST_OPERATIONS) > MOST_OPERATIONS:
         return f"{decimal:.10g}"
@@ -154,16 +152,16 @@ def _value(value: sp.Expr) -> str:
 
 
 MOST_ROWS = 24
-"""Connections that have a row each; where there are more, a row is all of a kind."""
+"""Largest number of connections with one row each; beyond it there is one row per kind."""
 HEADINGS = ("effect", "operations", "floating-point operations a step", "of all")
 EXPLAINED = (
-    "Operations that are gone where the effect is left out: on the tape of slip, and in the machine code of one Taylor "
-    "expansion of order {order}. What two effects share goes with neither."
+    "Operations saved if the effect is left out: on the tape of slip, and in the machine code of one Taylor expansion "
+    "of order {order}. Operations shared by two effects count for neither."
 )
 
 
 def effect_table(result: ReadingResult) -> tuple[Table, str] | None:
-    """A table of the effects of a reading's scene, and what its columns mean; None where there is no scene."""
+    """Make the table of the effects of a reading's scene, and the text on its columns; None if there is no scene."""
     scene = result.reading.scene
     if scene is None or not scene.connections:
         return None
@@ -179,7 +177,6 @@ def effect_table(result: ReadingResult) -> tuple[Table, str] | None:
 
 
 def _effects(scene: Scene) -> list[tuple[str, list[int]]]:
-    """Label and connections of every row."""
     if len(scene.connections) <= MOST_ROWS:
         return [(connection.label, [number]) for number, connection in enumerate(scene.connections)]
     kinds = grouped(range(len(scene.connections)), lambda number: scene.connections[number].kind)
@@ -187,7 +184,7 @@ def _effects(scene: Scene) -> list[tuple[str, list[int]]]:
 
 
 def _work(system: FilippovSystem, order: int) -> tuple[int, int]:
-    """Operations on the tape of slip, and floating-point operations of its expansion."""
+    """Count the operations on the tape of slip, and the floating-point operations of its expansion."""
     equations = system.shared_equations(frozenset())
     guards: Sequence[object] = [guard.expression for guard in equations.guards]
     tape = build_tape(system.states, equations.field, guards)

@@ -1,4 +1,4 @@
-"""Who is right to how many digits at what cost: the rows of one reading, ranked, and over all readings of a case."""
+"""Rank runs by accuracy and cost, within one reading and over all readings of a case."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from henon_ref.harness.rows import NOT_RUN, RunRow, number
 from henon_ref.harness.score.reference import HALF_ULP
 
 LEVELS = (3, 6, 9, 12)
-"""Digits that prices are given for."""
+"""Numbers of digits for which prices are given."""
 AS_GOOD = 0.3
-"""Digits that two solvers may differ by and still count as equally accurate (a factor of two)."""
+"""Largest difference of two runs that count as equally accurate [digits], a factor of two."""
 R = TypeVar("R")
 K = TypeVar("K", bound=Hashable)
 AnyRun = TypeVar("AnyRun", bound=RunRow)
 
 
 def grouped(rows: Iterable[R], key: Callable[[R], K]) -> dict[K, list[R]]:
-    """Rows by some key of theirs, in their order."""
+    """Group rows by a key, in order of first occurrence."""
     found: dict[K, list[R]] = {}
     for row in rows:
         found.setdefault(key(row), []).append(row)
@@ -29,56 +29,57 @@ def grouped(rows: Iterable[R], key: Callable[[R], K]) -> dict[K, list[R]]:
 
 
 def readings_of(rows: Iterable[R]) -> dict[tuple[str, str], list[R]]:
-    """Rows of runs, or of a matrix, by case and reading."""
+    """Group rows of runs, or of a matrix, by case and reading."""
     return grouped(rows, attrgetter("problem"))
 
 
 def by_solver(rows: Iterable[R]) -> dict[str, list[R]]:
-    """Rows of runs, or of a matrix, by solver."""
+    """Group rows of runs, or of a matrix, by solver."""
     return grouped(rows, attrgetter("solver"))
 
 
 def right(rows: Sequence[AnyRun]) -> list[AnyRun]:
-    """Rows whose sequence and end are right and whose accuracy is known."""
+    """Return the rows whose sequence and end are right and whose accuracy is known."""
     return [row for row in rows if row.verdict == "right" and row.digits is not None]
 
 
 def reaching(rows: Sequence[RunRow], digits: int) -> list[RunRow]:
-    """Right rows that reach so many digits, and were timed."""
+    """Return the right and timed rows with at least a number of digits."""
     return [row for row in right(rows) if number(row.digits) >= digits and row.wall_s is not None]
 
 
 def cheapest(rows: Sequence[RunRow], digits: int) -> tuple[RunRow | None, RunRow | None]:
-    """The cheapest right row that reaches so many digits, and the cheapest one of any other solver."""
+    """Return the cheapest right row with at least a number of digits, and the cheapest one of any other solver."""
     able = sorted(reaching(rows, digits), key=_price)
     return next(iter(able), None), next((row for row in able if row.solver != able[0].solver), None)
 
 
 def most_accurate(rows: Sequence[AnyRun]) -> AnyRun | None:
-    """The row with the most digits; among those as good, the cheapest."""
+    """Return the row with the most digits; among equally accurate rows the cheapest."""
     most = max((row.digits or 0.0 for row in rows), default=0.0)
     return min((row for row in rows if (row.digits or 0.0) >= most - AS_GOOD), key=_price, default=None)
 
 
 def best_of(rows: Sequence[RunRow]) -> RunRow:
-    """The row that a summary shows of one solver: the right one with the most digits, else the last one."""
+    """Return the row that represents a solver in a summary: the right one with the most digits, else the last one."""
     return max(right(rows), key=lambda row: number(row.digits), default=rows[-1])
 
 
 @dataclass(frozen=True)
 class WholeRow(RunRow):
-    """A solver at one setting over all readings of a case.
+    """Summary of a solver at one setting over all readings of a case.
 
-    ``status`` is one of a reading in which it ran, ``wall_s`` the time of all readings, ``wall_s_iqr`` the sum of their
-    ranges, ``digits`` the fewest in any. The verdict is right where it is so in every reading.
+    ``status`` is the first status of a reading in which the solver ran, ``wall_s`` the sum of the times of right runs,
+    ``wall_s_iqr`` the sum of their interquartile ranges, and ``digits`` the smallest number in any reading. The verdict
+    is "right" if the solver is right in every reading.
     """
 
     right_in: int = 0
-    """Readings in which it is right."""
+    """Number of readings in which the solver is right."""
 
 
 def over_all(readings: Sequence[Sequence[RunRow]]) -> list[WholeRow]:
-    """A row for every solver and setting, over all readings of a case."""
+    """Return one row per solver and setting, over all readings of a case."""
     every = grouped((row for rows in readings for row in rows), lambda row: (row.solver, row.rtol, row.step_s))
     found = []
     for (solver, rtol, step), rows in every.items():
@@ -102,13 +103,13 @@ def over_all(readings: Sequence[Sequence[RunRow]]) -> list[WholeRow]:
 
 
 def best_setting(rows: Sequence[WholeRow]) -> WholeRow:
-    """Of a solver's settings that are right in most readings the most accurate; among those as good, the cheapest."""
+    """Choose the setting that is right in the most readings; among these the most accurate, then the cheapest."""
     most = max(row.right_in for row in rows)
     return most_accurate([row for row in rows if row.right_in == most]) or rows[-1]
 
 
 def floor(row: RunRow) -> float:
-    """The least error that can be claimed [s]: the truth's radius, or what double precision holds."""
+    """Return the smallest error that can be claimed [s]: the radius of the truth, or half a unit in the last place."""
     return max(row.reference_radius_s or 0.0, HALF_ULP * (row.time_unit_s or 0.0))
 
 

@@ -1,4 +1,4 @@
-"""The tables of a case's report that its rows say."""
+"""Tables of a case's report that are made from its rows."""
 
 from __future__ import annotations
 
@@ -26,27 +26,26 @@ from henon_ref.text import code, markdown
 from henon_ref.trajectory import sticks
 
 MOST_STICKS = 12
-"""Sticks shown for a reading; all are in sticks.csv."""
+"""Largest number of sticks shown for a reading; sticks.csv has all."""
 MARK = "†"
-"""Behind a time whose samples scatter too much."""
+"""Mark after a time whose samples scatter too much."""
 SOLVERS = ("solver", "digits", "time", "times as long", "setting", "right", "note")
-"""Headings of the table that a report, or a reading's part of it, begins with."""
+"""Headings of the first table of a report or a reading."""
 UNDECIDED = ("ill-conditioned", "not unique")
-"""Verdicts on runs that are not right where double precision does not decide what is."""
+"""Verdicts on runs that differ from the truth if double precision cannot decide the right sequence."""
 Samples = Mapping[Key, Sequence[float]]
-"""Timing samples by the run's key."""
+"""Key of a run -> timing samples [s]."""
 
 
 def samples_of(records: Sequence[Record]) -> Samples:
-    """The timing samples of a reading's records."""
     return {record.run.key: record.samples for record in records}
 
 
 def solver_table(records: Sequence[Record]) -> Table:
-    """A row a solver of a reading: its most accurate right run, at how many settings it is right, what else it did.
+    """Make the table with one row per solver of a reading: most accurate right run, number of right settings, notes.
 
-    Times are set against the shortest one in the table, where several solvers have one. Solvers that are right come
-    first, the fastest of them at the top; then those that are not, and those that did not run.
+    Times are also given relative to the shortest one in the table if several solvers have a time. The right solvers
+    come first, sorted by time, followed by the solvers that are not right and those that did not run.
     """
     samples, solvers = samples_of(records), by_solver(record.run for record in records)
     best = {solver: _best(own) for solver, own in solvers.items()}
@@ -62,10 +61,10 @@ def solver_table(records: Sequence[Record]) -> Table:
 
 
 def whole_table(whole: Sequence[WholeRow], judged: int) -> Table:
-    """The same over all readings of a case that have a truth: ``whole`` from :func:`.ranking.over_all`.
+    """Make the table of solvers over all readings of a case with a truth; ``whole`` is from :func:`.ranking.over_all`.
 
-    A row is the setting with which a solver is right in most readings, and its cost over all where that is in all. Of
-    settings that are right in as many, one is shown, and the others are noted.
+    A row shows the setting at which a solver is right in the most readings, and its total time if it is right in all.
+    Other settings that are right in equally many readings are listed in the note.
     """
     solvers = by_solver(whole)
     best = {solver: best_setting(rows) for solver, rows in solvers.items()}
@@ -90,7 +89,7 @@ def _solver_line(
 
 
 def _best(rows: Sequence[RunRow]) -> RunRow | None:
-    """The most accurate right row of one solver; without transitions, where no row has digits, the last right one."""
+    """Return the most accurate right row of one solver; if no row has digits (no transitions), the last right row."""
     good = [row for row in rows if row.verdict == "right"]
     return most_accurate(right(good)) or (good[-1] if good else None)
 
@@ -104,7 +103,6 @@ def _rank(best: RunRow | None, rows: Sequence[RunRow]) -> int:
 
 
 def _right_at(rows: Sequence[RunRow]) -> str:
-    """At how many of its settings a solver is right, or why none was run or judged."""
     if rows[-1].status in NOT_RUN:
         return rows[-1].status
     if all(row.verdict in UNJUDGED for row in rows):
@@ -113,7 +111,7 @@ def _right_at(rows: Sequence[RunRow]) -> str:
 
 
 def _note(rows: Sequence[RunRow], best: RunRow | None) -> str:
-    """What became of the runs that are not right, and what the best one lacks."""
+    """Describe the runs that are not right, and the deficiencies of the best run."""
     if rows[-1].status in NOT_RUN:
         return markdown(rows[-1].status_reason or "").rstrip(".")
     notes = grouped((row for row in rows if row.verdict not in ("right", None)), _ending)
@@ -128,14 +126,14 @@ def _note(rows: Sequence[RunRow], best: RunRow | None) -> str:
 
 
 def _ending(row: RunRow) -> str:
-    """What is not right in a row: the transitions missed and spurious, else the status."""
+    """Return the numbers of missed and spurious transitions of a wrong row, else its status."""
     if row.status == "wrong" and (row.missed or row.spurious):
         return f"{row.missed} missed, {row.spurious} spurious"
     return f"{row.status}, {row.verdict}" if row.verdict in UNDECIDED else row.status
 
 
 def price_table(rows: Sequence[RunRow], samples: Samples | None = None) -> Table | None:
-    """The cheapest solver for so many digits, and what the next one costs; None where fewer than two solvers ran."""
+    """Make the table of the two cheapest solvers for each number of digits; None if fewer than two solvers ran."""
     found, ran = {level: cheapest(rows, level) for level in LEVELS}, {r.solver for r in rows if r.status not in NOT_RUN}
     if len(ran) < 2 or not any(first for first, _ in found.values()):
         return None
@@ -157,7 +155,7 @@ _MARKS = {"unsupported": "–", "unavailable": "·"}
 
 
 def digits_table(readings: Mapping[str, Sequence[RunRow]]) -> Table:
-    """Digits that each solver reaches on each reading, or what became of it."""
+    """Make the table of the digits that each solver reaches on each reading, or of its status."""
     solvers = solvers_of(row for rows in readings.values() for row in rows)
     lines = []
     for reading, rows in readings.items():
@@ -173,13 +171,13 @@ def _digits(row: MatrixRow) -> str:
         return reached if row.right == row.settings else f"{reached} *"
     if row.verdict in UNDECIDED:
         return str(row.verdict)
-    if row.verdict in UNJUDGED and row.status != "timeout":  # its "ok" is no right one
+    if row.verdict in UNJUDGED and row.status != "timeout":  # status "ok" does not mean right here
         return "not judged"
     return _MARKS.get(row.status, row.status)
 
 
 def run_table(records: Sequence[Record]) -> Table:
-    """Every run that could be made: what was found, how well, at what cost."""
+    """Make the table of all runs: numbers of transitions, errors, times and work."""
     lines = []
     for row, samples in ((record.run, record.samples) for record in records if record.run.status not in NOT_RUN):
         lines.append(
@@ -209,7 +207,7 @@ def _count(value: int | None) -> str:
 
 
 def _wall(row: RunRow, samples: Sequence[float]) -> str:
-    """Median wall time, its interquartile range (or how many samples, where they are too few for one), a mark."""
+    """Format the median wall time, its interquartile range or else the number of samples, and the mark."""
     if row.wall_s is None:
         return ""
     few = "" if row.timed_runs is None else count(row.timed_runs, "run")
@@ -218,12 +216,12 @@ def _wall(row: RunRow, samples: Sequence[float]) -> str:
 
 
 def timed(row: RunRow, samples: Samples | None = None) -> str:
-    """Median wall time of a row that has one, marked where its samples scatter too much."""
+    """Format the median wall time of a row, with a mark if its samples scatter too much."""
     return duration(row.wall_s) + _mark(row, (samples or {}).get(row.key, ()))
 
 
 def _mark(row: RunRow, samples: Sequence[float]) -> str:
-    """A mark where the range of the samples (of two, half their distance) is too large a part of their median."""
+    """Return the mark if the interquartile range (of two samples, half their distance) is large against the median."""
     scatter = row.wall_s_iqr
     if scatter is None:
         scatter = (max(samples) - min(samples)) / 2 if samples else 0.0
@@ -231,9 +229,9 @@ def _mark(row: RunRow, samples: Sequence[float]) -> str:
 
 
 def reason_table(rows: Sequence[RunRow]) -> Table | None:
-    """Why a run is not right: the solver's reason, the verdict and what it rests on, the cause where it is known.
+    """Make the table of runs that are not right: the solver's reason, the verdict with its basis, and the known cause.
 
-    One line for a solver that says the same at several settings.
+    Settings of a solver with equal entries share a line.
     """
     merged: dict[tuple[str, ...], list[str]] = {}
     for row in rows:
@@ -249,7 +247,7 @@ def reason_table(rows: Sequence[RunRow]) -> Table | None:
 
 
 def stick_table(records: Sequence[Record], result: ReadingResult) -> Table | None:
-    """The sticks of the measured window: the truth's, and how near the most accurate right run comes to them."""
+    """Make the table of the exact sticks in the measured window, with the errors of the most accurate right run."""
     expected, reading, system = result.expected, result.reading, result.reading.problem.system
     exact = sticks(expected.transitions, start=expected.start, after=reading.measure_after) if expected else []
     if not exact:
@@ -273,7 +271,7 @@ def stick_table(records: Sequence[Record], result: ReadingResult) -> Table | Non
 
 
 def _unit(result: ReadingResult) -> str:
-    """The unit of the first state, where it is the position of a body of a scene."""
+    """Return the unit of the first state if it is the position of a body in a scene."""
     bodies = result.reading.scene.bodies.values() if result.reading.scene else ()
     first = result.reading.problem.system.states[0]
     kind = next((body.kind for body in bodies if body.states and body.states[0] == first), "")

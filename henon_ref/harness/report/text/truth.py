@@ -1,4 +1,4 @@
-"""What the runs of a reading are scored against, what is proven of it, and what a source prints beside it."""
+"""Tables on the truth of a reading: the exact run, its certification, and comparisons with published numbers."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from henon_ref.trajectory import sticks
 
 HEADINGS = ("truth", "value", "note")
 DEPENDENT = ("henon", "heyoka")
-"""How names of solvers begin that share the library of a truth, or the rule that selects its modes."""
+"""Name prefixes of solvers that share code with a truth: its library, or the rule that selects its modes."""
 
 
 def truth_table(result: ReadingResult, runs: Iterable[RunRow] = ()) -> Table:
-    """The exact run: its end, its transitions, what is proven of them, how they were computed.
+    """Make the table of the exact run: end, transitions, certification and methods of computation.
 
-    Where no enclosure certifies them, ``runs`` of other libraries say whether something else confirms their modes.
+    If the transitions are not certified, the table names the independent solvers in ``runs`` that confirm their modes.
     """
     statement, expected = result.statement, result.expected
     if expected is None:
@@ -54,12 +54,12 @@ def truth_table(result: ReadingResult, runs: Iterable[RunRow] = ()) -> Table:
 
 
 def _confirms(run: RunRow) -> bool:
-    """Whether a run of an independent library has all transitions of the truth, each with its modes, and no other."""
+    """Check whether a run of an independent library has exactly the transitions and modes of the truth."""
     return run.status == "ok" and not run.missed and not run.spurious and not run.solver.startswith(DEPENDENT)
 
 
 def no_truth(result: ReadingResult) -> str:
-    """A sentence where no run is judged, for want of a truth; else nothing."""
+    """Return a sentence if no run is judged because there is no truth; otherwise an empty string."""
     if result.expected is not None and not result.expected.nothing_known:
         return ""
     reason = _reason(result)
@@ -77,7 +77,7 @@ def _end(expected: Expected) -> str:
 
 
 def _certified(result: ReadingResult, expected: Expected) -> tuple[str, str]:
-    """Whether the truth is proven, and what that means or why it is not."""
+    """Return whether the truth is proven, and an explanation."""
     statement, number = result.statement, len(expected.transitions)
     if statement.certified and not number:
         return "yes", "it is proven in ball arithmetic that there is no transition"
@@ -89,11 +89,11 @@ def _certified(result: ReadingResult, expected: Expected) -> tuple[str, str]:
 
 
 MOST_RUNS = 3
-"""Runs that a table names of those with the printed digits."""
+"""Largest number of named runs that have the printed digits."""
 
 
 def published_table(records: Sequence[Record], result: ReadingResult) -> Table | None:
-    """A row a printed stick duration: the exact run's last stick of that kind, and the runs with the printed digits."""
+    """Make the table of printed stick durations, each with the exact last stick of its kind, and with agreeing runs."""
     reading, expected = result.reading, result.expected
     printed = reading.published.stick_durations if reading.published is not None else ()
     if not printed or expected is None:
@@ -114,7 +114,7 @@ def published_table(records: Sequence[Record], result: ReadingResult) -> Table |
 
 
 def printed_times_table(result: ReadingResult) -> Table | None:
-    """A row a printed time of a transition, beside the exact transition that is nearest to it."""
+    """Make the table of the printed times of transitions, each with the nearest exact transition."""
     reading, expected = result.reading, result.expected
     printed = reading.published.transition_times if reading.published is not None else ()
     if not printed or expected is None:
@@ -134,7 +134,7 @@ def printed_times_table(result: ReadingResult) -> Table | None:
 
 
 def _last_sticks(expected: Expected, printed: Sequence[Decimal], after: float) -> dict[Decimal, float]:
-    """The exact duration [s] that belongs to each printed one: of the last two sticks of its kind the one nearer."""
+    """Map each printed duration to an exact one [s]: the nearer one of the last two sticks of its kind."""
     exact = [stick.duration for stick in sticks(expected.transitions, start=expected.start, after=after)]
     partners = published_partners(exact, [float(value) for value in printed])
     found: dict[Decimal, float] = {}
@@ -146,7 +146,7 @@ def _last_sticks(expected: Expected, printed: Sequence[Decimal], after: float) -
 
 
 def _why_none(exact: dict[Decimal, float], expected: Expected, after: float) -> str:
-    """Why a printed duration has no counterpart; a stick that the horizon cuts off is one without an end."""
+    """Return the reason why a printed duration has no exact counterpart; a stick cut off by the horizon has no end."""
     if exact:
         return "no stick of this kind"
     ends_in_slip = bool(expected.transitions) and 0 not in expected.transitions[-1].to_mode
@@ -158,7 +158,7 @@ def _closest(value: float, printed: Sequence[Decimal]) -> Decimal:
 
 
 def _compared(record: Record, printed: Sequence[Decimal]) -> list[tuple[Decimal, StickRow]]:
-    """The sticks of a run that have a printed duration, each with that."""
+    """Return the sticks of a run that have a printed duration, each with the latter."""
     own = [row for row in record.sticks if row.duration_s is not None and row.published_s is not None]
     return [(_closest(number(row.published_s), printed), row) for row in own]
 
@@ -169,7 +169,7 @@ def _has_printed_digits(record: Record, printed: Sequence[Decimal]) -> bool:
 
 
 def _shown(record: Record, value: Decimal, printed: Sequence[Decimal]) -> str:
-    """A run with its duration [s] and length of the sticks of one kind."""
+    """Format a run with the durations [s] and lengths of its sticks of one kind."""
     own = [row for partner, row in _compared(record, printed) if partner == value]
     cells = [code(record.run.solver), record.run.setting]
     for label, known in (("duration", [row.duration_s for row in own]), ("length", [row.length for row in own])):
@@ -179,13 +179,13 @@ def _shown(record: Record, value: Decimal, printed: Sequence[Decimal]) -> str:
 
 
 def orbit_table(result: ReadingResult) -> Table | None:
-    """The periodic orbit that a case names, and how far the last sticks and crossings of the exact run are from it."""
+    """Make the table of the periodic orbit named in a case, with the deviations of the exact run's last events."""
     orbit, expected = result.reading.orbit, result.expected
     if orbit is None or expected is None or not (orbit.sticks or orbit.crossings):
         return None
     found = [s.duration for s in sticks(expected.transitions, start=expected.start, after=result.reading.measure_after)]
     partners = published_partners(found, [float(value) for value in orbit.sticks])
-    last = dict(zip(partners, found, strict=True))  # of each kind the last one
+    last = dict(zip(partners, found, strict=True))  # the last stick of each kind
     period = float(orbit.period)
     times = [event.time for event in expected.transitions if event.kind == "crossing"][-len(orbit.crossings) :]
     lines = [("period", significant(period, 11), "")]
@@ -199,7 +199,7 @@ def orbit_table(result: ReadingResult) -> Table | None:
 
 
 def printed_alike(value: float, printed: Decimal) -> bool:
-    """Whether a value rounds to a printed number's digits.
+    """Check whether a value rounds to the digits of a printed number.
 
     Examples
     --------

@@ -96,7 +96,7 @@ def test_filters_leave_the_rows_that_they_name(chromium: Any, reports: Path) -> 
             set_value(page, name, value, event)
             assert rows_of(page) == shown, (name, value)
             assert page.locator("#shown-rows").inner_text() == f"{len(shown)} of 2 readings"
-            assert page.get_by_text("No reading fits these filters").is_visible() == (not shown)
+            assert page.get_by_text("No reading matches these filters").is_visible() == (not shown)
             assert page.locator("#matrix").is_visible() == bool(shown)
         set_value(page, "which", "every")
 

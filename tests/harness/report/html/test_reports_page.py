@@ -283,7 +283,7 @@ def test_the_check_tells_of_a_page_that_is_older_than_its_rows(tmp_path: Path) -
     runs = tmp_path / "first" / "runs.csv"
     runs.write_text(runs.read_text().replace("it is not installed", "it is gone"))
     (told,) = page_differences(tmp_path)
-    assert told.startswith(f"{page} does not show")
+    assert told.startswith(f"{page} does not agree with ")
 
 
 def test_the_table_of_the_page_is_that_of_the_index(reports: Path) -> None:

@@ -80,7 +80,7 @@ def test_work_precision_tells_of_the_point_and_drops_a_solver(chromium: Any, rep
         page.get_by_role("checkbox", name="heyoka").last.uncheck()
         assert points.count() == 4
         page.locator("#run-solvers-none").click()
-        assert "No solver is switched on." in page.locator("#work").inner_text()
+        assert "No solver is selected." in page.locator("#work").inner_text()
         page.locator("#run-solvers-all").click()
         points.first.focus()
         page.keyboard.press("ArrowRight")

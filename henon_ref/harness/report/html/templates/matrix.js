@@ -1,8 +1,8 @@
-// The page's data: solvers, readings with the cells of the matrix and their runs, and a place of each run.
+// Data of the page: solvers, readings with the cells of the matrix and their runs, and the address of each run.
 
 const SOLVERS = DATA.solvers.map((solver, k) => ({ ...solver, index: k, colour: `light-dark(${solver.light}, ${solver.dark})` }));
 
-/** A list as an object. */
+/** Convert a list to an object. */
 const named = (fields, values) => Object.fromEntries(fields.map((field, k) => [field, values[k]]));
 
 const READINGS = DATA.cases.flatMap((own) => own.readings.map((reading) => ({
@@ -17,23 +17,23 @@ READINGS.forEach((reading, k) => {
   reading.bySolver = new Map(reading.cells.map((cell) => [cell.solver.index, cell]));
 });
 
-/** One solver on one reading. */
+/** Make the cell of one solver on one reading. */
 function cellOf(reading, solver, values) {
   const own = named(DATA.cell, values);
   const runs = reading.runs[solver]?.map((run) => named(DATA.fields, run)) || null;
   return { ...own, reading, solver: SOLVERS[solver], runs, best: own.right ? own.digits ?? 0 : -1 };
 }
 
-/** Shortest time of a run that gets so many digits (0: of any right one); null: there is none. */
+/** Shortest time of a run with at least a number of digits (0: of any right run); null if there is none. */
 const wallAt = (cell, digits) => cell[digits ? `wall_${digits}_s` : "wall_s"];
 
-/** The cell that a reading's details begin with: the most digits, then the shortest time. */
+/** Cell shown first for a reading: the most digits, then the shortest time. */
 const bestCell = (reading) => [...reading.cells].sort((a, b) => b.best - a.best || (a.wall_s ?? Infinity) - (b.wall_s ?? Infinity))[0];
 
 /** Whether any run of a solver was judged. */
 const isJudged = (cell) => cell.judged > 0;
 
-// Every run's place on the page has a name that may stand in an address.
+// Each run has an identifier that is valid in an address.
 const PLACES = new Map();
 for (const reading of READINGS) {
   for (const cell of reading.cells) {
@@ -44,9 +44,9 @@ for (const reading of READINGS) {
     cell.id = id;
   }
 }
-// Which solver to take, for so many digits and a kind of case: a table, and a figure of every solver.
+// Recommended solver for a number of digits and a kind of case: a table, and a figure of all solvers.
 
-/** What the data says for so many digits. */
+/** Data for a number of digits. */
 const levelOf = (digits) => DATA.choice.find((level) => level.digits === digits);
 
 function drawChoice(digits, kind) {
@@ -62,14 +62,14 @@ function drawChoice(digits, kind) {
   const lines = group.bars.map(([solver, got, judged, slower]) => ({ solver: SOLVERS[solver], got, judged, slower }));
   lines.sort((a, b) => a.solver.few - b.solver.few);
   drawBars(byId("reaches"), lines, group.all, `In how many of ${group.readings} each solver gets ${level.wanted}, and its time`);
-  byId("reaches-note").textContent = `Dark: readings in which the solver gets ${level.wanted}; pale: those in which it is judged; ` +
-    `the whole width: all ${group.readings}. Dots: its time over that of the fastest solver, the median over the readings that it gets.`;
+  byId("reaches-note").textContent = `Dark: readings in which the solver gets ${level.wanted}. Pale: readings in which it is judged. ` +
+    `Full width: all ${group.readings}. Dots: median of its time over that of the fastest solver, in the readings of the dark bar.`;
 }
 
-/** A line on a solver's project, with its address. */
+/** Description of a solver's project, with its address. */
 const projectWords = ({ package: name, link, about }) => [link ? make("a", { href: link }, name) : name, about ? `, ${about}` : ""];
 
-/** The projects that the solvers come from. */
+/** List the projects of the solvers. */
 function listProjects() {
   const first = new Map(SOLVERS.map((solver) => [solver.package, solver]).reverse());
   const named = [...new Set(SOLVERS.map((solver) => solver.package))].map((name) => first.get(name));
@@ -89,7 +89,7 @@ function drawBars(holder, lines, all, label) {
   const axis = { low: 1, high: 10 ** Math.ceil(Math.log10(slowest) - 1e-9), log: true };
   const times = scale(axis, middle + 10, width - 18);
   const top = 34;
-  const apart = lines.findIndex((line) => line.solver.few); // these stand below a line of words
+  const apart = lines.findIndex((line) => line.solver.few); // they follow a line of text
   const height = top + ROW * (lines.length + (apart >= 0)) + 8;
   const svg = shape("svg", { class: "bars", viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": label },
     shape("text", { class: "tick", x: bars.from, y: 12 }, "gets, of judged"),
@@ -120,7 +120,8 @@ function drawBars(holder, lines, all, label) {
   });
   holder.replaceChildren(svg);
 }
-// The matrix: a row a reading, a column a solver. Cells are made once; filters hide rows and columns, the digits wanted colour them.
+// Matrix with a row per reading and a column per solver. Cells are made once. Filters hide rows and columns; the number of digits
+// selects the colours.
 
 const MATRIX = { rows: [], hidden: new Set(), sort: { by: "case", up: true } };
 const SHORT = { unsupported: "–", unavailable: "·", "ill-conditioned": "ill-cond." };
@@ -154,25 +155,25 @@ function head(by, text, kind) {
   return make("th", { scope: "col", class: kind, "data-by": by, "aria-sort": by === "case" ? "ascending" : null }, button);
 }
 
-/** A cell of the table: the link to its run, whose text and colour follow. */
+/** Make a cell of the table with the link to its run; text and colour are set later. */
 function cellNode(cell) {
   if (!cell) return { cell: null, node: make("td", { class: "cell none" }) };
   const link = make("a", { id: cell.id, href: `#${cell.id}`, tabindex: "-1" });
   return { cell, link, node: make("td", { class: "cell" }, link) };
 }
 
-/** How a cell may stand to the digits wanted: the words of its title and of the key, which has the same colours. */
+/** Possible results of a cell for the selected digits -> text in its title and in the key of the colours. */
 const STANDINGS = { reached: "gets the digits wanted", fewer: "right, with fewer digits", wrong: "not right",
   timeout: "out of time", undecided: "ill-conditioned or not unique: not decided in double precision", none: "not judged" };
 
-/** The title of a cell, made when the pointer comes to it. */
+/** Set the title of a cell when the pointer enters it. */
 function sayCell(event) {
   const link = event.target.closest("a");
   const cell = link && PLACES.get(link.id);
   if (cell) link.title = `${cell.solver.name} on ${cell.reading.label}: ${STANDINGS[standing(cell, Number(byId("digits").value))]}`;
 }
 
-/** What a cell says: digits, or the time for the digits wanted. */
+/** Text of a cell: digits, or the time for the selected digits. */
 function cellText(cell, digits, shown) {
   if (!cell.right) {
     const word = { timeout: cell.status, undecided: cell.verdict, wrong: cell.status }[standing(cell, digits)];
@@ -185,7 +186,7 @@ function cellText(cell, digits, shown) {
   return cell.right === cell.settings ? reached : `${reached} *`;
 }
 
-/** How a cell stands to the digits wanted. */
+/** Result of a cell for the selected digits, a key of STANDINGS. */
 function standing(cell, digits) {
   if (wallAt(cell, digits) !== null) return "reached";
   if (cell.right) return cell.digits === null ? "reached" : "fewer";
@@ -194,7 +195,7 @@ function standing(cell, digits) {
   return isJudged(cell) ? "wrong" : "none";
 }
 
-/** Texts and colours of all cells. */
+/** Set the texts and colours of all cells. */
 function colourMatrix(digits, shown) {
   for (const row of MATRIX.rows) {
     for (const { cell, node, link } of row.cells) {
@@ -208,7 +209,7 @@ function colourMatrix(digits, shown) {
   }
 }
 
-/** Hide what the filters leave out. */
+/** Hide the rows that the filters exclude. */
 function filterMatrix({ digits, kind, tag, text, which }) {
   const solvers = SOLVERS.filter((solver) => !MATRIX.hidden.has(solver.index));
   let visible = 0;
@@ -224,7 +225,7 @@ function filterMatrix({ digits, kind, tag, text, which }) {
   byId("shown-rows").textContent = `${visible} of ${count(READINGS.length, "reading")}`;
 }
 
-/** Whether a reading is one that some, all or none of the solvers shown get with the digits wanted. */
+/** Check whether some, all or none of the shown solvers reach the selected digits on a reading. */
 function isWanted(reading, solvers, digits, which) {
   if (which === "all") return true;
   const judged = solvers.map((solver) => reading.bySolver.get(solver.index)).filter((cell) => cell && isJudged(cell));
@@ -232,7 +233,7 @@ function isWanted(reading, solvers, digits, which) {
   return which === "every" ? got === judged.length && got > 0 : which === "missed" ? got < judged.length : got === 0;
 }
 
-/** Show or hide a solver's column. */
+/** Show or hide the column of a solver. */
 function showSolver(index, shown) {
   if (shown) MATRIX.hidden.delete(index);
   else MATRIX.hidden.add(index);
@@ -240,7 +241,7 @@ function showSolver(index, shown) {
   byId("columns").textContent = [...MATRIX.hidden].map((k) => `#matrix tr > :nth-child(${k + 3}), #matrix col:nth-child(${k + 3}) { display: none; }`).join("\n");
 }
 
-/** Sort by a column; once more turns it round. */
+/** Sort by a column; a second call reverses the order. */
 function sortMatrix(by) {
   const { sort, rows, body } = MATRIX;
   MATRIX.sort = { by, up: sort.by === by ? !sort.up : typeof by !== "number" };

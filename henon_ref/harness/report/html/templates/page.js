@@ -1,15 +1,15 @@
-// What both pages draw with: elements and tables, numbers, axes, a phase portrait.
+// Functions shared by both pages: elements and tables, numbers, axes, and phase portraits.
 
-// Elements. Text is always text, never markup: nothing here reads HTML.
+// Elements. Text is never parsed as HTML.
 
 const SVG = "http://www.w3.org/2000/svg";
 
-/** An HTML element with attributes, listeners ("onclick") and children; missing attributes and children are left out. */
+/** Make an HTML element with attributes, listeners ("onclick") and children; missing attributes and children are omitted. */
 function make(name, attributes, ...children) {
   return filled(document.createElement(name), attributes, children);
 }
 
-/** The same for SVG. */
+/** Make an SVG element. */
 function shape(name, attributes, ...children) {
   return filled(document.createElementNS(SVG, name), attributes, children);
 }
@@ -26,7 +26,7 @@ function filled(node, attributes, children) {
 
 const byId = (id) => document.getElementById(id);
 
-/** A table from headings and rows; a heading is text, or [text, "number"] for a column of numbers. */
+/** Make a table from headings and rows; a heading is text, or [text, "number"] for a column of numbers. */
 function table(headings, rows, caption) {
   const columns = headings.map((own) => (Array.isArray(own) ? own : [own, null]));
   const head = columns.map(([text, side]) => make("th", { scope: "col", class: side }, text));
@@ -37,7 +37,7 @@ function table(headings, rows, caption) {
     make("thead", null, make("tr", null, head)), make("tbody", null, body));
 }
 
-/** A select's options: [value, text] each, or a text that is both. */
+/** Set the options of a select element: [value, text], or a text that is also the value. */
 function options(select, entries) {
   select.replaceChildren(...entries.map((own) => {
     const [value, text] = Array.isArray(own) ? own : [own, own];
@@ -45,7 +45,7 @@ function options(select, entries) {
   }));
 }
 
-/** One tab stop for many links or points; arrow keys move between them, by rows and columns where there are any. */
+/** Use one tab stop for many links or points; arrow keys move between them, by rows and columns in a table. */
 function arrowKeys(container, selector) {
   container.addEventListener("keydown", (event) => {
     const from = event.target.closest(selector);
@@ -72,7 +72,7 @@ function arrowKeys(container, selector) {
   });
 }
 
-/** Small text beside what the pointer or the keyboard is on. */
+/** Tooltip next to the node under the pointer or with the keyboard focus. */
 const tooltip = {
   box: null,
   show(text, place) {
@@ -97,7 +97,7 @@ const tooltip = {
 };
 document.addEventListener("keydown", (event) => event.key === "Escape" && tooltip.hide());
 
-/** The button that makes a page dark or light, whatever the system says; remembered where the browser allows it. */
+/** Set up the button that switches between a dark and a light page; the browser stores the choice if possible. */
 function themeButton(button) {
   const root = document.documentElement;
   const dark = () => root.dataset.theme === "dark" ||
@@ -114,13 +114,13 @@ function themeButton(button) {
     say();
     try {
       localStorage.setItem("henon_ref theme", root.dataset.theme);
-    } catch { /* then it holds until the page is left */ }
+    } catch { /* the choice is lost when the page is closed */ }
     document.dispatchEvent(new Event("themechange"));
   });
 }
-// Numbers as the markdown reports write them (henon_ref/harness/table.py).
+// Formats of numbers, as in the markdown reports (henon_ref/harness/table.py).
 
-/** A number to so many significant places, without an exponent where that reads well. */
+/** Format a number with significant digits, and with an exponent if it is very large or small. */
 function significant(value, places = 3) {
   if (value === 0 || !Number.isFinite(value)) return String(value);
   const exponent = Math.floor(Math.log10(Math.abs(value)));
@@ -130,17 +130,17 @@ function significant(value, places = 3) {
 
 const exponential = (value, places = 2) => value.toExponential(places - 1).replace("e+", "e");
 
-/** A wall time in seconds, with a unit. */
+/** Format a wall time [s] with a unit. */
 function duration(seconds) {
   if (seconds === null || seconds === undefined) return "";
   if (seconds < 1e-4) return `${significant(seconds * 1e6)} µs`;
   return seconds < 1 ? `${significant(seconds * 1e3)} ms` : `${significant(seconds)} s`;
 }
 
-/** Digits, rounded down. */
+/** Format a number of digits, rounded down. */
 const digitsText = (value) => (value === null || value === undefined ? "" : String(Math.floor(value * 10 + 1e-9) / 10));
 
-/** An error; one below what can be claimed is not claimed. */
+/** Format an error; an error below the smallest claimable error (floor) is shown as "< floor". */
 function errorText(value, floor = 0) {
   if (value === null || value === undefined) return "";
   if (Math.abs(value) < floor) return `< ${exponential(floor, 1)}`;
@@ -151,26 +151,26 @@ const count = (number, noun) => `${number || "no"} ${noun}${number === 1 ? "" : 
 
 const SUPERSCRIPTS = "⁰¹²³⁴⁵⁶⁷⁸⁹";
 
-/** A power of ten as text. */
+/** Format a power of ten. */
 function powerOfTen(exponent) {
   if (exponent === 0) return "1";
   const digits = [...String(Math.abs(exponent))].map((digit) => SUPERSCRIPTS[digit]).join("");
   return `10${exponent < 0 ? "⁻" : ""}${digits}`;
 }
 
-/** A decade of time, in the unit in which it is said. */
+/** Format a decade of time with a unit. */
 function decadeOfTime(exponent) {
   if (exponent >= 0) return `${10 ** exponent} s`;
   if (exponent >= -3) return `${Math.round(10 ** (exponent + 3))} ms`;
   if (exponent >= -6) return `${Math.round(10 ** (exponent + 6))} µs`;
   return `${Math.round(10 ** (exponent + 9))} ns`;
 }
-// A figure's frame: axes, grid and labels, at the width that there is, so that its letters keep their size.
+// Frame of a figure: axes, grid and labels, at the available width, so that letters keep their size.
 
 /**
  * Begin a figure.
- * wanted: {height, left, x: {low, high, log, label, text}, y: {...}, label}; text(value) writes a tick (log: an exponent).
- * bare: no grid across what is drawn. Returns the SVG, its group for what is drawn, and at(x, y) in pixels.
+ * wanted: {height, left, x: {low, high, log, label, text}, y: {...}, label, bare}; text(value) formats a tick (log: an exponent),
+ * bare omits the grid. Returns the SVG, groups inside and above the clipped area, the scales x and y, and the margins.
  */
 function begin(holder, wanted) {
   const width = widthOf(holder);
@@ -205,7 +205,7 @@ function begin(holder, wanted) {
   return { svg, inside, above, x, y, edge, inner, width };
 }
 
-/** A function from values to pixels. */
+/** Return the function from values to pixels. */
 function scale(axis, from, to) {
   const place = axis.log ? Math.log10 : (value) => value;
   const low = place(axis.low);
@@ -213,7 +213,7 @@ function scale(axis, from, to) {
   return (value) => from + ((place(value) - low) / span) * (to - from);
 }
 
-/** Values and texts of an axis's ticks, at most so many. */
+/** Values and texts of the ticks of an axis, about `most` or fewer. */
 function ticks(axis, most) {
   if (axis.log) {
     const first = Math.ceil(Math.log10(axis.low) - 1e-9);
@@ -238,13 +238,13 @@ function ticks(axis, most) {
 
 const WIDTHS = new Map();
 
-/** The width of a holder, looked up once: to ask for it again would lay out the whole page. */
+/** Width of a holder, cached because each query would lay out the whole page again. */
 function widthOf(holder) {
   if (!WIDTHS.has(holder)) WIDTHS.set(holder, holder.clientWidth);
   return Math.max(WIDTHS.get(holder), 260);
 }
 
-/** Draw again whenever the width of a holder changes. */
+/** Redraw if the width of a holder changes. */
 function onWidth(holder, drawAgain) {
   new ResizeObserver((entries) => {
     const width = Math.round(entries.at(-1).contentRect.width);
@@ -262,15 +262,15 @@ const MARKERS = {
   X: "M-4.2,-2L-2,-4.2L0,-2L2,-4.2L4.2,-2L2,0L4.2,2L2,4.2L0,2L-2,4.2L-4.2,2L-2,0Z",
 };
 
-/** A marker at a place; hollow ones are what is not right. */
+/** Make a marker; hollow markers are runs that are not right. */
 function marker(kind, x, y, style, hollow, attributes) {
   const colour = style ? { style: `stroke:${style};fill:${hollow ? "var(--paper)" : style}` } : {};
   return shape("path", { d: MARKERS[kind] || MARKERS.o, transform: `translate(${x} ${y})`, "stroke-width": 1.4, ...colour,
     ...attributes });
 }
-// A phase portrait, drawn from its packed points (henon_ref/harness/report/html/portrait.py).
+// Phase portrait, drawn from packed points (henon_ref/harness/report/html/portrait.py).
 
-/** Whole numbers of a portrait's points, as places within its limits (0 to 1). */
+/** Unpack the points of a portrait, as fractions of its limits (0 to 1). */
 function pointsOf(text) {
   const numbers = new DataView(bytesOf(text).buffer);
   return Array.from({ length: numbers.byteLength / 4 }, (_, k) =>
@@ -280,7 +280,7 @@ function pointsOf(text) {
 const pieceClass = (label) =>
   label === "stick" ? "stick" : label === "surface" ? "surface" : label.endsWith("−1") ? "minus" : "plus";
 
-/** The curves of a portrait, in a frame of their own. */
+/** Draw the curves of a portrait in a new frame. */
 function portraitFigure(holder, portrait, height) {
   const [[left, right], [low, high]] = portrait.limits;
   const names = portrait.names.map((name) => (name === "t" ? "time t [s]" : name));
@@ -300,7 +300,7 @@ function portraitFigure(holder, portrait, height) {
   return frame;
 }
 
-/** What the lines of a portrait mean. */
+/** Make the key of the lines of a portrait. */
 function portraitKey(portrait) {
   const labels = [...new Set(portrait.pieces.map(([label]) => label))].sort();
   if (portrait.surfaces.length) labels.push("surface");

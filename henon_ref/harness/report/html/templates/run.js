@@ -1,4 +1,4 @@
-// One run: portrait, work-precision, and every setting of one solver with its errors, reason and cause.
+// One run: phase portrait, work-precision diagram, and all settings of one solver with errors, reasons and causes.
 
 const RUN = { cell: null, hidden: new Set() };
 
@@ -26,7 +26,7 @@ function showRun(cell, { scroll = true } = {}) {
   }
 }
 
-/** What is said of the case, and of the solver's project. */
+/** Describe the case and the project of the solver. */
 function runWords(reading, solver) {
   const own = reading.of;
   const title = reading.title && reading.title !== own.title ? `${own.title}. ${reading.title}` : own.title;
@@ -40,7 +40,7 @@ function runWords(reading, solver) {
         .filter(Boolean).join(" ")))];
 }
 
-/** The phase portrait of a reading, drawn from its packed points. */
+/** Draw the phase portrait of a reading from its packed points. */
 function drawPortrait(reading) {
   const holder = byId("portrait");
   const { portrait } = reading;
@@ -58,14 +58,14 @@ function drawPortrait(reading) {
   byId("portrait-key").replaceChildren(...portraitKey(portrait));
 }
 
-/** Runs of a reading that have a time and an error, by solver. */
+/** Runs of a reading with a time and an error, by solver. */
 function laddersOf(reading) {
   return reading.cells.filter((cell) => cell.runs).map((cell) => ({
     cell, solver: cell.solver, runs: cell.runs.filter((run) => run.wall_s > 0 && run.max_time_error_s !== null),
   })).filter((ladder) => ladder.runs.length);
 }
 
-/** The work-precision figure of the reading: error over time, a line a solver. */
+/** Draw the work-precision diagram of the reading: error over time, one line per solver. */
 function drawWork() {
   const { reading, solver } = RUN.cell;
   const holder = byId("work");
@@ -75,7 +75,7 @@ function drawWork() {
   RUN.frame = null;
   if (!drawn.length) {
     const why = !reading.cells.some((cell) => cell.runs) ? "The runs of this case are not kept." :
-      ladders.length ? "No solver is switched on." : "No run of this reading has both a time and an error: it has no transition to time.";
+      ladders.length ? "No solver is selected." : "No run of this reading has both a time and an error.";
     holder.replaceChildren(make("p", { class: "quiet" }, why));
     return;
   }
@@ -114,7 +114,7 @@ function drawWork() {
   frame.inside.querySelector("[tabindex]")?.setAttribute("tabindex", "0");
 }
 
-/** Decades around some values. */
+/** Limits of whole decades around some values. */
 function around(values, least) {
   let low = Math.floor(Math.log10(Math.min(...values)) - 0.25);
   let high = Math.ceil(Math.log10(Math.max(...values)) + 0.25);
@@ -122,7 +122,7 @@ function around(values, least) {
   return { low: 10 ** low, high: 10 ** high };
 }
 
-/** The error that the digits wanted allow, as a line. */
+/** Draw the largest error that the selected digits allow, as a line. */
 function drawLevel() {
   const { frame, level, cell } = RUN;
   if (!frame) return;
@@ -135,7 +135,7 @@ function drawLevel() {
     shape("text", { class: "tick", x: right - 4, y: y - 4, "text-anchor": "end" }, count(digits, "digit")));
 }
 
-/** A checkbox a solver, with how it is drawn. */
+/** Make one checkbox per solver, with a sample of its line. */
 function drawSwitches(ladders) {
   const focused = document.activeElement?.dataset?.switch;
   byId("switches").replaceChildren(...ladders.map(({ solver }) => {
@@ -152,17 +152,17 @@ function drawSwitches(ladders) {
   if (focused !== undefined) document.querySelector(`[data-switch="${focused}"]`)?.focus();
 }
 
-/** Every setting of the solver, with errors, and why it is not right. */
+/** Make the tables of all settings of the solver, with errors, and with reasons for runs that are not right. */
 function drawRuns(cell) {
   const holder = byId("run-tables");
   const { reading } = cell;
   if (!cell.runs) {
     const levels = DATA.choice.map((level) => level.digits).filter((digits) => digits && wallAt(cell, digits) !== null);
     const times = levels.map((digits) => `${digits} digits in ${duration(wallAt(cell, digits))}`).join(", ");
-    holder.replaceChildren(make("p", null, `The runs of this case are not kept beside this page; its row of the matrix says: status ${cell.status}` +
+    holder.replaceChildren(make("p", null, `The runs of this case are not stored in this folder. Summary in the matrix: status ${cell.status}` +
       `${cell.verdict ? ` (${cell.verdict})` : ""}, right at ${cell.right ?? 0} of ${cell.settings} settings` +
       `${cell.digits === null ? "" : `, ${digitsText(cell.digits)} digits`}${times ? `; ${times}` : ""}. ` +
-      "A comparison of its case file makes them again."));
+      "A comparison of the case file repeats the runs."));
     return;
   }
   const headings = ["setting", "result", ["digits", "number"], ["transition time, worst error [s]", "number"],
@@ -181,7 +181,7 @@ function drawRuns(cell) {
     scrolling(table(["setting", "result", "reason", "verdict", "cause in the library"], why), "Reasons and causes"));
 }
 
-/** What became of a run, in a few words. */
+/** Describe the result of a run in a few words. */
 function resultOf(run) {
   const parts = [run.status === "ok" || run.verdict === "right" ? run.verdict || run.status : run.status];
   if (run.missed || run.spurious) parts.push(`${run.missed || 0} missed, ${run.spurious || 0} spurious`);
@@ -191,16 +191,16 @@ function resultOf(run) {
 
 const scrolling = (content, label) => make("div", { class: "scroll reflow", tabindex: "0", role: "region", "aria-label": label }, content);
 
-/** Links to the files of the case, where there are any beside this page. */
+/** Make links to the files of the case, if they exist next to this page. */
 function drawFiles(reading) {
   const { name, files = [] } = reading.of;
-  // A figure's name is the reading's and its kind's (henon_ref/harness/report/figure_jobs.py); a kind has no underscore.
+  // The name of a figure is READING_KIND.svg (henon_ref/harness/report/figure_jobs.py); a kind has no underscore.
   const own = files.filter((file) => !file.endsWith(".svg") || file.slice(0, file.lastIndexOf("_")) === reading.name);
   byId("run-files").hidden = !own.length;
   byId("run-file-list").replaceChildren(...own.map((file) =>
     make("li", null, make("a", { href: `${encodeURIComponent(name)}/${encodeURIComponent(file)}` }, file))));
 }
-// The page of a folder of reports: its controls, and what follows from them.
+// Page of a folder of reports: controls and their actions.
 
 const control = (id) => byId(id).value;
 const settings = () => ({
@@ -222,7 +222,7 @@ function followFilters() {
   filterMatrix(own);
 }
 
-/** The controls whose choices depend on the data. */
+/** Make the controls whose choices depend on the data. */
 function makeControls() {
   options(byId("digits"), DATA.choice.map(({ digits }) => [digits, digits ? count(digits, "digit") : "right at all"]));
   byId("digits").value = byId("digits").dataset.first;
@@ -258,7 +258,7 @@ function saySolvers() {
   byId("solvers-text").textContent = `Solvers shown (${SOLVERS.length - MATRIX.hidden.size} of ${SOLVERS.length})`;
 }
 
-/** The run that the address names. */
+/** Show the run that the address names. */
 function followAddress() {
   const cell = PLACES.get(decodeURIComponent(location.hash.slice(1)));
   if (cell) showRun(cell);
@@ -267,7 +267,7 @@ function followAddress() {
 function chooseRun() {
   const reading = READINGS[Number(control("run-reading"))];
   const cell = reading.bySolver.get(Number(control("run-solver"))) || bestCell(reading);
-  history.replaceState(null, "", `#${cell.id}`); // else the address names another run, and a link to that one does nothing
+  history.replaceState(null, "", `#${cell.id}`); // otherwise a link to the run still named by the address would do nothing
   showRun(cell, { scroll: false });
 }
 
@@ -290,7 +290,7 @@ function start() {
   const shown = READINGS.find((reading) => reading.portrait && laddersOf(reading).length > 1) || READINGS[0];
   showRun(bestCell(shown), { scroll: false });
   window.addEventListener("hashchange", followAddress);
-  // The browser itself goes to the cell that the address names, once all is loaded: the run comes after that.
+  // After loading, the browser scrolls to the cell that the address names; the run must be shown after that.
   if (document.readyState === "complete") setTimeout(followAddress);
   else window.addEventListener("load", () => setTimeout(followAddress));
   onWidth(byId("reaches"), () => drawChoice(settings().digits, settings().kind));

@@ -1,9 +1,9 @@
-// The page of a sweep's folder: a diagram of its points or section points, and the run behind each point.
+// Page of a sweep: a diagram of its points or section points, and the run of each point.
 
-/** Base64 text as an array of numbers. */
+/** Decode base64 text to an array of numbers. */
 const numbersOf = (text, kind) => new kind(bytesOf(text).buffer);
 
-/** Columns of the points: numbers, or texts as numbers of words. */
+/** Columns of the points: numbers, or indices of words. */
 const COLUMNS = new Map(DATA.columns.map((column) => {
   const kinds = { double: Float64Array, single: Float32Array, word: Uint8Array };
   return [column.name, { ...column, values: numbersOf(column.data, kinds[column.kind]) }];
@@ -13,7 +13,7 @@ const SWEPT = DATA.swept;
 const textOf = (column, k) => (column.kind === "word" ? column.words[column.values[k]] : numberText(column, column.values[k]));
 const numberText = (column, value) => (Number.isNaN(value) ? "" : column.kind === "double" ? String(value) : significant(value, 7));
 
-/** Tables with several rows a point. */
+/** Tables with several rows per point. */
 const FRAMES = DATA.frames.map((frame) => ({
   ...frame,
   point: numbersOf(frame.point, Uint32Array),
@@ -27,7 +27,7 @@ const VIEW = { chosen: 0, drawn: null };
 const control = (id) => byId(id).value;
 const frameNow = () => FRAMES.find((frame) => frame.name === control("what")) || null;
 
-/** What may be drawn across, upward and as colour, for the table that is chosen. */
+/** Set the choices for both axes and the colour after a table is selected. */
 function followTable() {
   const frame = frameNow();
   const points = [...COLUMNS.values()];
@@ -44,7 +44,7 @@ function followTable() {
   drawAll();
 }
 
-/** Values of what is drawn: one an entry, and the point that each belongs to. */
+/** Values to draw, and the point of each entry. */
 function entries() {
   const frame = frameNow();
   const count = frame ? frame.point.length : POINTS.length;
@@ -69,7 +69,7 @@ function limitsOf(values) {
 
 const spread = ([low, high], room) => [low - room * (high - low), high + room * (high - low)];
 
-/** Distinct values in order; the step between two cells of a grid. */
+/** Distinct values in increasing order. */
 const distinct = (values) => [...new Set(values)].sort((a, b) => a - b);
 
 function drawAll() {
@@ -90,7 +90,7 @@ function drawAll() {
   drawChosen();
 }
 
-/** A colour an entry, and the key to them; shares are of the points that are drawn. */
+/** Return the colour of each entry, and show the key; shares are fractions of the drawn points. */
 function colours(own) {
   const column = COLUMNS.get(control("colour"));
   const ink = getComputedStyle(document.body).color;
@@ -127,7 +127,7 @@ function ramp(share) {
   return `rgb(${mixed})`;
 }
 
-/** The marks on a canvas below the frame: cells of a grid, or dots. */
+/** Draw the marks on a canvas below the frame: cells of a grid, or dots. */
 function drawMarks(frame, own, grid, columns, rows) {
   const ratio = window.devicePixelRatio || 1;
   const { edge, inner } = frame;
@@ -152,7 +152,7 @@ function drawMarks(frame, own, grid, columns, rows) {
   });
 }
 
-/** The entry that is nearest to the pointer. */
+/** Entry nearest to the pointer. */
 function nearest(event) {
   const { frame, count, x, y } = VIEW.drawn;
   const box = frame.svg.getBoundingClientRect();
@@ -176,7 +176,7 @@ function hover(event) {
   tooltip.show(words.join("\n"), { left: event.clientX, right: event.clientX, top: event.clientY, bottom: event.clientY });
 }
 
-/** Choose a point: by its place among those that are kept. */
+/** Select a point by its index among the points on the page. */
 function choose(k) {
   VIEW.chosen = k;
   byId("point").value = String(k);
@@ -189,7 +189,7 @@ function choose(k) {
   drawCase(k);
 }
 
-/** A ring around what belongs to the point that is chosen. */
+/** Draw rings around the entries of the selected point. */
 function drawChosen() {
   const { frame, count, pointOf, x, y } = VIEW.drawn;
   frame.above.replaceChildren();
@@ -202,7 +202,7 @@ function drawChosen() {
   }
 }
 
-/** The portrait of the kept run whose point is nearest, each swept value measured by its range. */
+/** Draw the portrait of the nearest point that has one; distances are relative to the range of each swept value. */
 function drawRun(k) {
   const holder = byId("portrait");
   byId("portrait-key").replaceChildren();
@@ -219,11 +219,11 @@ function drawRun(k) {
   byId("portrait-key").replaceChildren(...portraitKey(run.portrait));
   const own = SWEPT.map((name, j) => `${name} = ${significant(run.values[j], 5)}`).join(", ");
   const which = distance(run) === 0 ? "This point's run" :
-    make("strong", null, `Not this point's run, but that of point ${run.point} (${own}), the nearest of ${DATA.runs.length} that are kept here`);
+    make("strong", null, `Run of point ${run.point} (${own}), the nearest of the ${DATA.runs.length} points with a portrait`);
   byId("portrait-note").replaceChildren(which, `; ${run.portrait.window.map((time) => significant(time, 6)).join(" s to ")} s, ends ${run.status}`);
 }
 
-/** The point as a case file of its own, and the command that simulates it. */
+/** Show the point as a case file, and the command that simulates it. */
 function drawCase(k) {
   if (!DATA.case) {
     byId("case-note").textContent = DATA.no_case;
