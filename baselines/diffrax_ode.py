@@ -167,7 +167,7 @@ def _compiled(module: Any, method: str, either: bool, source: ModeSource) -> Any
 
 
 def _solve(module: Any, method: str, either: bool, source: ModeSource) -> Any:
-    """Return the function ``solve`` for jax to trace. It returns the end of the solve as an array, and diffrax's result.
+    """Return the function ``solve`` for jax to trace; it returns the solve's end as an array, and diffrax's result.
 
     ``watch`` holds each guard's sign, lift, and the time up to which its value is 1, shape (3, m). The returned array
     holds time, unknowns, watched guards, the guard against divergence, three flags (stopped by an event, arrived at
