@@ -16,7 +16,7 @@ Function = Callable[[float], float]
 def steps_of(
     start: list[float], field: list[list[float]], push: list[float], step: float, until: float
 ) -> Iterator[tuple[float, float, float]]:
-    """Yield (time, last state, relay) after each step of x' = field x + push relay; the last state switches the relay."""
+    """Yield (time, last state, relay) after each step of x' = field x + push relay; the last state sets the relay."""
     system = kernel.FirstOrderLinearDS(start, numpy.array(field))
     relation = kernel.FirstOrderLinearTIR(numpy.array([[0.0] * (len(start) - 1) + [1.0]]), numpy.array([push]).T)
     interaction = kernel.Interaction(kernel.RelayNSL(1, -1.0, 1.0), relation)
