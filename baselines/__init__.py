@@ -1,1 +1,1 @@
-"""Solvers that people use today, one file a library, behind one driver that owns the modes."""
+"""Adapters of existing ODE solvers, one file per library. One driver handles the modes for all of them."""

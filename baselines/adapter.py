@@ -1,7 +1,7 @@
-"""A library as a solver: what is said of it, and its modes; all else is the driver's.
+"""Base classes that make a library a solver. The driver handles everything except one smooth mode.
 
-A library that locates events to rounding is a :class:`ModeSolver` of its class for one mode; one of which more is to
-be said is an :class:`Adapter` of its own.
+A library that locates events to rounding needs a :class:`ModeSolver` and a class that integrates one mode. A library
+that needs more settings is a subclass of :class:`Adapter`.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from henon_ref.solver import Run
 from henon_ref.trajectory import Trajectory, without_hidden_kinks
 
 SCOUTING = 1e-6
-"""Tolerance of the run that finds out which modes a problem visits: loose enough to cost nothing beside compiling."""
+"""Tolerance of the run that finds the modes that a problem visits. At this tolerance compiling costs far more."""
 
 
 class Asked(NamedTuple):
-    """What :meth:`henon_ref.solver.Solver.prepare` is asked for besides a problem."""
+    """Arguments of :meth:`henon_ref.solver.Solver.prepare` in addition to the problem."""
 
     rtol: float
     atol: float
@@ -42,21 +42,21 @@ class Asked(NamedTuple):
 
 @dataclass(frozen=True)
 class LibrarySolver(ABC):
-    """A solver that is a Python package and is driven by tolerances (:class:`henon_ref.solver.Solver`)."""
+    """A :class:`henon_ref.solver.Solver` that is a Python package and chooses its steps by tolerances."""
 
     name: str
     fixed_step: ClassVar[bool] = False
     landing: ClassVar[str]
     distribution: ClassVar[str]
-    """The package that has to be installed, as messages name it."""
+    """Name of the package to install."""
     module: ClassVar[str] = ""
-    """What is imported of it."""
+    """Module to import from the package."""
     extra: ClassVar[str] = ""
-    """The extra of this project that brings it; empty where the project itself does."""
+    """Extra of this project that installs the package; empty if the project itself requires it."""
 
     @property
     def version(self) -> str:
-        """The library's version, empty where it is not installed."""
+        """The library's version; empty if it is not installed."""
         return installed_version(self.distribution)
 
     def prepare(
@@ -69,14 +69,14 @@ class LibrarySolver(ABC):
         sample_times: NDArray[np.float64] | None = None,
         deadline: float | None = None,
     ) -> Run:
-        """Make all ready that is made once a problem; see :meth:`henon_ref.solver.Solver.prepare`.
+        """Do all work that is done once per problem; see :meth:`henon_ref.solver.Solver.prepare`.
 
         Raises
         ------
         UnsupportedError
-            For a step, or no ``rtol``; and where the solver cannot do the problem.
+            If ``step`` is given, ``rtol`` is missing, or the solver does not support the problem.
         UnavailableError
-            Where the library is not installed.
+            If the library is not installed.
         """
         if step is not None or rtol is None:
             raise UnsupportedError(f"{self.name} chooses its own steps: give rtol (and atol), not step")
@@ -84,19 +84,19 @@ class LibrarySolver(ABC):
 
     @abstractmethod
     def prepared(self, problem: Problem, asked: Asked) -> Run:
-        """The same, where the tolerances are given."""
+        """Return a run of the problem at given tolerances; called by :meth:`prepare`."""
 
     def load(self) -> Any:
-        """Import what is called (a module, a class, a function)."""
+        """Import and return the module, class or function that the solver calls."""
         return import_module(self.module) if self.module else None
 
     def loaded(self) -> Any:
-        """What :meth:`load` imports.
+        """Return the result of :meth:`load`.
 
         Raises
         ------
         UnavailableError
-            Where it is not installed.
+            If the library is not installed.
         """
         try:
             return self.load()
@@ -104,7 +104,7 @@ class LibrarySolver(ABC):
             raise UnavailableError(self._absent) from error
 
     def unavailable(self) -> str:
-        """Why the library cannot be had; empty where it can. One that comes with an extra is not imported for it."""
+        """Reason why the library cannot be used; empty if it can. A library of an extra is not imported to check."""
         if self.extra:
             return "" if self.version else self._absent
         try:
@@ -125,21 +125,21 @@ class Adapter(LibrarySolver):
 
     restart: Restart = field(default="event-free-step", kw_only=True)
     mode: ClassVar[Callable[..., Flow]]
-    """Its class for one mode, of (library, model, work, horizon)."""
+    """Class that integrates one mode; its arguments are (library, model, work, horizon)."""
     least_rtol: ClassVar[float] = 0.0
-    """A smaller ``rtol`` is raised to this."""
+    """Smallest allowed ``rtol``; a smaller value is raised to it."""
     implicit: ClassVar[bool] = False
-    """Whether its steps are solved by an iteration that the tolerances stop: it then leaves a part of them in the state
-    from the first step on."""
+    """Whether each step is solved by an iteration that stops at a part of the tolerances. The state then has an error
+    of that size from the first step on."""
     located: ClassVar[tuple[float, float]] = (4.0, 1.0)
-    """See :attr:`henon_ref.baselines.library.Library.located`: here to rounding."""
+    """See :attr:`henon_ref.baselines.library.Library.located`; the default is rounding."""
     samples: ClassVar[bool] = False
-    """Whether its modes give the state at wanted times."""
+    """Whether the modes return the state at the sample times."""
     warm_up: ClassVar[bool] = False
-    """Whether preparing runs once, since compiling a mode costs more than a run."""
+    """Whether to run once while preparing, because the first run of a mode compiles it."""
 
     def prepared(self, problem: Problem, asked: Asked) -> Run:
-        """Make every mode ready (lambdify, compile)."""
+        """Prepare every mode (lambdify, compile)."""
         library, times = self.library(asked.rtol, asked.atol), asked.sample_times if self.samples else None
         driver = Driver(problem, library, Work(asked.deadline), times)
         driver.compile()
@@ -148,9 +148,9 @@ class Adapter(LibrarySolver):
         return partial(_visible, driver) if problem.system.kinks else driver.run
 
     def library(self, rtol: float, atol: float) -> Library:
-        """The library at these tolerances, for the driver."""
+        """Return the library at these tolerances, for the driver."""
         rtol = max(rtol, self.least_rtol)
-        # An explicit method's first step is as exact as it is short.
+        # The error of an explicit method's first step vanishes with its length.
         errors = (STOPPED * rtol, STOPPED * atol) if self.implicit else (EPSILON, 0.0)
         return Library(
             self, self.loaded(), rtol, atol, self.landing, self.restart, self.accuracy(rtol, atol), errors,
@@ -158,11 +158,11 @@ class Adapter(LibrarySolver):
         )  # fmt: skip
 
     def accuracy(self, rtol: float, atol: float) -> tuple[float, float]:
-        """Relative and absolute error that the tolerances allow a step."""
+        """Return the relative and absolute error that the tolerances allow per step."""
         return rtol, atol
 
     def loosened(self, rtol: float, atol: float) -> Library:
-        """The library at tolerances for finding out which modes are visited."""
+        """Return the library at loose tolerances, for the run that finds the visited modes."""
         return self.library(max(rtol, SCOUTING), max(atol, SCOUTING))
 
 
@@ -172,9 +172,9 @@ def _visible(driver: Driver) -> Trajectory:
 
 @dataclass(frozen=True)
 class ModeSolver(Adapter):
-    """A solver made of a :class:`SmoothMode`: what an entry point of the group ``henon_ref.solvers`` names.
+    """A solver made of a :class:`SmoothMode`. An entry point of the group ``henon_ref.solvers`` may name such a solver.
 
-    Event times are taken to be located to rounding, 4 eps (1 + abs(t)).
+    Event times are assumed to be exact to rounding, 4 eps (1 + abs(t)).
 
     Examples
     --------
@@ -182,12 +182,11 @@ class ModeSolver(Adapter):
     """
 
     samples: ClassVar[bool] = True
-    mode: type[SmoothMode]  # type: ignore[misc]  # an adapter's class has these, here each object
-    """Its class for one mode."""
+    mode: type[SmoothMode]  # type: ignore[misc]  # a class variable of Adapter, a field here
+    """Class that integrates one mode."""
     landing: str = field(kw_only=True)  # type: ignore[misc]
-    """How it puts a step's end on the surface, for the ``landing`` column."""
+    """How the solver puts the end of a step on the surface, for the ``landing`` column."""
     distribution: str = field(kw_only=True)  # type: ignore[misc]
-    """The package it comes from, whose version stands in the results."""
+    """Package of the solver; its version is written into the results."""
     implicit: bool = field(default=False, kw_only=True)  # type: ignore[misc]
-    """Whether its steps are solved by an iteration that the tolerances stop: it then leaves a part of them in the state
-    from the first step on."""
+    """See :attr:`Adapter.implicit`."""

@@ -1,19 +1,22 @@
-"""diffrax: Dopri8 and Kvaerno5 with ``diffrax.Event``, one compiled solve a mode.
+"""diffrax: Dopri8 and Kvaerno5 with ``diffrax.Event``, one compiled solve per mode.
 
-diffrax compares the sign of each condition function at the ends of a step and, where one has changed, seeks its root
-on the step's dense output. Three things follow, each shown in :mod:`henon_ref.baselines.causes.diffrax_events`: of
-several conditions that change in one step the first in their list counts, not the first in time; from the step's end
-Newton's method, the "typical choice" of its page, goes to the last root of the step; a condition that is zero where a
-run starts stops it there, or, with a direction, loses its root in the first step. So the guards are one condition here,
-their minimum, the root finder is bisection within the step, the direction is downwards, and the guard of a surface just
-left starts clearly positive (``offset``, :mod:`henon_ref.baselines.restart`). (Bisection takes one condition only.) A
-guard that is negative where its mode begins is watched for its rise first, then for its fall.
+diffrax compares the sign of each condition function at the two ends of a step and locates a root of a changed
+condition on the step's dense output. :mod:`henon_ref.baselines.causes.diffrax_events` demonstrates three consequences:
 
-Kvaerno5's dense output is a cubic: its event times are less accurate than its steps. A pair of roots inside one step
-is not seen.
+1. If several conditions change in one step, the first in the list counts, which may not be the first in time.
+2. Newton's method, the "typical choice" of the documentation, starts at the end of the step and finds its last root.
+3. A condition that is zero at the start stops the run at once or, with a direction, loses its root in the first step.
 
-The vector field and the guards are jax functions of the parameters, too: a mode is traced and compiled (four to eight
-seconds) once a process for all parameter values and tolerances; that time is ``compile_s``.
+Therefore the adapter uses one condition, the minimum of the guards; bisection within the step (which accepts one
+condition only); the direction downwards; and ``offset`` (:mod:`henon_ref.baselines.restart`), by which the guard of a
+surface just left starts clearly positive. A guard that is negative at the start of its mode is first watched for its
+rise, then for its fall.
+
+Kvaerno5's dense output is a cubic, so that event times are less accurate than its steps. A pair of roots inside one
+step is not detected.
+
+The parameters are arguments of the jax functions. Hence a process traces and compiles a mode once (four to eight
+seconds) for all parameter values and tolerances; that time is reported as ``compile_s``.
 """
 
 from __future__ import annotations
@@ -40,18 +43,18 @@ from henon_ref.modes.equations import along
 from henon_ref.taylor.tape import TIME
 
 MAX_STEPS = 4096
-"""Steps between two looks at the clock (diffrax's own default for ``max_steps``)."""
+"""Steps between two checks of the clock (diffrax's default for ``max_steps``)."""
 STAGES = 13
-"""Right-hand sides of a step of Dopri8: 14 stages, of which the first is the last of the step before."""
+"""Right-hand sides per step of Dopri8: 14 stages, the first of which is the last of the step before."""
 DENSE_OUTPUT = 64.0
-"""Roundings of a time that the dense output makes of a root: on x' = 1 it is found 1.4e-14 from t = 1."""
+"""Error of a root on the dense output, in roundings of its time: for x' = 1 the root t = 1 is 1.4e-14 off."""
 SCALE = 1e-100
-"""Of the condition: bisection ends only where the condition, too, is below its absolute tolerance, which is one of
-time here."""
+"""Factor of the condition. Bisection stops only when the condition, too, is below the absolute tolerance, which is
+chosen for the time; the factor makes the condition irrelevant."""
 
 
 class _Mode(SmoothMode):
-    """diffrax on one mode."""
+    """One mode on diffrax."""
 
     def __init__(self, library: Library, model: ModeFunctions, work: Work, horizon: float) -> None:
         super().__init__(library, model, work, horizon)
@@ -69,8 +72,8 @@ class _Mode(SmoothMode):
         while True:
             try:
                 solved = self._run(t, x, until, signs)
-            except RuntimeError as error:  # raised out of compiled code, with its traceback as text
-                return self.failed(f"diffrax: {_said(error)}")
+            except RuntimeError as error:  # raised by compiled code, with a traceback in its text
+                return self.failed(f"diffrax: {_message(error)}")
             self.last.value(solved.t, solved.x)
             risen = [k for k in solved.fallen if signs[k] < 0]
             if risen:
@@ -78,16 +81,16 @@ class _Mode(SmoothMode):
             elif solved.event or solved.arrived:
                 return self.stopped(solved.t, solved.x, solved.fallen if solved.event else None)
             elif not solved.more:
-                return self.failed(f"diffrax: {solved.words}")
+                return self.failed(f"diffrax: {solved.message}")
             if not risen and solved.t - t <= 4.0 * EPSILON * abs(solved.t):
                 return self.failed(f"diffrax does not advance from t = {t:.17g}")
             t, x = solved.t, solved.x
             self.work.check()
 
     def _lift(self, t: float, x: NDArray[np.float64]) -> None:
-        """Lift a guard that was left and still reads no more than zero, as one of the time alone may by its rounding.
+        """Raise the lift of a fresh guard that is still not positive (a guard of time alone may be so by rounding).
 
-        A minimum that is negative already falls no more: the roots of all others would be lost with it.
+        A minimum that starts negative cannot fall through zero, so that the roots of all guards would be lost.
         """
         lifts = self.gates.lifts
         for k, guard in enumerate(self.model.guards):
@@ -95,7 +98,7 @@ class _Mode(SmoothMode):
                 lifts[k] += LEAST - 2.0 * value
 
     def _unarmed(self, t: float, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """-1 for a guard that has yet to rise, whose negative is watched until it has; 1 for all others."""
+        """Return -1 for a guard that must rise before it counts (its negative is watched until then), 1 otherwise."""
         signs = np.ones(len(self.model.guards) + 1)
         for k, guard in enumerate(self.model.guards):
             if guard.rising_only and (t <= self.gates.quiet[k] or self._value(k, t, x) <= 0.0):
@@ -126,13 +129,14 @@ class _Mode(SmoothMode):
             arrived=arrived,
             more=more,
             fallen=[self._nearest(values, float(row[0]), row[1 : n + 1])] if event else [],
-            words="" if event or arrived or more else str(result),
+            message="" if event or arrived or more else str(result),
         )
 
     def _nearest(self, values: NDArray[np.float64], t: float, x: NDArray[np.float64]) -> int:
-        """The guard whose root is nearest in time, of those that were watched: the last one is that of divergence.
+        """Return the guard whose root is nearest in time; the last entry of ``values`` is that of divergence.
 
-        Where the minimum's root is located to a rounding, a slow guard may read less than the one that falls.
+        The values alone do not decide it: at the located root of the minimum a slow guard may have a smaller value than
+        the guard that falls.
         """
         try:
             rates = np.abs(self.model.rates(t, *x[: self.states].tolist())[1::2])
@@ -141,8 +145,8 @@ class _Mode(SmoothMode):
         return int(np.argmin(np.append(values[:-1] / np.maximum(rates, LEAST), np.sign(values[-1]) * np.inf)))
 
 
-def _said(error: RuntimeError) -> str:
-    """What Equinox's check says within jax's message; else that message's first line."""
+def _message(error: RuntimeError) -> str:
+    """Extract the message of Equinox's check from jax's message; without one, return the first line."""
     found = re.search(r"EquinoxRuntimeError: (.+)", str(error))
     return found[1] if found else str(error).partition("\n")[0]
 
@@ -152,7 +156,7 @@ _SOLVES: dict[tuple[str, bool, ModeSource], Any] = {}
 
 
 def _compiled(module: Any, method: str, either: bool, source: ModeSource) -> Any:
-    """``solve(t, x, until, numbers, watch, tolerances)`` of one mode, compiled once."""
+    """Return the compiled ``solve(t, x, until, numbers, watch, tolerances)`` of one mode."""
     key = (method, either, source)
     if key not in _SOLVES:
         jax, n = module.jax, len(source.unknowns)
@@ -163,11 +167,11 @@ def _compiled(module: Any, method: str, either: bool, source: ModeSource) -> Any
 
 
 def _solve(module: Any, method: str, either: bool, source: ModeSource) -> Any:
-    """The same, to be traced by jax: the end of the solve as one array, and diffrax's result.
+    """Return the function ``solve`` for jax to trace; it returns the solve's end as an array, and diffrax's result.
 
-    ``watch`` holds each guard's sign, lift, and the time up to which it reads 1, shape (3, m). The array holds time,
-    unknowns, the guards so watched, the guard against divergence, then whether an event stopped it, whether it arrived
-    at the horizon, whether its steps were used up, accepted steps, steps.
+    ``watch`` holds each guard's sign, lift, and the time up to which its value is 1, shape (3, m). The returned array
+    holds time, unknowns, watched guards, the guard against divergence, three flags (stopped by an event, arrived at
+    the horizon, ``max_steps`` used), the accepted steps, and all steps.
     """
     diffrax, jnp = module.diffrax, module.jax.numpy
     rates, guards = jax_function(source, source.right), jax_function(source, source.guards)
@@ -207,22 +211,22 @@ def _solve(module: Any, method: str, either: bool, source: ModeSource) -> Any:
 
 
 class ModeSource(NamedTuple):
-    """One mode's equations, parameters as symbols: what is compiled, and what a compiled function is found by."""
+    """Equations of one mode with parameters as symbols; the key of the compiled solves."""
 
     unknowns: tuple[sp.Symbol, ...]
-    """The states, then a copy of each guard that is not linear in them."""
+    """The states, followed by a copy of each guard that is not linear in time and states."""
     states: int
     numbers: tuple[sp.Symbol, ...]
-    """Parameters that are arguments."""
+    """Parameters that are arguments of the compiled function."""
     right: tuple[sp.Expr, ...]
     """Time derivatives of the unknowns."""
     guards: tuple[sp.Expr, ...]
 
 
 def mode_source(model: ModeFunctions) -> tuple[ModeSource, tuple[float, ...]]:
-    """A mode's equations with parameters as symbols, and the parameters' values.
+    """Return a mode's equations with parameters as symbols, and the parameters' values.
 
-    One that stands in an exponent is put in: ``x**2`` is a product and ``x**p`` a logarithm.
+    The value of a parameter in an exponent is inserted, because ``x**2`` is a product but ``x**p`` a logarithm.
     """
     fields, guards = model.equations.field, tuple(g.expression for g in model.guards)
     parameters = model.system.parameters
@@ -238,7 +242,7 @@ def mode_source(model: ModeFunctions) -> tuple[ModeSource, tuple[float, ...]]:
 
 
 def jax_function(source: ModeSource, expressions: Sequence[sp.Expr]) -> Callable[[Any, Any, Any], Any]:
-    """``f(t, x, numbers)`` -> one jax array with an entry an expression (x an array of the unknowns)."""
+    """Return ``f(t, x, numbers)``, a jax array with one entry per expression; x is an array of the unknowns."""
     import jax.numpy as jnp
 
     arguments = [TIME, *source.unknowns, *source.numbers]
@@ -254,11 +258,11 @@ def jax_function(source: ModeSource, expressions: Sequence[sp.Expr]) -> Callable
 
 @dataclass(frozen=True)
 class DiffraxOde(Adapter):
-    """``diffrax.diffeqsolve`` on one smooth mode after another, in double precision on the processor.
+    """``diffrax.diffeqsolve`` for one smooth mode after another, in double precision on the CPU.
 
-    Counts: ``steps`` are accepted steps; ``rhs_evaluations`` are counted for Dopri8, 13 a step, rejected ones too
-    (diffrax does not count, and of Kvaerno5's iterations nothing is known: 0); ``event_evaluations`` one a guard and
-    accepted step, those of the root finder not counted.
+    Counts: ``steps`` are accepted steps; ``rhs_evaluations`` are 13 per step of Dopri8, rejected steps included, and 0
+    for Kvaerno5, because diffrax does not count its iterations; ``event_evaluations`` is one per guard and accepted
+    step, without those of the root finder.
     """
 
     method: Literal["Dopri8", "Kvaerno5"]
@@ -270,20 +274,18 @@ class DiffraxOde(Adapter):
     located = (DENSE_OUTPUT, 1.0)
 
     def load(self) -> Any:
-        """jax, diffrax and optimistix."""
         import diffrax
         import jax
         import optimistix
 
         jax.config.update("jax_enable_x64", True)
         jax.config.update("jax_platforms", "cpu")
-        # A run's processor time is that of its own thread.
+        # The processor time of a run is measured for its own thread.
         jax.config.update("jax_cpu_enable_async_dispatch", False)
         return SimpleNamespace(jax=jax, diffrax=diffrax, optimistix=optimistix)
 
     @property
     def implicit(self) -> bool:  # type: ignore[override]
-        """Whether the method is."""
         return self.method == "Kvaerno5"
 
     loosened = scouting

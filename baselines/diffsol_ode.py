@@ -1,15 +1,15 @@
-"""diffsol by pydiffsol: Tsit45 and BDF with ``stop_i``, each mode a model of its own in DiffSL.
+"""diffsol by pydiffsol: Tsit45 and BDF with ``stop_i``; each mode is a separate model in DiffSL.
 
-A stop function counts at every change of its sign, whichever the direction, and the result says when the run stopped,
-not by which function: that is told here from the guards' values and rates, and where one has risen the run goes on. A
-stop function that is exactly zero where a run starts is out of play until it has left zero, as in SUNDIALS; one that
-is a rounding below zero and rises stops the run there. Hence the ``offset`` as default
-(:mod:`henon_ref.baselines.restart`). Roots are located by a secant method on the step's interpolant to ``100 eps
-(abs(t) + abs(h))``; a pair of roots inside one step is not seen.
+A stop function stops the run at every change of its sign, in either direction. The result contains the time of the
+stop but not the function. This adapter finds the function from the guards' values and rates, and continues the run if
+a guard has risen. diffsol ignores a stop function that is exactly zero at the start until it has left zero, as SUNDIALS
+does; a function that starts one rounding below zero and rises stops the run at once. Therefore the default restart is
+``offset`` (:mod:`henon_ref.baselines.restart`). Roots are located by a secant method on the step's interpolant to
+``100 eps (abs(t) + abs(h))``. A pair of roots inside one step is not detected.
 
-A whole mode is one call into Rust, so that a deadline is looked at between modes only, and the guards are never called
-back: when a run failed is known from the library's message alone, and the state there is not known (the mode's first
-one stands for it).
+A whole mode is one call into Rust, without callbacks to Python. Hence the deadline is checked only between modes. If a
+run fails, its time is taken from the library's message; the state at that time is unknown, and the initial state of
+the mode is returned instead.
 """
 
 from __future__ import annotations
@@ -36,23 +36,23 @@ from henon_ref.taylor.fold import Rules, Walk, fold, fraction
 from henon_ref.taylor.tape import TIME
 
 STAGES = 6
-"""Right-hand sides of a step of Tsit45: seven stages, of which the first is the last of the step before."""
+"""Right-hand sides per step of Tsit45: seven stages, the first of which is the last of the step before."""
 
 SHORTEST = 1e-13
-"""diffsol's own shortest step, below which a run fails [s]: its estimate of a first step from a state that is nearly
-zero is shorter. What the horizon's rounding is longer than would not advance."""
+"""diffsol's default for the shortest step [s]; a shorter step makes the run fail. diffsol's first step from a state
+near zero may be shorter, so that the limit is lowered to the rounding of the horizon if that is smaller."""
 KEPT = 64
-"""Compiled modes that a process keeps: more than a system visits."""
+"""Largest number of compiled modes that a process caches; a system visits fewer."""
 FUNCTIONS = ("sin", "cos", "sinh", "cosh", "tanh", "exp", "log")
-"""Of DiffSL (https://martinjrobins.github.io/diffsl/functions.html). It has neither the inverse trigonometric functions
-nor acosh and atanh under names of its own that it can differentiate; its ``tan`` ends the process (Enzyme does not know
-LLVM's intrinsic), so that a tangent is written as a quotient here."""
+"""Supported functions of DiffSL (https://martinjrobins.github.io/diffsl/functions.html). DiffSL cannot differentiate
+inverse trigonometric functions, acosh and atanh. Its ``tan`` aborts the process (Enzyme does not support LLVM's
+intrinsic), so that a tangent is written as a quotient."""
 MOST_FACTORS = 4
-"""Up to this whole number a power is written as a product, whose derivative has a value at zero, too."""
+"""Largest integer exponent that is written as a product; the derivative of a product has a value at zero."""
 
 
 class _Mode(SmoothMode):
-    """diffsol on one mode."""
+    """One mode on diffsol."""
 
     def __init__(self, library: Library, model: ModeFunctions, work: Work, horizon: float) -> None:
         super().__init__(library, model, work, horizon)
@@ -66,8 +66,8 @@ class _Mode(SmoothMode):
             try:
                 times, rows = self._solve(t, x, until)
             except RuntimeError as error:
-                told = re.search(r" at time = ([-+.e\d]+)", str(error))
-                self.last.value(float(told[1]) if told else t, x)
+                time = re.search(r" at time = ([-+.e\d]+)", str(error))
+                self.last.value(float(time[1]) if time else t, x)
                 return self.failed(f"diffsol: {error}")
             steps = times.size - 1
             self.work.steps += steps
@@ -86,7 +86,7 @@ class _Mode(SmoothMode):
             self.work.check()
 
     def _solve(self, t: float, x: NDArray[np.float64], until: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Times, shape (k,), and unknowns, shape (k, N), of the steps from (t, x) on."""
+        """Return times, shape (k,), and unknowns, shape (k, N), of the steps from (t, x)."""
         lifts, quiet = self.gates.lifts, np.maximum(self.gates.quiet, -1e300)
         self._ode.rtol, self._ode.atol = self._tolerances
         self._ode.options.min_timestep = min(SHORTEST, EPSILON * abs(until))
@@ -96,7 +96,10 @@ class _Mode(SmoothMode):
         return np.asarray(solution.ts), np.asarray(solution.ys).T
 
     def _by_which(self, t: float, x: NDArray[np.float64]) -> tuple[list[int], bool]:
-        """The guard that stopped the run, or no guard and whether one has risen, which is lifted then."""
+        """Find the guard that stopped the run: return ([k], False) if it fell, ([], True) if it rose.
+
+        A guard that rose is lifted, so that the continued run does not stop at the same root.
+        """
         model, gates, state = self.model, self.gates, x[: self.states].tolist()
         try:
             rates = model.rates(t, *state)
@@ -119,15 +122,15 @@ class _Mode(SmoothMode):
 
 @lru_cache(maxsize=KEPT)
 def _compiled(module: Any, method: str, text: str) -> Any:
-    """The ``Ode`` of one mode, compiled once for all tolerances and restarts; every solve sets what it depends on."""
+    """Compile the ``Ode`` of one mode; tolerances and start are set at every solve."""
     return module.Ode(text, ode_solver=getattr(module, method))
 
 
 def mode_text(model: ModeFunctions) -> str:
-    """One mode with its guards as stop functions.
+    """Return one mode in DiffSL, with its guards as stop functions.
 
-    Its inputs are the initial unknowns, and for each guard a lift and a time up to which it reads 1. The last stop
-    function is the guard against divergence, 1e100 minus the sum of abs(x).
+    The inputs of the model are the initial unknowns and, for each guard, a lift and a time up to which the stop
+    function is 1. The last stop function is the guard against divergence, 1e100 minus the sum of abs(x).
     """
     names = {x: f"x{k}" for k, x in enumerate(model.unknowns)}
     guards = range(len(model.guards))
@@ -151,18 +154,18 @@ def _tensor(name: str, entries: Sequence[str]) -> str:
 
 
 def number(value: float) -> str:
-    """A double as DiffSL reads it: digits and a point, a small e, a sign in parentheses."""
+    """Format a double for DiffSL: digits and a point, a lower-case e, a negative number in parentheses."""
     text = repr(float(value))
     return f"({text})" if text.startswith("-") else text
 
 
 def to_diffsl(expression: sp.Expr, names: Mapping[sp.Symbol, str]) -> str:
-    """An expression in time and the unknowns, of which these are the names in the text, as DiffSL.
+    """Convert an expression in time and the unknowns to DiffSL; ``names`` are the unknowns' names in the text.
 
     Raises
     ------
     UnsupportedError
-        For a function that DiffSL does not have.
+        If DiffSL does not have a function.
     """
 
     def product(e: sp.Expr, walk: Walk[str]) -> str:
@@ -202,10 +205,10 @@ def to_diffsl(expression: sp.Expr, names: Mapping[sp.Symbol, str]) -> str:
 
 @dataclass(frozen=True)
 class DiffsolOde(Adapter):
-    """``pydiffsol.Ode.solve`` on one smooth mode after another, dense matrices, derivatives by Enzyme.
+    """``pydiffsol.Ode.solve`` for one smooth mode after another, with dense matrices and derivatives by Enzyme.
 
-    Counts: ``steps`` are accepted steps; ``rhs_evaluations`` are those of Tsit45's accepted steps (diffsol does not
-    count: of BDF nothing is known, 0); ``event_evaluations`` one a guard and accepted step.
+    Counts: ``steps`` are accepted steps; ``rhs_evaluations`` are computed from Tsit45's accepted steps (0 for BDF,
+    because diffsol returns no counts); ``event_evaluations`` is one per guard and accepted step.
     """
 
     method: Literal["tsit45", "bdf"]
@@ -219,7 +222,6 @@ class DiffsolOde(Adapter):
 
     @property
     def implicit(self) -> bool:  # type: ignore[override]
-        """Whether the method is."""
         return self.method == "bdf"
 
 

@@ -1,19 +1,18 @@
-"""The sliding extension that all libraries share: modes, what follows an event, restarts, how a run ends.
+"""Driver of all libraries: it handles events, selects modes, restarts the library and ends the run.
 
-A library integrates one smooth mode until a guard stops it (:class:`.library.Flow`); everything else
-is here and the same for all. At an event the driver
+A library integrates one smooth mode until a guard stops it (:class:`.library.Flow`). The driver does everything else,
+in the same way for all libraries. At an event the driver
 
-1. adds the guards that fell through zero at the same instant (within the library's own location error);
-2. puts the state on the surfaces it is on, by one Newton step along their gradients: it moves by what the
-   library left there (rounding after a located event, tolerance after a long slide) and no more; the
-   largest such distance is the trajectory's ``max_surface_drift``;
-3. decides the next mode: by the signs of the normal velocities on the two sides where these settle it
-   (:mod:`henon_ref.baselines.mode_table`), by :mod:`henon_ref.modes.selection` everywhere else;
-4. starts the next mode and names the guards that start at zero: what to do about those is the library's.
+1. adds the guards that fell through zero at the same time (within the library's own location error);
+2. projects the state onto its surfaces by one Newton step along their gradients. The step removes only the
+   library's error (rounding after a located event, tolerance after a long slide); the largest such distance is the
+   trajectory's ``max_surface_drift``;
+3. selects the next mode: by the signs of the normal velocities on the two sides if they decide it
+   (:mod:`henon_ref.baselines.mode_table`), otherwise by :mod:`henon_ref.modes.selection`;
+4. starts the next mode and lists the guards that start at zero. The library treats them by its restart policy.
 
-A run ends at the horizon (an event at the horizon counts), or earlier with a status: ``diverged`` (the
-state blows up or passes 1e100), ``nonunique``, ``invalid``, ``timeout``, and ``failed``
-with the library's own words or because events accumulate.
+A run ends at the horizon (an event at the horizon counts), or earlier with a status: ``diverged`` (the state blows up
+or passes 1e100), ``nonunique``, ``invalid``, ``timeout``, and ``failed`` (the library fails or events accumulate).
 """
 
 from __future__ import annotations
@@ -40,21 +39,21 @@ from henon_ref.trajectory import Trajectory
 _LOG = logging.getLogger(__name__)
 
 FALLING = 1e-6
-"""A rate of a guard below minus this part of its surface's normal velocities is no rounding."""
+"""A guard falls if its rate is below minus this part of its surface's normal velocities; a smaller one is rounding."""
 LATE = 1e3
-"""A guard below zero by so many times what the tolerances make of it has been stepped over."""
+"""A guard whose value is below minus this multiple of its error by the tolerances has been stepped over."""
 
 
 class Driver:
-    """One problem on one library, ready to run again and again.
+    """One problem prepared for repeated runs with one library.
 
-    The library's flows count into ``work``, which holds the deadline; ``known`` are modes of the same system on another
-    library.
+    The library counts its evaluations in ``work``, which holds the deadline. ``known`` is a table of modes of the same
+    system that was made for another library; their equations are used again.
 
     Raises
     ------
     UnsupportedError
-        Where the initial mode has no equations, or too many contacts with static friction act on each other.
+        If the initial mode has no equations, or too many contacts with static friction act on each other.
     """
 
     def __init__(
@@ -80,7 +79,7 @@ class Driver:
             self._first = self.table.entered(self.decision.mode, self.start, self.initial, fresh)[:2]
 
     def compile(self) -> None:
-        """Make ready the modes a run may visit: all of them for one surface, those of a loose run beyond."""
+        """Prepare all modes of a system with one surface; otherwise those that a run at loose tolerances visits."""
         modes: Sequence[tuple[Mode, frozenset[int]]] = [((entry,), frozenset()) for entry in (-1, 0, 1)]
         if self.decision.mode is None:
             return
@@ -88,7 +87,7 @@ class Driver:
             scout = Driver(self.problem, self.library.loosened(), Work(self.work.deadline), known=self.table)
             try:
                 scout.run()
-            except Exception as error:  # noqa: BLE001 - it may be another library's, and no fault of this one
+            except Exception as error:  # noqa: BLE001 - the library may raise anything; the timed run reports it
                 _LOG.debug("the loose run ended early: %s", error)
             modes = scout.table.visited
         for mode, idle in modes:
@@ -98,7 +97,7 @@ class Driver:
                 _LOG.debug("mode %s has no equations: %s", mode, error)
 
     def run(self) -> Trajectory:
-        """The whole run, afresh."""
+        """Run from the start to the horizon."""
         self.work.start()
         library = self.library
         record = Record(self.work, self.problem, library.landing, library.errors[1], self.sample_times)
@@ -181,7 +180,7 @@ class Driver:
             entry, fresh, falls = self.table.entered(mode, t, x, fresh, before.model.idle)
 
     def _low_flight(self, entry: ModeEntry, fresh: Sequence[Fresh], t: float, x: Sequence[float]) -> Stop | None:
-        """The end of a flight too low for the library; None where it is the library's to find."""
+        """End of a flight that is too low for the library; None if the library is to find the end."""
         if len(fresh) != 1 or not entry.resets(fresh[0][0]):
             return None
         found = low_flight(entry.model, fresh[0][0], t, x, self.library.accuracy)
@@ -193,7 +192,10 @@ class Driver:
     def _without_speed(
         self, entry: ModeEntry, fresh: Sequence[Fresh], t: float, x: Sequence[float]
     ) -> tuple[float, tuple[float, ...]] | None:
-        """Where a surface that resets the state and is left by the acceleration alone can be told from zero."""
+        """Time [s] and state at which the state has left a resetting surface that it leaves with zero normal velocity.
+
+        None if the state does not start on one such surface.
+        """
         (guard, _, rate), *others = fresh
         if others or rate != 0.0 or not entry.resets(guard):
             return None
@@ -203,10 +205,11 @@ class Driver:
     def _noise(
         self, entry: ModeEntry, guard: int, fresh: Sequence[Fresh], length: float, t: float, x: Sequence[float]
     ) -> float | None:
-        """What the tolerance makes of a guard whose fall is no impact though it resets the state; None where it is one.
+        """Error of a resetting guard by the tolerances if its root is no impact; None if it is an impact.
 
-        A body that an impact leaves no speed, or that has lifted off, leaves the surface by its acceleration alone: it
-        does not come back within what the tolerance makes of its place. None hits a surface that it moves away from.
+        A body that an impact stops, or that has lifted off, leaves the surface by its acceleration alone. Its guard
+        cannot fall again while its distance is within the tolerance. A body that moves away from a surface does not
+        hit the surface.
         """
         if not entry.resets(guard):
             return None
@@ -223,17 +226,17 @@ class Driver:
     def _together(
         self, entry: ModeEntry, stop: Stop, fresh: Sequence[Fresh]
     ) -> tuple[tuple[int, ...], tuple[Fresh, ...], str]:
-        """What the guards say at a stop.
+        """Find all guards that fall at a stop of the library.
 
         Returns
         -------
         hits : tuple of int
-            Guards that fell: those the library named, and those within its location error.
+            Guards that fell: those that the library reported, and those within its location error.
         unsettled : tuple of Fresh
-            Guards that started at zero and have not yet been seen to leave it.
+            Guards that started at zero and are still within its rounding.
         missed : str
-            A guard that is below zero by more than the tolerances explain: the library stepped over its root
-            without a word, and what it has computed since belongs to no mode.
+            Message about a guard that is below zero by more than the tolerances explain; empty if there is none. The
+            library stepped over the root, so that its later states belong to no mode.
         """
         model, t, x = entry.model, stop.t, stop.x
         try:
@@ -249,7 +252,7 @@ class Driver:
                 continue
             if value < -abs(reach) - LATE * model.size(k, t, x, *self.library.accuracy):
                 return (), (), f"a root of {guard.expression} was stepped over: it is {value:.3g} at t = {t:.17g}"
-            # One that started at zero and is in the noise of it, without falling, has not been seen to leave.
+            # A guard that started at zero, is within its noise and does not fall has not left zero yet.
             settled = k not in started or rate < -FALLING * started[k][1]
             if not settled and value > -model.size(k, t, x, *self.library.errors):
                 unsettled.append(started[k])

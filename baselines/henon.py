@@ -1,4 +1,4 @@
-"""The reference as solvers: ``henon``, and the same integrator with the landings ``newton`` and ``brent``."""
+"""The reference integrator as solvers: ``henon``, and two variants with the landings ``newton`` and ``brent``."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from henon_ref.workers.machine import library_versions
 
 @dataclass(frozen=True)
 class HenonSolver:
-    """Adaptive Taylor method with Hénon's landing, compiled, mode loop and all.
+    """Adaptive Taylor method with Hénon's landing. The whole run is compiled, the loop over the modes included.
 
-    ``rtol`` is the local error of a step relative to each state's (and guard's) own size on the step, so
-    the units of a model do not matter; ``atol`` is not used. Order and step follow from ``rtol``.
+    ``rtol`` is the local error of a step relative to the size of each state (and guard) on the step, so that the
+    units of a model do not matter; ``atol`` is not used. ``rtol`` sets the order and the step sizes.
 
-    ``steps`` counts Taylor steps (a step cut by an event counts once), ``rhs_evaluations`` Taylor
-    expansions, evaluations of the two normal velocities at an event, and of slopes where a step might have led over
-    a branch point; ``event_evaluations`` evaluations of a guard's polynomial by the landing.
+    ``steps`` counts Taylor steps (a step cut by an event counts once). ``rhs_evaluations`` counts Taylor expansions,
+    evaluations of the two normal velocities at an event, and evaluations of slopes if a step may have crossed a branch
+    point. ``event_evaluations`` counts evaluations of a guard's polynomial by the landing.
     """
 
     name: str = "henon"

@@ -1,20 +1,19 @@
-"""heyoka: Taylor integration with terminal events, one compiled integrator a mode.
+"""heyoka: Taylor integration with terminal events, one compiled integrator per mode.
 
-What heyoka does with a root at its starting point: without a direction an event that is exactly zero there
-stops the integrator at once; with a direction it does not, but then the next true root of the step is lost
-(x = 0, v = 1, a = -1, falling: the root at t = 2 is never reported). A guard that starts one rounding
-above zero is treated rightly. Hence the ``offset`` as default: the fresh guard is lifted by a few roundings
-of its terms through a heyoka parameter, which costs no step and makes its next root late by that lift over
-the guard's rate, about one rounding of the state over its rate. heyoka finds a root on the guard's Taylor
-polynomial, so at a loose tolerance a tangential release is a little early or late and the guard may first fall
-by the square of that: the lift then covers this, too. ``event-free-step`` takes a short step
-with a second integrator without events; ``direction`` and ``none`` show what happens without either.
+Without a direction, an event that is exactly zero at the start stops heyoka at once. With a direction it does not, but
+the next true root in the first step is lost (x = 0, v = 1, a = -1, falling: the root at t = 2 is never reported). A
+guard that starts one rounding above zero is treated correctly. Therefore the default restart is ``offset``: a heyoka
+parameter lifts the fresh guard by a few roundings of its terms. The lift costs no step and delays the next root by the
+lift divided by the guard's rate. heyoka finds a root on the guard's Taylor polynomial. At a loose tolerance a
+tangential release is therefore slightly early or late, and the guard may first fall by the square of this time; the
+lift covers this fall. ``event-free-step`` takes a short step with a second integrator without events. ``direction``
+and ``none`` are for comparison.
 
-An exact double root inside a step is not seen. A root very early in a long step (a ballistic return within 1e-4
-of the step) is now and then lost with the guard's start: where such a guard is then below zero, the start is done
-again with an event-free step. heyoka keeps its time as two doubles, and so do the
-transitions here (``time_low``). heyoka has one tolerance: it gets ``rtol``; ``atol`` is not used. Which of its
-documentation's advice is followed: ``docs/solvers.md``.
+An exact double root inside a step is not detected. A root very early in a long step (a ballistic return within 1e-4 of
+the step) is sometimes lost together with the guard's root at the start. If such a guard is below zero at the next stop,
+the start is repeated with an event-free step. heyoka stores its time as two doubles, and the transitions keep both
+(``time_low``). heyoka has one tolerance, which is set to ``rtol``; ``atol`` is not used. ``docs/solvers.md`` lists the
+advice of heyoka's documentation that is followed.
 """
 
 from __future__ import annotations
@@ -43,21 +42,21 @@ from henon_ref.taylor.rules import FUNCTIONS
 from henon_ref.taylor.tape import TIME
 
 CHUNK = 4096
-"""Steps between two looks at the clock and at the size of the state."""
+"""Largest number of steps between two checks of the clock and of the size of the state."""
 COMPACT = 20
-"""From so many states on heyoka compiles in compact mode (shorter compilation, slower steps)."""
+"""From this number of states on heyoka compiles in compact mode (shorter compilation, slower steps)."""
 OUTCOMES = -(2**32)
-"""heyoka's own outcomes lie at and below this; terminal events, as -index - 1, above."""
+"""Outcomes above this value are terminal events, -index - 1; outcomes up to it are heyoka's status codes."""
 LOST = 1e3
-"""A guard below zero by so many times what the tolerance makes of it has been stepped over."""
+"""A guard whose value is below minus this multiple of its error by the tolerance has been stepped over."""
 TIME_LIMIT = OUTCOMES - 3
 """``taylor_outcome.time_limit``: the end of the interval was reached."""
 
 
 class _Integrators:
-    """heyoka's integrator, with and without events, of one mode or of all that have their equations in common.
+    """heyoka's integrators, with and without events, of one mode or of all modes that share their equations.
 
-    ``switches`` are symbols that tell modes apart: run-time parameters, behind the guards' lifts.
+    ``switches`` are the symbols in which modes differ. They are run-time parameters of heyoka, after the guards' lifts.
     """
 
     def __init__(
@@ -69,9 +68,9 @@ class _Integrators:
         switches: Sequence[sp.Symbol] = (),
     ) -> None:
         hy, solver = library.module, library.solver
-        # heyoka has no events on constants; a guard that never changes never falls either.
+        # heyoka does not support events on constants; a constant guard never falls.
         self.moving = [k for k, g in enumerate(guards) if not g.is_number]
-        """Guards that are events, by their places."""
+        """Indices of the guards that are events."""
         variables = {x: hy.expression(f"x{k}") for k, x in enumerate(states)}
         symbols = variables | {s: hy.par[len(self.moving) + k] for k, s in enumerate(switches)}
         equations = [(variables[x], to_heyoka(f, symbols)) for x, f in zip(states, field, strict=True)]
@@ -84,7 +83,7 @@ class _Integrators:
             self.quiet  # noqa: B018 - made on first access
         if self.moving:
             direction = hy.event_direction.any if solver.restart == "none" else hy.event_direction.negative
-            # A cooldown of zero: after an event the state goes to another mode, or starts this one afresh.
+            # No cooldown, because every event ends the run of the mode.
             cooldown = {"cooldown": 0.0} if solver.cooldown == "none" else {}
             events["t_events"] = [
                 hy.t_event(to_heyoka(guards[k], symbols) + hy.par[slot], direction=direction, **cooldown)
@@ -94,13 +93,13 @@ class _Integrators:
 
     @cached_property
     def quiet(self) -> Any:
-        """A twin without events, for the event-free step."""
+        """Integrator without events, for the event-free step."""
         with compiling():
             return self._make_quiet()
 
 
 class _Mode:
-    """heyoka on one mode."""
+    """One mode on heyoka."""
 
     def __init__(self, library: Library, model: ModeFunctions, work: Work, horizon: float) -> None:
         solver: HeyokaTaylor = library.solver
@@ -118,7 +117,7 @@ class _Mode:
         self._switches = model.switches
         guard_of = {row: k for k, row in enumerate(model.rows)}
         self._hit = [guard_of.get(row, -1) for row in made.moving]
-        """Of each event the guard of the mode."""
+        """Guard of the mode for each event; -1 if the mode does not have the guard."""
         self._slots = {k: slot for slot, k in enumerate(self._hit) if k >= 0}
         self._guards = len(self._hit)
         self._forgets = self._guards > 0 and solver.cooldown == "none"
@@ -146,7 +145,7 @@ class _Mode:
         return self._event_free_step(t, low, x, until, fresh) if self._is_lost(lifted, stop) else stop
 
     def _is_lost(self, lifted: Sequence[Fresh], stop: Stop) -> bool:
-        """Whether heyoka has stepped over a root of a guard that it began at: it is below zero without an event."""
+        """Check whether a guard that started at zero is below zero without an event: heyoka stepped over its root."""
         model = self._model
         for guard, speed, _ in lifted:
             if guard in stop.hits or model.guards[guard].rising_only:
@@ -209,7 +208,7 @@ class _Mode:
         return Stop("failed", t, low, point, reason="heyoka: the state was not finite")
 
     def _passing(self, inside: float, beyond: float) -> Stop:
-        """Where in the last step the state passes the limit, by bisection on the step's polynomial."""
+        """Locate the time at which the state passes the limit, by bisection on the polynomial of the last step."""
         while (middle := 0.5 * (inside + beyond)) not in (inside, beyond):
             if max(map(abs, self._taylor.update_d_output(middle).tolist())) > LIMIT:
                 beyond = middle
@@ -228,12 +227,15 @@ class _Mode:
         return max(LIFT * EPSILON * size, LEAST)
 
     def _event_free_step(self, t: float, low: float, x: Sequence[float], until: float, fresh: Sequence[Fresh]) -> Stop:
-        """A first step with the twin that has no events: an event, late, where a guard ends it below zero; else on."""
+        """Take a first step without events, then integrate with events.
+
+        If a guard is below zero at the end of the step, return an event at that time (later than the true root).
+        """
         model, quiet = self._model, self._made.quiet
         levels = [model.size(guard, t, x, self._rtol, self._rtol) for guard, *_ in fresh]
         end = min(max(quiet_until(model, fresh, t, x, levels, 1e-3 * self._horizon)), until)
         if self._switches:
-            pars = quiet.pars[self._guards :]  # of the switches, up to the last one that the field itself has
+            pars = quiet.pars[self._guards :]  # the switches, up to the last one in the field
             pars[:] = self._switches[: len(pars)]
         quiet.dtime = (t, low)
         quiet.state[:] = x
@@ -250,19 +252,19 @@ class _Mode:
 
 @dataclass(frozen=True)
 class HeyokaTaylor(Adapter):
-    """heyoka's adaptive Taylor integrator on one smooth mode after another.
+    """heyoka's adaptive Taylor integrator, called for one smooth mode after another.
 
-    Preparing compiles every mode that a first run visits. Counts: ``steps`` are Taylor steps (those cut off
-    by an event too); heyoka evaluates a Taylor expansion and all events once a step, so
-    ``rhs_evaluations`` (expansions) and ``event_evaluations`` (event polynomials, one guard each) follow.
+    Preparing compiles every mode that a first run visits. Counts: ``steps`` are Taylor steps (those cut by an event
+    included). heyoka evaluates a Taylor expansion and all events once per step; ``rhs_evaluations`` (expansions) and
+    ``event_evaluations`` (event polynomials, one per guard) are computed from the steps.
     """
 
     restart: Restart = field(default="offset", kw_only=True)
     fast_math: bool = False
-    """Let the compiler reorder sums (heyoka's own switch, off by default there too)."""
+    """heyoka's option ``fast_math``, which lets the compiler reorder sums (heyoka's default is off)."""
     cooldown: Literal["none", "automatic"] = "none"
-    """How long an event is ignored after it: not at all, or as long as heyoka deduces from the tolerance and the
-    event's slope, into the next visit of the mode."""
+    """Time for which heyoka ignores an event after its root: zero, or deduced by heyoka from the tolerance and the
+    event's slope (``automatic``; it may last into the next visit of the mode)."""
     mode = _Mode
     landing = "taylor"
     distribution = "heyoka"
@@ -270,30 +272,29 @@ class HeyokaTaylor(Adapter):
     warm_up = True
 
     def load(self) -> Any:
-        """The module."""
         import heyoka
 
-        # heyoka's warnings go to the standard output of the process, past Python.
+        # heyoka writes its warnings directly to the standard output of the process.
         heyoka.set_logger_level_error()
         return heyoka
 
     def accuracy(self, rtol: float, atol: float) -> tuple[float, float]:
-        """heyoka has one tolerance, and no step is more accurate than rounding."""
+        """Return heyoka's only tolerance, at least rounding, as relative and absolute error."""
         return max(rtol, EPSILON), max(rtol, EPSILON)
 
     loosened = scouting
 
 
 def to_heyoka(expression: sp.Expr, variables: Mapping[sp.Symbol, Any]) -> Any:
-    """An expression in time and symbols that are heyoka's ``variables``, in heyoka's form.
+    """Convert an expression in time and symbols to heyoka; ``variables`` maps the symbols to heyoka's expressions.
 
-    heyoka's own ``from_sympy`` refuses rationals whose denominator is no power of two. Here every constant part is one
-    double, as for all other libraries.
+    heyoka's ``from_sympy`` refuses rationals whose denominator is not a power of two. This function rounds every
+    constant subexpression to one double, as for all other libraries.
 
     Raises
     ------
     UnsupportedError
-        For a function that heyoka does not have.
+        If heyoka does not have a function.
     """
     import heyoka as hy
 
@@ -318,8 +319,8 @@ def to_heyoka(expression: sp.Expr, variables: Mapping[sp.Symbol, Any]) -> Any:
         return base ** (float(e.exp) if e.exp.is_number else walk(e.exp))
 
     def whole_power(base: Any, n: int) -> Any:
-        # heyoka expands x**3 by a recurrence that divides by x: at x = 0 it is NaN, events on it are lost, and
-        # near 0 its steps are short. Products and squares have neither trouble.
+        # heyoka expands x**3 by a recurrence that divides by x. At x = 0 the result is NaN and events on it are lost;
+        # near 0 the steps are short. Products and squares avoid both.
         if n == 1:
             return base
         return whole_power(base, n - 1) * base if n % 2 else whole_power(base, n // 2) ** 2.0

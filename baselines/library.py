@@ -1,4 +1,4 @@
-"""A library as the driver sees it: at its tolerances it integrates one smooth mode until something stops it."""
+"""Interface between the driver and a library that integrates one smooth mode up to an event or the horizon."""
 
 from __future__ import annotations
 
@@ -13,27 +13,27 @@ from henon_ref.baselines.restart import Fresh, Restart
 from henon_ref.baselines.work import Work
 
 LIMIT = 1e100
-"""A state beyond this has diverged (no smaller bound is right in all units)."""
+"""A run with a larger state component has diverged. A smaller bound could be wrong in some units."""
 
 
 class Stop(NamedTuple):
-    """Where and why a library stopped."""
+    """Time, state and reason at which a library stopped."""
 
     status: Literal["event", "horizon", "diverged", "failed"]
     t: float
     low: float
-    """What rounding ``t`` lost, where the library keeps it (0 elsewhere)."""
+    """Part of the time that rounding to ``t`` has lost, if the library keeps it; otherwise 0."""
     x: tuple[float, ...]
     hits: tuple[int, ...] = ()
-    """Indices of the guards that fell through zero at t (``event``)."""
+    """Indices of the guards that fell through zero at ``t`` (status ``event``)."""
     reason: str = ""
-    """The library's own words (``failed``)."""
+    """The library's message (status ``failed``)."""
     samples: NDArray[np.float64] | None = None
-    """(k, n) states at the wanted times up to t."""
+    """States at the sample times up to ``t``, shape (k, n)."""
 
 
 class Flow(Protocol):
-    """One library on one mode."""
+    """A library prepared for one mode."""
 
     def advance(
         self,
@@ -49,17 +49,18 @@ class Flow(Protocol):
         Parameters
         ----------
         t, low, x
-            Start.
+            Start: time, its rounding remainder, and state.
         until : float
             Horizon.
         fresh : sequence of Fresh
-            Guards that start at zero: the restart policy is about these.
+            Guards that start at zero; the restart policy applies to these guards only.
         wanted : ndarray or None
-            Increasing times > t at which the state is wanted; they may be left alone.
+            Increasing sample times > t. A library without sampling ignores them.
 
         Raises
         ------
         DeadlinePassed
+            If the run has used its processor time.
         """
         ...
 
@@ -68,29 +69,29 @@ class Library(NamedTuple):
     """A library at its tolerances."""
 
     solver: Any
-    """The adapter, whose options its modes read."""
+    """The adapter; the modes read its options."""
     module: Any
-    """What its ``load`` imported."""
+    """Result of the adapter's ``load``."""
     rtol: float
     atol: float
     landing: str
     restart: Restart
     accuracy: tuple[float, float]
-    """Relative and absolute error that the tolerances allow a step."""
+    """Relative and absolute error that the tolerances allow per step."""
     errors: tuple[float, float]
-    """Relative and absolute error that the library leaves in a state just after a start."""
+    """Relative and absolute error of the state just after a start."""
     located: tuple[float, float]
-    """How far its event times are from its own root: so many roundings of so many seconds more than the time."""
+    """(k, s): an event time t differs from the library's own root by at most k eps (s + abs(t)), s in seconds."""
     mode: Callable[[Library, ModeFunctions, Work, float], Flow]
-    """All that is done once a mode (compilation too), for a run of so many seconds."""
+    """Prepares one mode (compilation included); arguments: library, model, work, length of the run [s]."""
     loosened: Callable[[], Library]
-    """One whose tolerances are cheap enough for a first look at which modes a problem visits."""
+    """Returns the library at loose tolerances, for the run that finds the visited modes."""
 
     def flow(self, model: ModeFunctions, work: Work, horizon: float) -> Flow:
-        """The library on one mode, in a run of a length ``horizon`` [s]."""
+        """Prepare the library for one mode of a run of length ``horizon`` [s]."""
         return self.mode(self, model, work, horizon)
 
     def location_error(self, t: float) -> float:
-        """How far an event time is from the library's own root [s]: guards closer than this are one event."""
+        """Return the largest error of an event time [s]. Roots of several guards within this time are one event."""
         roundings, more = self.located
         return roundings * EPSILON * (more + abs(t))

@@ -1,4 +1,4 @@
-"""The callables of one mode (field, guards, their rates and sizes), each made when first asked for."""
+"""Callables of one mode: field, guards, their rates and sizes. Each is made on first use."""
 
 from __future__ import annotations
 
@@ -26,41 +26,42 @@ EPSILON = float(np.finfo(float).eps)
 
 
 class CommonFunctions:
-    """Field and guards of all modes of a system as functions of ``(t, *x, *switches)``, parameters put in.
+    """Field and guards of all modes of a system as functions of ``(t, *x, *switches)``, with parameter values inserted.
 
-    Numbers that switch tell the modes apart (:mod:`henon_ref.modes.decoupled_contacts`): a chain of many contacts with
-    static friction visits a new mode at nearly every transition, and nothing is derived or compiled there.
+    The modes differ only in the values of the switches (:mod:`henon_ref.modes.decoupled_contacts`). A chain of many
+    contacts with static friction visits a new mode at nearly every transition; with common functions a new mode
+    requires no derivation and no compilation.
     """
 
     def __init__(self, system: FilippovSystem) -> None:
         assert system.shared is not None
         self._shared, self._states = system.shared, system.states
         self.symbols: tuple[sp.Symbol, ...] = tuple(self._shared.owner)
-        """The switches."""
+        """Symbols of the switches."""
         self.field_expressions = tuple(system.numeric(f) for f in self._shared.field)
         self.guard_expressions = tuple(system.numeric(g) for g in self._shared.outputs)
         self.kept: dict[Any, Any] = {}
-        """What a library has made of them, under a name of its own."""
+        """Objects that a library has built from these functions; the library chooses the keys."""
         self._rates: dict[int, Scalar] = {}
         self._jacobians: dict[Callbacks, Jacobian] = {}
 
     def values(self, mode: Mode) -> tuple[float, ...]:
-        """What a mode puts for the switches."""
+        """Values of the switches in a mode."""
         found = self._shared.values(mode)
         return tuple(float(found[symbol]) for symbol in self.symbols)
 
     @cached_property
     def field(self) -> Scalar:
-        """x'."""
+        """Time derivatives of the states."""
         return scalar((*self._states, *self.symbols), self.field_expressions)
 
     @cached_property
     def compiled_field(self) -> Fill:
-        """``fill(t, y, out)`` of the states and the switches in one array."""
+        """Compiled ``fill(t, y, out)``; ``y`` holds the states and the switches."""
         return compiled((*self._states, *self.symbols), self.field_expressions)
 
     def rate(self, row: int) -> Scalar:
-        """A guard and its time derivative."""
+        """Function of a guard and its time derivative."""
         if row not in self._rates:
             guard = self.guard_expressions[row]
             slope = along(guard, self._states, self.field_expressions)
@@ -68,7 +69,7 @@ class CommonFunctions:
         return self._rates[row]
 
     def jacobian(self, callbacks: Callbacks) -> Jacobian:
-        """Of the field in the states."""
+        """Jacobian of the field in the states."""
         if callbacks not in self._jacobians:
             self._jacobians[callbacks] = jacobian(self._states, self.field_expressions, callbacks, self.symbols)
         return self._jacobians[callbacks]
@@ -76,20 +77,20 @@ class CommonFunctions:
 
 @lru_cache(maxsize=16)
 def common_functions(system: FilippovSystem) -> CommonFunctions:
-    """Those of a system whose modes have equations in common, made once."""
+    """Cached common functions of a system whose modes share their equations."""
     return CommonFunctions(system)
 
 
 class ModeFunctions:
-    """One mode of one system, parameters put in, as functions of ``(t, *x)``.
+    """One mode of one system as functions of ``(t, *x)``, with parameter values inserted.
 
-    ``evaluation`` makes the tapes of the system's modes. ``idle`` are surfaces that the mode stays on without sliding:
-    nothing moves them, and their guards are nobody's.
+    ``evaluation`` makes the tapes of the system's modes. ``idle`` are surfaces on which the mode stays although their
+    signs are not zero: their values do not change, and their guards are left out.
 
     Raises
     ------
     ModelError
-        Where the mode has no equations.
+        If the mode has no equations.
     """
 
     def __init__(
@@ -110,23 +111,22 @@ class ModeFunctions:
 
     @cached_property
     def field_expressions(self) -> tuple[sp.Expr, ...]:
-        """Time derivatives of the states."""
         return tuple(self.system.numeric(f) for f in self.equations.field)
 
     @cached_property
     def common(self) -> CommonFunctions | None:
-        """Functions that all modes have in common; None where each has its own, or where guards are followed."""
+        """Functions that all modes share; None if the modes do not share equations, or if guards are followed."""
         found = None if self.system.shared is None else common_functions(self.system)
         return None if found is None or self.followed else found
 
     @cached_property
     def switches(self) -> tuple[float, ...]:
-        """What tells this mode apart in :attr:`common`."""
+        """Values of the switches of this mode in :attr:`common`."""
         return () if self.common is None else self.common.values(self.mode)
 
     @cached_property
     def rows(self) -> list[int]:
-        """Of each guard its place among those of :attr:`common`."""
+        """Index of each guard among the guards of :attr:`common`."""
         shared = self.system.shared
         if shared is None:
             return list(range(len(self.guards)))
@@ -135,17 +135,17 @@ class ModeFunctions:
 
     @cached_property
     def places(self) -> dict[int, int]:
-        """Of the guards of the whole mode, idle ones left out, the places among those watched."""
+        """Map from the index of a guard in the full mode to its index without the guards of idle surfaces."""
         return {k: place for place, k in enumerate(self._watched)}
 
     @cached_property
     def followed(self) -> tuple[int, ...]:
-        """Guards that are not linear in the states: error control on the states alone does not see them."""
+        """Guards that are not linear in time and states; error control of the states alone ignores their motion."""
         return tuple(k for k, g in enumerate(self.guard_expressions) if not is_linear(g, self.states))
 
     @cached_property
     def unknowns(self) -> tuple[sp.Symbol, ...]:
-        """The states, then a copy of each followed guard."""
+        """The states, followed by a copy of each followed guard."""
         return (*self.states, *(sp.Dummy(f"g{k}", real=True) for k in self.followed))
 
     @cached_property
@@ -154,12 +154,12 @@ class ModeFunctions:
         return (*self.field_expressions, *(self.along(self.guard_expressions[k]) for k in self.followed))
 
     def start(self, t: float, x: Sequence[float]) -> NDArray[np.float64]:
-        """The unknowns at (t, x).
+        """Return the unknowns at (t, x).
 
-        A library chooses its steps by the error of what it integrates. In a stick the states may move along a
-        straight line while a release guard swings to and fro, and steps that are right for the states leap
-        over pairs of its roots. So the guard's value is integrated along (heyoka does the like by itself);
-        events are still located on the guard as a function of time and state.
+        A library chooses its steps by the error of the integrated unknowns. In a stick the states may move along a
+        straight line while a release guard oscillates. Steps that suit the states then step over pairs of roots of
+        the guard. Therefore the value of the guard is integrated in addition to the states (heyoka does so by itself).
+        Events are still located on the guard as a function of time and state.
         """
         values = list(x)
         for k in self.followed:
@@ -171,7 +171,7 @@ class ModeFunctions:
 
     @cached_property
     def field(self) -> Scalar:
-        """x' -> n floats."""
+        """Time derivatives of the states, n floats."""
         if self.common is None:
             return scalar(self.states, self.field_expressions)
         field, switches = self.common.field, self.switches
@@ -183,7 +183,7 @@ class ModeFunctions:
         return self.field if self.common is not None else scalar(self.unknowns, self.right)
 
     def compiled_derivatives(self) -> tuple[Fill, bool]:
-        """``fill(t, x, out)`` of the same, compiled; and whether it is machine code all through."""
+        """Return :attr:`right` as compiled ``fill(t, x, out)``, and whether it is machine code throughout."""
         if self.common is None:
             return compiled(self.unknowns, self.right), True
         fill, n = self.common.compiled_field, len(self.states)
@@ -197,12 +197,12 @@ class ModeFunctions:
 
     @cached_property
     def guard(self) -> tuple[Scalar, ...]:
-        """One function a guard, each -> (value,)."""
+        """One function per guard, each returns (value,)."""
         return tuple(of_few(self.states, (g,)) for g in self.guard_expressions)
 
     @cached_property
     def rates(self) -> Scalar:
-        """All guards -> (g_0, dg_0/dt, g_1, dg_1/dt, ...) along this mode's own field."""
+        """Function that returns (g_0, dg_0/dt, g_1, dg_1/dt, ...) of all guards along this mode's field."""
         if self.common is not None:
             own, switches = [self.common.rate(row) for row in self.rows], self.switches
             return lambda t, *x: tuple([value for rate in own for value in rate(t, *x, *switches)])
@@ -214,7 +214,7 @@ class ModeFunctions:
         return along(expression, self.states, self.field_expressions)
 
     def size(self, index: int, t: float, x: Sequence[float], rtol: float, atol: float) -> float:
-        """What relative and absolute errors in x make of a guard: sum of abs(dg/dx_k) (rtol abs(x_k) + atol)."""
+        """Error of a guard for these errors of x: sum of abs(dg/dx_k) (rtol abs(x_k) + atol)."""
         slopes = self.slopes(index)
         try:
             values = slopes.values(t, *x)
@@ -223,24 +223,24 @@ class ModeFunctions:
         return math.fsum(abs(d) * (rtol * abs(x[k]) + atol) for k, d in zip(slopes.places, values, strict=True))
 
     def slopes(self, index: int) -> Slopes:
-        """A guard's derivatives in the states."""
         return slopes_of(self.guard_expressions[index], self.states)
 
     def jacobian(self, callbacks: Callbacks) -> Jacobian:
-        """Of :attr:`right` in :attr:`unknowns`."""
+        """Jacobian of :attr:`right` in :attr:`unknowns`."""
         if self.common is not None:
             return self.common.jacobian(callbacks).at(self.switches)
         return jacobian(self.unknowns, self.right, callbacks)
 
     def landing(self, index: int) -> Scalar:
-        """What is needed of one surface when this mode begins or ends on it (:func:`landing`)."""
+        """Function of a surface on which this mode begins or ends (:func:`landing`)."""
         acting = normal_velocity(self.system, index).free_symbols
         pairs = enumerate(zip(self.system.signs, self.mode, strict=True))
-        told = tuple(entry if sign in acting and k != index else 1 for k, (sign, entry) in pairs)
-        return landing(self.system, told, index)
+        # Signs that do not act on this surface are set to 1, so that modes share the cached function.
+        relevant = tuple(entry if sign in acting and k != index else 1 for k, (sign, entry) in pairs)
+        return landing(self.system, relevant, index)
 
     def bend(self, index: int) -> Scalar:
-        """One guard's first and second time derivative along this mode's field."""
+        """Function of a guard's first and second time derivative along this mode's field."""
         if index not in self._bends:
             rate = self.along(self.guard_expressions[index])
             self._bends[index] = scalar(self.states, [rate, self.along(rate)])
@@ -255,12 +255,12 @@ class ModeFunctions:
         return tape, [float(c) for c in tape.constants]
 
     def series(self, t: float, x: Sequence[float], order: int) -> tuple[list[list[float]], list[list[float]]]:
-        """Taylor coefficients in time of the states, and of every guard, along this mode's solution through (t, x).
+        """Compute Taylor coefficients in time of the states and the guards along this mode's solution through (t, x).
 
         Raises
         ------
         ArithmeticError, ValueError
-            Where the field has no value.
+            If the field has no value at (t, x).
         """
         tape, numbers = self._tape
         return expand(tape, numbers, t, list(x), order)

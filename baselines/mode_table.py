@@ -1,8 +1,9 @@
-"""The modes of one problem on one library, made when first visited, and what follows an event in each.
+"""Table of the modes of one problem for one library, and selection of the mode after an event.
 
-Where one guard alone has fallen, its surface and those that slide do not act on each other, and neither normal
-velocity is near zero, what follows is settled by two signs, and costs a few microseconds; every other event
-is decided by :mod:`henon_ref.modes.selection`.
+Modes are made at the first visit. After an ordinary event the signs of two normal velocities select the next mode in a
+few microseconds. An event is ordinary if one guard alone has fallen, its surface and the sliding surfaces do not act
+on each other, and neither normal velocity is near zero. Every other event is decided by
+:mod:`henon_ref.modes.selection`.
 """
 
 from __future__ import annotations
@@ -32,45 +33,45 @@ from henon_ref.modes.system import FilippovSystem
 from henon_ref.trajectory import Status
 
 ROUNDING = 1e-13
-"""Part of the sizes of its terms below which a value is what rounding has left of zero."""
+"""A value below this part of the size of its terms is zero but for rounding."""
 ON = 8.0
-"""A guard whose value is within so many roundings of its terms starts at zero."""
+"""A guard starts at zero if its value is within this number of roundings of its terms."""
 
 
 Rest = tuple[Mode, float, tuple[float, ...]]
-"""Mode, time [s] and state where a body comes to rest after the last of its impacts."""
+"""Mode, time [s] and state at which a body comes to rest after the last of its impacts."""
 
 
 class After(NamedTuple):
-    """What follows an event."""
+    """Mode and state after an event; ``mode`` is None if the run ends."""
 
     mode: Mode | None
     x: tuple[float, ...]
-    """The state, put on its surfaces."""
+    """State, projected onto its surfaces."""
     fresh: tuple[Fresh, ...]
     """Guards of the new mode that start at zero."""
     drift: float
-    """Largest abs(h) before the state was put on its surfaces."""
+    """Largest abs(h) before the projection."""
     touched: tuple[int, ...] = ()
     """Surfaces that were hit and left on the same side."""
     status: Status = "ok"
     reason: str = ""
     applied: tuple[tuple[int, Sequence[float]], ...] = ()
-    """Surfaces that reset the state, in order, each with the state that its map has left; ``x`` is the one after."""
+    """Surfaces that reset the state, in order, each with the state after its reset; ``x`` is the last of these."""
     rest: Rest | None = None
-    """What follows where impacts have come to their limit."""
+    """Rest after the limit of accumulating impacts."""
 
 
 Key = tuple[Mode, frozenset[int]]
-"""A mode, and its idle surfaces."""
+"""A mode and its idle surfaces."""
 Followed = tuple[Mode, tuple[float, ...], tuple[Fresh, ...], float]
-"""The first four fields of :class:`After` (bare: this is on the path that every ordinary event takes)."""
+"""The first four fields of :class:`After`; a plain tuple, because every ordinary event builds one."""
 Exit = Callable[[float, Sequence[float]], Followed | None]
-"""What follows an ordinary event at (t, x); None where two signs do not settle it."""
+"""Returns the mode and state after an ordinary event at (t, x); None if the two signs do not decide it."""
 
 
 class ModeEntry:
-    """One mode: its functions, its flow, and its ordinary exits."""
+    """One mode: its functions, the library prepared for it, and its ordinary exits."""
 
     def __init__(self, model: ModeFunctions, flow: Flow) -> None:
         self.model, self.flow, self.several = model, flow, len(model.guards) > 1
@@ -79,18 +80,18 @@ class ModeEntry:
             model.rates  # noqa: B018  (made on first access)
 
     def exit(self, guard: int) -> Exit | None:
-        """What follows where this guard fell alone and two signs settle it; None where they never do."""
+        """Return the exit of a guard that fell alone; None if signs alone never decide it."""
         if guard not in self._exits:
             with compiling():
                 self._exits[guard] = None if self.resets(guard) else self._exit(self.model.guards[guard])
         return self._exits[guard]
 
     def resets(self, guard: int) -> bool:
-        """Whether the state is reset where this guard falls."""
+        """Check whether a fall of this guard resets the state."""
         return bool(resetting(self.model.system, self.model.mode, [self.model.guards[guard]]))
 
     def still_fresh(self, before: ModeEntry, unsettled: Sequence[Fresh], fresh: Sequence[Fresh]) -> tuple[Fresh, ...]:
-        """Guards of this mode for the surfaces whose guards had not left zero when the mode before ended."""
+        """Guards of this mode for the surfaces whose guards were still at zero when the mode ``before`` ended."""
         known = {guard for guard, *_ in fresh}
         found = []
         for guard, speed, rate in unsettled:
@@ -130,7 +131,7 @@ class ModeEntry:
             sign = sign_after(below, above)
             if room:
                 edge = CLEAR * max(map(abs, room))
-                if len(room) == 1 or abs(min(room)) <= edge:  # one guard alone has nothing to be small against
+                if len(room) == 1 or abs(min(room)) <= edge:  # a single guard has no other value to compare with
                     return None
                 if min(room) > 0:
                     return stick, values[3:], (), abs(h)
@@ -143,7 +144,7 @@ class ModeEntry:
         return take
 
     def _hold(self, i: int) -> Scalar | None:
-        """Release guards that decide whether surface i is stuck to; None where its slip fields do."""
+        """Release guards that decide whether surface i holds; None if its slip fields decide it."""
         system = self.model.system
         if not system.held_inside(i):
             return None
@@ -151,9 +152,9 @@ class ModeEntry:
 
 
 class ModeTable:
-    """Mode -> :class:`ModeEntry`, made on first access, for a run of a length ``horizon`` [s].
+    """Map from a mode to its :class:`ModeEntry`, made on first access, for a run of length ``horizon`` [s].
 
-    ``known`` is one of the same system on another library, whose callables can be used again.
+    ``known`` is a table of the same system for another library; its callables are used again.
     """
 
     rounding = ROUNDING
@@ -171,7 +172,7 @@ class ModeTable:
         return self.entry(mode)
 
     def entry(self, mode: Mode, idle: frozenset[int] = frozenset()) -> ModeEntry:
-        """A mode in which some surfaces are ``idle`` (:class:`~henon_ref.baselines.mode_functions.ModeFunctions`)."""
+        """Return a mode with some ``idle`` surfaces (:class:`~henon_ref.baselines.mode_functions.ModeFunctions`)."""
         key = mode, idle
         if key not in self._entries:
             with compiling():
@@ -183,15 +184,16 @@ class ModeTable:
 
     @property
     def visited(self) -> tuple[Key, ...]:
-        """Modes made so far, each with its idle surfaces."""
+        """Modes visited so far, each with its idle surfaces."""
         return tuple(self._entries)
 
     def entered(
         self, mode: Mode, t: float, x: Sequence[float], fresh: Sequence[Fresh], before: Collection[int] = ()
     ) -> tuple[ModeEntry, tuple[Fresh, ...], tuple[int, ...]]:
-        """A mode without guards that stay at zero, those that start there and leave it, and those that fall at once.
+        """Enter a mode at (t, x), without the guards that stay at zero.
 
-        ``fresh`` are guards of the whole mode that start at zero, ``before`` surfaces that were idle until now.
+        ``fresh`` are the guards of the full mode that start at zero, ``before`` the surfaces that were idle until now.
+        Return the mode, the guards that start at zero and leave it, and the guards that fall at once.
         """
         whole = self[mode]
         guards = whole.model.guards
@@ -213,13 +215,13 @@ class ModeTable:
             return False
 
     def decided(self, entry: ModeEntry, hits: Sequence[int], t: float, x: tuple[float, ...]) -> After:
-        """What follows any event, by :func:`after_event`."""
+        """Select the mode and state after any event, by :func:`after_event`."""
         model = entry.model
         guards = [model.guards[k] for k in hits]
         sliding = {i for i, s in enumerate(model.mode) if s == 0}
         involved = self.system.closed({g.index for g in guards if g.ends is None}, sliding) | model.idle
         x, drift = projected([surface(self.system, i) for i in sorted(involved)], t, x)
-        for i, entry_now in enumerate(model.mode):  # what errors have made of the speed of a body at rest
+        for i, entry_now in enumerate(model.mode):  # errors may have given a body at rest a speed
             impact = impact_of(self.system, i) if entry_now == 0 and self.system.rests(i) else None
             x = x if impact is None else tuple(without_speed(impact, self, t, x))
         if resets := resetting(self.system, model.mode, guards):
@@ -237,14 +239,14 @@ class ModeTable:
     def _jumped(
         self, resets: tuple[int, ...], hits: Sequence[Guard], mode: Mode, t: float, x: tuple[float, ...], drift: float
     ) -> After:
-        """What follows where surfaces reset the state, which is on all that are hit."""
+        """Select the mode and state after a reset; the state is on all surfaces that are hit."""
         after = after_jump(self.system, self, mode, resets, hits, t, x, REMAINING * self._horizon)
         decision, state, applied = after.decision, tuple(after.state), after.applied
         if decision.mode is None:
             return After(None, state, (), drift, (), decision.ending, decision.reason)
         if after.rest is not None:
             rest = after.rest.mode, t + after.rest.remaining, tuple(after.rest.state)
-            left = any(after.rest.mode[i] for i in after.on)  # a body that another one's rest leaves flying
+            left = any(after.rest.mode[i] for i in after.on)  # another body may still fly after this body's rest
             fresh = self.fresh_at(self[rest[0]], *rest[1:], after.on) if left else ()
             return After(decision.mode, state, fresh, drift, applied=applied, rest=rest)
         fresh = self.fresh_at(self[decision.mode], t, state, after.on)
@@ -252,38 +254,36 @@ class ModeTable:
         return After(decision.mode, state, fresh, drift, applied=applied)
 
     def _without_rate(self, mode: Mode, fresh: tuple[Fresh, ...], surfaces: Collection[int]) -> tuple[Fresh, ...]:
-        """Guards that start at zero, those of surfaces that are left without a speed with the rate 0."""
+        """Return ``fresh`` with rate 0 for the guards of ``surfaces``, which the state leaves without a speed."""
         guards = self[mode].model.guards
         return tuple((k, s, 0.0 if guards[k].index in surfaces else rate) for k, s, rate in fresh)
 
     def values(self, expressions: tuple[sp.Expr, ...], t: float, x: Sequence[float]) -> list[float]:
-        """Expressions in time and states at a point."""
+        """Evaluate expressions in time and states at a point."""
         if expressions not in self._functions:
             self._functions[expressions] = scalar(self.system.states, [self.system.numeric(e) for e in expressions])
         return list(self._functions[expressions](t, *x))
 
     def guard_series(self, mode: Mode, t: float, x: Sequence[float]) -> list[list[float]]:
-        """Taylor coefficients in time of a mode's guards."""
         return self.in_doubles.guard_series(mode, t, x)
 
     def sign(self, value: float) -> int:
-        """-1, 0 or 1."""
         return (value > 0.0) - (value < 0.0)
 
     def decide(self, t: float, x: Sequence[float], surfaces: Sequence[int], valid: Sequence[int]) -> Decision:
-        """The mode at a point where surfaces and ``valid`` expressions have these signs."""
+        """Select the mode at a point from the signs of the surfaces and of the ``valid`` expressions."""
         return mode_by_signs(self.in_doubles.at(t, x), surfaces, valid, where="after the reset")
 
     def text(self, t: float) -> str:
-        """A time as messages have it."""
+        """Format a time for messages."""
         return f"{t:.17g}"
 
     def on_surface(self, index: int, t: float, x: Sequence[float]) -> tuple[tuple[float, ...], float]:
-        """A state put on a surface, and how far from it it was."""
+        """Project a state onto a surface; return the state and its abs(h) before."""
         return projected([surface(self.system, index)], t, x)
 
     def fresh_at(self, entry: ModeEntry, t: float, x: Sequence[float], involved: Sequence[int]) -> tuple[Fresh, ...]:
-        """Guards of a mode that start at zero: of the surfaces just left, and any other within rounding of it."""
+        """Guards of a mode that start at zero: those of the ``involved`` surfaces, and others within rounding."""
         model, found = entry.model, []
         for k, guard in enumerate(model.guards):
             if guard.kind != "surface" or guard.index not in involved:
@@ -296,18 +296,18 @@ class ModeTable:
                     continue
             if guard.ends is None:
                 found.append((k, *_speed(model, guard.index, t, x)))
-            elif rate >= 0.0:  # one that falls is none that is being left
+            elif rate >= 0.0:  # a falling guard does not leave zero
                 found.append((k, rate, rate))
         return tuple(found)
 
     def drift(self, entry: ModeEntry, t: float, x: Sequence[float]) -> float:
-        """Largest abs(h) over the surfaces a mode slides on."""
+        """Largest abs(h) over the surfaces on which the mode slides."""
         sliding = [i for i, s in enumerate(entry.model.mode) if s == 0]
         return max((abs(surface(self.system, i)[0](t, *x)[0]) for i in sliding), default=0.0)
 
 
 def _speed(model: ModeFunctions, index: int, t: float, x: Sequence[float]) -> tuple[float, float]:
-    """abs(dh/dt) below plus above a surface, and the rate at which its guard rises in this mode."""
+    """Return abs(dh/dt) below plus above a surface, and the rate at which its guard rises in this mode."""
     try:
         below, above = model.landing(index)(t, *x)[1:3]
     except ARITHMETIC:

@@ -1,19 +1,19 @@
-"""nosnoc: finite elements with switch detection (FESD), the one peer with a Filippov method of its own.
+"""nosnoc: finite elements with switch detection (FESD), the only peer solver with its own Filippov method.
 
-It runs without the driver: the case's field in each region of its surfaces goes to nosnoc as it is (one ``F`` column
-a combination of signs), the sliding is nosnoc's own (Stewart's or Heaviside's complementarity system; here Heaviside
-steps, whose alpha is a sign's weight), and transitions are read off the ends of its finite elements: where alpha goes
-from 0 to 1, and where it lies in between.
+nosnoc runs without the driver. It gets the case's field in each region of the surfaces (one column of ``F`` per
+combination of signs) and treats sliding itself, by a complementarity system (Stewart's or Heaviside's; the adapter
+chooses Heaviside steps, whose alpha is the weight of a sign). Transitions are read from the ends of its finite
+elements: alpha changes between 0 and 1 at a crossing, and is between 0 and 1 while the surface slides.
 
-nosnoc has no error control. Its user chooses a grid, the number of stages of Radau IIA (order 2 n - 1) and the
-tolerance of the complementarity. Here the tolerance of a row chooses the last two (:data:`STAGES`), and the grid is the
-same for all: twice as many equal control steps as SciPy's RK45 takes steps at 1e-3, two finite elements each, so that
-motion and events are resolved; a control step has room for one switch. So a tolerance of a row is a level of effort,
-not a bound on an error. A coarser grid is silently wrong (:mod:`henon_ref.baselines.causes.nosnoc_grid`).
+nosnoc has no error control. Its user chooses a grid, the number n of stages of Radau IIA (order 2 n - 1) and the
+tolerance of the complementarity. Here the tolerance of a row sets the last two (:data:`STAGES`): it is a level of
+effort, not a bound on an error. The grid is the same for all tolerances: twice as many equal control steps as SciPy's
+RK45 takes at 1e-3, each with two finite elements, so that motion and events are resolved. A control step can resolve
+one switch. A coarser grid gives wrong results without a warning (:mod:`henon_ref.baselines.causes.nosnoc_grid`).
 
-The homotopy starts at 1e-2 and falls by 1e-4 a step, a quarter of the work of the default. Where IPOPT calls a control
-step infeasible, the step is halved, up to twice, and then tried with slower homotopies, the last of them nosnoc's
-default. Where that fails, too, nosnoc itself prints a warning and goes on; the run ends here.
+The homotopy parameter starts at 1e-2 and is multiplied by 1e-4 per step, a quarter of the work of the default. If
+IPOPT reports a control step as infeasible, the step is halved, up to twice, and then repeated with slower homotopies,
+the last of which is nosnoc's default. If all fail, the run ends. (nosnoc itself prints a warning and continues.)
 """
 
 from __future__ import annotations
@@ -49,29 +49,29 @@ from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Status, Trajectory
 
 STAGES = ((1e-7, 3), (1e-10, 4), (0.0, 5))
-"""Tolerances above the first number have so many stages: 3 at 1e-6, 4 at 1e-9, 5 at 1e-12."""
+"""Pairs (bound, stages): the first pair whose bound is below the row's tolerance sets the number of stages."""
 COMPLEMENTARITY = (1e-11, 1e-8)
-"""The complementarity's tolerance is a hundredth of the row's, within these."""
+"""Bounds of the complementarity's tolerance, which is a hundredth of the row's tolerance."""
 GRID, REFINED = 1e-3, 2
-"""Tolerance of the run whose steps are counted for the grid, and control steps for each of them."""
+"""Tolerance of the run whose steps are counted for the grid, and control steps per counted step."""
 FEWEST, MOST = 20, 20_000
-"""Control steps of a run."""
+"""Bounds of the number of control steps of a run."""
 ELEMENTS = 2
-"""Finite elements of a control step."""
+"""Finite elements per control step."""
 HOMOTOPIES = ((1e-2, 1e-4), (1e-1, 1e-2), (1.0, 0.1))
-"""Start and factor of the homotopy, tried in turn; the last is nosnoc's default."""
+"""Start and factor of each homotopy, tried in turn; the last is nosnoc's default."""
 HALVINGS = 2
-"""So often a control step is halved where IPOPT finds none."""
+"""Largest number of halvings of a control step that IPOPT cannot solve."""
 MOST_SURFACES = 3
-"""The regions are 2 to this power."""
+"""Largest number n of surfaces; they make 2**n regions."""
 EMPTY = 1e-9
-"""A finite element shorter than this part of its control step holds no mode."""
+"""A finite element shorter than this part of its control step has no mode."""
 
 
 class Nosnoc(LibrarySolver):
-    """nosnoc's solver, one control step after another. There are no samples.
+    """nosnoc's solver, called for one control step after another. It returns no samples.
 
-    Counts: ``steps`` are finite elements; nosnoc counts no right-hand sides (0), and there are no event functions.
+    Counts: ``steps`` are finite elements. nosnoc does not count right-hand sides (0) and has no event functions.
     """
 
     landing = "switch detection"
@@ -95,7 +95,7 @@ class Nosnoc(LibrarySolver):
 
 
 class _Simulation:
-    """One problem, ready to run again and again."""
+    """One problem prepared for repeated runs."""
 
     def __init__(self, problem: Problem, rtol: float, landing: str, deadline: float | None) -> None:
         import casadi
@@ -118,7 +118,7 @@ class _Simulation:
             self.solvers.append(nosnoc.NosnocSolver(options, model))
 
     def run(self) -> Trajectory:
-        """The whole run, afresh."""
+        """Run from the start to the horizon."""
         system, self.largest = self.problem.system, np.full(len(self.problem.system.surfaces), self.nearest)
         self.work.start()
         with threadpool_limits(1):
@@ -144,7 +144,8 @@ class _Simulation:
                 if element.length > EMPTY * self.length:
                     after = self._mode(element)
                     if after != mode and (k or at):
-                        within = min(max(t, self.start), self.until)  # lengths are to the complementarity's tolerance
+                        # The lengths of elements have an error of the complementarity's tolerance.
+                        within = min(max(t, self.start), self.until)
                         record.event(within, 0.0, tuple(x[:states].tolist()), mode, after, ())
                     mode = after
                     record.drift = max([record.drift, *element.off[[s == 0 for s in mode], -1]])
@@ -154,7 +155,7 @@ class _Simulation:
         return ended("ok", self.until)
 
     def _step(self, x: NDArray[np.float64], level: int) -> list[SimpleNamespace] | None:
-        """The finite elements of a control step that was halved so often; None where IPOPT finds none."""
+        """Solve a control step that was halved ``level`` times; None if IPOPT finds no solution."""
         found = self._solved(x, level, *HOMOTOPIES[0])
         if found is None and level < HALVINGS:
             first = self._step(x, level + 1)
@@ -170,7 +171,7 @@ class _Simulation:
         options.sigma_0, options.homotopy_update_slope = sigma, factor
         options.max_iter_homotopy = ceil(np.log(options.sigma_N / sigma) / np.log(factor)) + 1
         solver.set("x0", x)
-        with redirect_stdout(io.StringIO()):  # it prints that IPOPT failed
+        with redirect_stdout(io.StringIO()):  # nosnoc prints failures of IPOPT
             result = solver.solve()
         if result["status"] != self.success:
             return None
@@ -178,11 +179,12 @@ class _Simulation:
         return _elements(solver.problem, result)
 
     def _mode(self, element: SimpleNamespace) -> Mode:
-        """A surface slides where its weight is between 0 and 1 by more than the state is off it.
+        """Mode of a finite element.
 
-        Of the two, which complement each other, one is zero but for the complementarity's tolerance; the state's
-        distance is taken as a part of the largest one so far, or of the root of that tolerance, below which the two
-        cannot be told apart.
+        By complementarity, either the weight of a surface is 0 or 1, or the distance of the state from the surface is
+        zero, up to the complementarity's tolerance. A surface slides if the distance of its weight from 0 and 1 exceeds
+        the relative distance of the state. That distance is relative to the largest one so far, or to the square root
+        of the complementarity's tolerance if that is larger.
         """
         weight, off = element.weight, element.off.max(axis=1)
         self.largest = np.maximum(self.largest, off)
@@ -193,7 +195,7 @@ class _Simulation:
 
 
 def _elements(problem: Any, result: dict[str, Any]) -> list[SimpleNamespace]:
-    """Length, state at the end, and weights and surfaces at the stages, shape (surfaces, stages), of each element."""
+    """Return length, final state, and weights and surface distances, shape (surfaces, stages), of each element."""
     found = result["w_sol"]
     by_stage = [
         np.array([[found[stage[0]] for stage in element] for element in index[0]]).swapaxes(1, 2)
@@ -206,11 +208,11 @@ def _elements(problem: Any, result: dict[str, Any]) -> list[SimpleNamespace]:
 
 
 def _control_steps(problem: Problem, deadline: float | None) -> int:
-    """Steps that RK45 takes at a loose tolerance over the whole horizon, CVODE where SciPy raises (at a flat root)."""
+    """Number of control steps, from the steps of RK45 at a loose tolerance, or of CVODE if SciPy raises (flat root)."""
     try:
         scout = Driver(problem, RK45.library(GRID, GRID), Work(deadline))
         found = scout.run()
-    except RuntimeError:  # another library's, and no fault of nosnoc
+    except RuntimeError:  # raised by SciPy, not by nosnoc
         scout = Driver(problem, ADAMS.library(GRID, GRID), Work(deadline))
         found = scout.run()
     done = (found.end_time - scout.start) / (scout.until - scout.start)
@@ -218,15 +220,14 @@ def _control_steps(problem: Problem, deadline: float | None) -> int:
 
 
 def _complementarity(rtol: float) -> float:
-    """Tolerance of the complementarity at a row's tolerance."""
+    """Tolerance of the complementarity for a row's tolerance."""
     least, most = COMPLEMENTARITY
     return min(max(1e-2 * rtol, least), most)
 
 
 def _options(nosnoc: Any, rtol: float, length: float) -> Any:
-    """nosnoc's options for a row's tolerance."""
     options = nosnoc.NosnocOpts()
-    # The class's own dictionary is shared by all objects, with the tolerance that the first of them set.
+    # All objects share the dictionary of the class; a copy prevents that they share a tolerance.
     options.opts_casadi_nlp = copy.deepcopy(nosnoc.NosnocOpts.opts_casadi_nlp)
     options.opts_casadi_nlp["show_eval_warnings"] = False
     options.irk_scheme = nosnoc.IrkSchemes.RADAU_IIA
@@ -242,7 +243,7 @@ def _options(nosnoc: Any, rtol: float, length: float) -> Any:
 
 
 def _model(casadi: Any, problem: Problem, clocked: bool) -> dict[str, Any]:
-    """nosnoc's description: state, surfaces, regions by their signs, and the field in each."""
+    """Return nosnoc's description of the problem: state, surfaces, signs of each region, and the field in each."""
     system = problem.system
     names = [*system.states, *([TIME] if clocked else [])]
     state = casadi.vertcat(*(casadi.SX.sym(f"x{k}") for k in range(len(names))))

@@ -1,6 +1,6 @@
-"""Callbacks compiled by numba, for libraries that call back on arrays (solvers named ``+numba``).
+"""Callbacks on arrays compiled by numba, for the solvers named ``+numba``.
 
-numba is imported here, when the first of them is made, and nowhere else.
+numba is imported only here, when the first callback is compiled.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ from henon_ref.modes.callables import Jacobian, ScalarPrinter, interpreted, with
 from henon_ref.taylor.tape import TIME
 
 Callbacks = Literal["python", "numba"]
-"""How right-hand sides, Jacobians and guards are called back: plain Python, or compiled by numba."""
+"""Kind of the callbacks for right-hand sides, Jacobians and guards: plain Python, or compiled by numba."""
 Fill = Callable[[float, Any, Any], None]
-"""``f(t, x, out)``: writes one value an expression into the flat array ``out``."""
+"""``f(t, x, out)`` writes one value per expression into the flat array ``out``."""
 
 
 def njit(function: Callable[..., Any]) -> Any:
-    """A function compiled by numba, for the same processor as the reference's modes (:mod:`henon_ref.jit.target`).
+    """Compile a function by numba, for the same processor as the reference's modes (:mod:`henon_ref.jit.target`).
 
     A division by zero gives infinity or NaN (numba's ``numpy`` error model).
 
     Raises
     ------
     UnavailableError
-        Where numba is not installed.
+        If numba is not installed.
     """
     try:
         import numba
@@ -43,7 +43,7 @@ def njit(function: Callable[..., Any]) -> Any:
 
 
 def compiled(states: Sequence[sp.Symbol], expressions: Iterable[sp.Expr]) -> Fill:
-    """Expressions in time and states, compiled: NaN or infinity where one has no value."""
+    """Compile expressions in time and states; an expression without a value gives NaN or infinity."""
     clock, array = sp.Symbol("clock_"), sp.IndexedBase("x_")
     names = {TIME: clock, **{x: array[k] for k, x in enumerate(states)}}
     exprs = tuple(e.xreplace(names) for e in with_rounded_constants(expressions))
@@ -66,7 +66,7 @@ def jacobian(
     callbacks: Callbacks,
     switches: Sequence[sp.Symbol] = (),
 ) -> Jacobian:
-    """df/dx by SymPy, its entries in plain Python or compiled."""
+    """Return df/dx derived by SymPy, with entries in plain Python or compiled."""
     return Jacobian(states, field, switches, _filled if callbacks == "numba" else interpreted)
 
 

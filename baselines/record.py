@@ -1,4 +1,4 @@
-"""The log of one run: transitions, samples, drift, whether events accumulate, and how it ends."""
+"""Log of one run: transitions, samples and drift; detection of accumulating events; status at the end."""
 
 from __future__ import annotations
 
@@ -21,38 +21,35 @@ from henon_ref.modes.resets import rows_at
 from henon_ref.trajectory import Kind, Status, Trajectory, Transition
 
 WINDOW = 32
-"""This many events (and four a surface more) ..."""
+"""Events accumulate if ``WINDOW`` (plus four per surface) consecutive events lie within ``ULPS`` units in the last
+place of the time or within ``SPAN`` times the horizon."""
 ULPS = 64.0
-"""... within so many units in the last place of the time, or"""
 SPAN = 1e-12
-"""within this part of the horizon: they accumulate, and the run ends."""
 MOST = 10_000_000
-"""Most events of one run."""
+"""Largest number of events of one run."""
 IMPACTS = 16
-"""Impacts whose flights together are compared with those of as many before."""
+"""Impacts accumulate if the last ``IMPACTS`` flights took at least ``STEADY`` times as long as the ``IMPACTS`` flights
+before them, and less than ``SHORT`` times the horizon: the restart, not the dynamics, then sets their length."""
 STEADY = 0.999
-"""Flights that last so many times as long as those before grow no shorter."""
 SHORT = 1e-5
-"""Part of the horizon within which so many impacts are too close to be meant."""
 GROUP = 4
-"""A chain of groups of so many events, each group at most half as long as the one before, ..."""
+"""Events also accumulate if ``CHAIN`` or more successive groups of ``GROUP`` events each last at most half as long as
+the group before, and the last group is shorter than ``CHATTER`` sqrt(absolute tolerance) times the first group."""
 CHAIN = 5
-"""... of so many groups, accumulates too once it has shrunk to where an absolute tolerance makes it chatter:"""
 CHATTER = 16.0
-"""to this times the root of that tolerance, as a part of the chain's first group."""
 GROWTH = 8.0
-"""A step that underflows means blow-up only where the state has grown this much since the mode began ..."""
+"""A step size that underflows means blow-up only if the state has grown by the factor ``GROWTH`` since the mode began
+and would change by the part ``RUSH`` within 1024 units in the last place of the time."""
 RUSH = 1e-3
-"""... and would change by this part within 1024 units in the last place of the time."""
 
 _Fields = tuple[Kind, int, Mode, Mode, float, tuple[float, ...], float]
-"""Those of a transition in their order, but for the landing."""
+"""Fields of a :class:`Transition` in their order, without the landing."""
 
 
 class Transitions(Sequence[Transition]):
-    """The transitions of a run; each becomes a :class:`Transition` when it is looked at.
+    """The transitions of a run. A :class:`Transition` is built only when it is read.
 
-    Building one costs as much as a step of the fastest library here, and a run is timed.
+    Building a transition costs as much as a step of the fastest library, and the run is timed.
     """
 
     def __init__(self, events: list[_Fields], landing: str) -> None:
@@ -73,10 +70,10 @@ class Transitions(Sequence[Transition]):
 
 
 class Record:
-    """What a run of a problem has seen so far.
+    """Log of a run of a problem.
 
-    ``blur`` is the absolute error that the library leaves in a state just after a start; shorter and shorter excursions
-    end as a chatter of about its square root, not in the last place of the time.
+    ``blur`` is the absolute error of the library's state just after a start. With such an error, ever shorter
+    excursions end as a chatter whose length is about the square root of ``blur``; they do not shrink to rounding.
     """
 
     def __init__(
@@ -108,9 +105,9 @@ class Record:
         touched: Sequence[int],
         applied: Sequence[tuple[int, Sequence[float]]] = (),
     ) -> None:
-        """Log one event: a transition for each surface that changes, a graze for each touched.
+        """Log one event: a transition for each sign that changes, a graze for each surface only touched.
 
-        ``applied``: surfaces that have reset the state, in order, each with the state that its map has left.
+        ``applied`` lists the surfaces that have reset the state, in order, each with the state after its reset.
         """
         self._times.append(t)
         if applied:
@@ -124,9 +121,9 @@ class Record:
                 self.events.append((transition_kind(old, new), i, before, after, t, x, low))
 
     def accumulated(self, *, resting: bool = False) -> str:
-        """Why the run has to end here: events accumulate, or are too many; empty while neither.
+        """Reason why the run must end here: events accumulate, or there are too many. Empty if the run may continue.
 
-        Looked at once a group of events. ``resting``: these are impacts that a rest follows, so that they may
+        Events are checked once per group. ``resting``: the events are impacts that end in a rest, so that flights may
         become ever shorter.
         """
         times = self._times
@@ -164,7 +161,7 @@ class Record:
         )
 
     def explained(self, status: Status, reason: str) -> str:
-        """The reason, with the word on accumulating events where a run fails while they do."""
+        """Return the reason; if the run fails while events accumulate, the reason mentions the accumulation."""
         times = self._times
         if status == "failed" and len(times) > 8:
             latest, earlier = times[-1] - times[-5], times[-5] - times[-9]
@@ -173,7 +170,7 @@ class Record:
         return reason
 
     def wanted(self, t: float, x: Sequence[float], mode: Mode) -> NDArray[np.float64] | None:
-        """Sample times after t (those up to t take the state x); None where there are none."""
+        """Return the sample times after t, or None if none remain. Samples up to t get the state x."""
         if self._sample_times is None or self._samples is None:
             return None
         done = int(np.searchsorted(self._sample_times, t, side="right"))
@@ -184,7 +181,7 @@ class Record:
         return rest if rest.size else None
 
     def sampled(self, samples: NDArray[np.float64] | None, mode: Mode) -> None:
-        """Keep the states a library gave at the wanted times."""
+        """Store the states that a library returned at the sample times."""
         if samples is None or self._samples is None:
             return
         at = len(self._sample_modes)
@@ -192,7 +189,7 @@ class Record:
         self._sample_modes += [mode] * len(samples)
 
     def finish(self, status: Status, t: float, x: Sequence[float], mode: Mode, reason: str = "") -> Trajectory:
-        """The trajectory so far, ended at (t, x)."""
+        """Return the trajectory, ended at (t, x)."""
         modes = None
         if self._samples is not None:
             modes = tuple(self._sample_modes) + (mode,) * (len(self._samples) - len(self._sample_modes))
@@ -211,10 +208,10 @@ class Record:
 
 
 def blown_up(field: Scalar, began: Sequence[float], t: float, x: Sequence[float]) -> bool:
-    """Whether a state at which the steps underflow is on its way out of every bound.
+    """Check whether a state at which the step size underflows blows up.
 
-    It is where some component has grown since ``began`` and would change by a good part of itself within the
-    resolution of time; at a pole or an end of the field it would not.
+    It does if some component has grown since ``began`` and would change by a large part of itself within the
+    resolution of the time. At a pole or at the end of the field's domain no component would.
     """
     try:
         rates = field(t, *x)
@@ -228,7 +225,7 @@ def blown_up(field: Scalar, began: Sequence[float], t: float, x: Sequence[float]
 def ended(
     record: Record, model: ModeFunctions, began: Sequence[float], stop: Stop, accuracy: tuple[float, float]
 ) -> Trajectory:
-    """Tell a blow-up, and the end of the model, from a library's other failures."""
+    """End a run at which the library stopped early: ``diverged``, ``invalid`` (the model ends) or ``failed``."""
     mode, t, x = model.mode, stop.t, stop.x
     if stop.status == "diverged" or any(abs(v) > LIMIT for v in x):
         return record.finish("diverged", t, x, mode, stop.reason or f"the state passed {LIMIT:g} at t = {t:.17g}")
@@ -240,9 +237,9 @@ def ended(
 
 
 def _model_ends(model: ModeFunctions, t: float, x: Sequence[float], accuracy: tuple[float, float]) -> str:
-    """A ``valid`` expression that is zero within the tolerances where a library gets no further; empty if none is.
+    """Return a ``valid`` expression that is zero within the tolerances at the library's stop; empty if there is none.
 
-    Nothing need have a value behind it, so that no step leads past the root.
+    The field may have no value after the root of the expression, so that no step passes the root.
     """
     for k, guard in enumerate(model.guards):
         try:

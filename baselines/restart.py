@@ -1,25 +1,25 @@
-"""Restarting a library on the surface it has just left.
+"""Policies for restarting a library on a surface after an event.
 
-After an event the state lies on a surface, and in the new mode that surface's guard starts at zero:
-with a slope after a crossing, with none after the release from a Filippov slide (a double zero). What a
-library makes of a root at its starting point differs (each adapter's docstring says what); the policies:
+After an event the state lies on a surface, and in the new mode that surface's guard starts at zero: with a nonzero
+slope after a crossing, with slope zero after the release from a Filippov slide (a double zero). Libraries treat a root
+at the starting point differently (each adapter's docstring describes it). The policies are:
 
 ``event-free-step``
-    The guard is not looked at for a first short while: as long as the solution itself says that the guard
-    cannot yet be told from zero (its Taylor series against the rounding, or the tolerance, of the state).
-    Times of later events are not touched. An excursion shorter than that while ends when it ends.
+    The guard is not evaluated during a first short interval, in which its Taylor series stays within the rounding
+    (or the tolerance) of the state. Times of later events do not change. The end of an excursion that is shorter than
+    the interval is reported at the end of the interval.
 ``offset``
-    The guard is lifted by a few units in the last place, so that it starts clearly positive. The next root
-    is then late by that lift over the guard's rate, which is the rounding of the state over the rate.
+    The guard is lifted by a few units in the last place, so that it starts clearly positive. The next root is then
+    late by the lift divided by the guard's rate.
 ``direction``
-    The guard is watched as it is, and only falling roots count.
+    The guard is not changed, and only falling roots count.
 ``none``
-    The guard is watched as it is, roots of either direction count.
+    The guard is not changed, and roots of either direction count.
 
-Impacts that accumulate make flights ever lower. A restart on the surface lifts a guard by rounding, waits out the noise
-of the state, or takes that noise for a second impact: a flight no higher than that is as long as the restart makes it,
-for ever, or leads through the surface. Such flights, and the first instants of one whose restart takes noise for an
-impact, are so short that their Taylor polynomials have them to rounding: no library is asked for them.
+When impacts accumulate, flights become ever lower. A flight that is not higher than the lift or the noise of the state
+cannot be restarted like this: the restart sets its length, reports a second impact, or lets the body pass through the
+surface. Such flights, and the first instants after an impact, are so short that a Taylor polynomial gives them to
+rounding. The driver computes them without the library.
 """
 
 from __future__ import annotations
@@ -39,38 +39,39 @@ Watcher = Callable[[float, NDArray[np.float64]], float]
 """A guard as an event function ``g(t, x)`` of a library."""
 
 LIFT = 8.0
-"""``offset``: lift of a guard, in units of the rounding of its terms."""
+"""Lift of a guard under ``offset``, in units of the rounding of its terms."""
 STOPPED = 0.01
-"""An implicit first step stops its iteration at about this part of the tolerances."""
+"""Part of the tolerances at which an implicit method stops its iteration in the first step."""
 MARGIN = 16.0
-"""``event-free-step``: how far a guard has to come out of the noise."""
+"""A guard differs from zero if its value is this multiple of its noise (``event-free-step``)."""
 ORDER = 4
-"""Highest Taylor coefficient looked at for the length of the event-free step."""
+"""Order of the Taylor series that sets the length of the event-free step."""
 SPAN = 1e-9
 """Part of the horizon over which a surface's normal velocity gives the rounding of a guard whose terms vanish."""
 TANGENT = 1e-11
-"""A rate below this part of the speed is rounding: the lift covers what it does."""
+"""A rate below this part of the speed is rounding; the lift covers its effect."""
 NEARLY_TANGENT = 1e-2
-"""A falling rate above this part of the speed is no tangential release."""
+"""A release is tangential only if the guard's rate is below this part of the speed."""
 LONGEST = 1e-3
 """Longest event-free step, as a part of the horizon."""
 LEAST = 1e-300
-"""Smallest lift: anything but an exact zero."""
+"""Smallest lift; it only avoids an exact zero."""
 ROUGHEST = 1e-9
-"""Tolerance below which it is rounding that a restart's error comes from: of a flight so low it is a 1e-7th part."""
+"""Smallest tolerance for which :func:`low_flight` takes the noise of a guard; below it, rounding dominates the error
+of a restart, which is 1e-7 of the length of such a low flight."""
 FLIGHT_ORDER = 8
-"""Of the polynomials of low flights."""
+"""Order of the Taylor polynomials of low flights."""
 ROUNDS = 4
-"""Newton's steps from a parabola's end to that of the polynomial."""
+"""Newton steps from the root of the parabola to the root of the polynomial."""
 
 
 Fresh = tuple[int, float, float]
-"""A guard that starts at zero: its index among the mode's guards, abs(dh/dt) below plus above its surface, and its
-own rate, which is small against that after a tangential release."""
+"""A guard that starts at zero: its index among the mode's guards, its speed (abs(dh/dt) below plus above its surface),
+and its rate, which is much smaller than the speed after a tangential release."""
 
 
 def lift(model: ModeFunctions, fresh: Fresh, t: float, x: Sequence[float], horizon: float) -> float:
-    """How far ``offset`` lifts a guard (negative for one that is armed only once it has risen)."""
+    """Compute the lift of a guard under ``offset`` (negative for a guard that counts only once it has risen)."""
     guard, speed, rate = fresh
     value = max(LIFT * EPSILON * (model.size(guard, t, x, 1.0, 0.0) + speed * SPAN * horizon), LEAST)
     if model.guards[guard].rising_only:
@@ -79,12 +80,12 @@ def lift(model: ModeFunctions, fresh: Fresh, t: float, x: Sequence[float], horiz
 
 
 def dips(speed: float, rate: float) -> bool:
-    """Whether a guard falls before it rises: a tangential release found a little early or late."""
+    """Check whether a guard falls before it rises, because a tangential release was located slightly early or late."""
     return -NEARLY_TANGENT * speed < rate < -TANGENT * speed
 
 
 def dip(model: ModeFunctions, fresh: Fresh, t: float, x: Sequence[float]) -> float:
-    """Twice the depth to which a guard falls before it rises (0 where it does not rise)."""
+    """Twice the depth to which a guard falls before it rises; 0 if it does not rise."""
     try:
         slope, bend = model.bend(fresh[0])(t, *x)
     except ARITHMETIC:
@@ -95,9 +96,9 @@ def dip(model: ModeFunctions, fresh: Fresh, t: float, x: Sequence[float]) -> flo
 def quiet_until(
     model: ModeFunctions, fresh: Sequence[Fresh], t: float, x: Sequence[float], levels: Sequence[float], longest: float
 ) -> list[float]:
-    """Time up to which each fresh guard cannot be told from zero in a mode that starts at (t, x).
+    """Time up to which each fresh guard stays within its noise, in a mode that starts at (t, x).
 
-    ``levels`` is the noise of each one's value, ``longest`` the longest event-free step [s].
+    ``levels`` is the noise of each guard's value, ``longest`` the longest event-free step [s].
     """
     try:
         series = model.series(t, x, ORDER)[1]
@@ -115,27 +116,27 @@ def quiet_until(
 
 
 class GatedGuards:
-    """The guards of one mode as a library sees them, under one restart policy, set at the start of every run of it.
+    """Event functions of one mode under a restart policy; :meth:`open` sets them at the start of the mode.
 
-    ``errors`` are the relative and absolute error that the library's first steps leave in the state: rounding for an
-    explicit method, the tolerances where a nonlinear solver stops at a part of them.
+    ``errors`` are the relative and absolute error of the state after the library's first steps: rounding for an
+    explicit method, a part of the tolerances for a method with a nonlinear solver.
     """
 
     def __init__(self, model: ModeFunctions, policy: Restart, errors: tuple[float, float]) -> None:
         self.model, self.policy, self.errors = model, policy, errors
         count = len(model.guards)
         self.quiet = [-np.inf] * count
-        """Up to here the guard reads :attr:`resting`."""
+        """Time up to which the event function of each guard returns :attr:`resting`."""
         self.lifts = [0.0] * count
         self.resting = [-1.0 if g.rising_only else 1.0 for g in model.guards]
 
     @property
     def direction(self) -> int:
-        """Direction of the roots that count: -1 falling, 0 either."""
+        """Direction of the roots that count: -1 (falling) or 0 (either)."""
         return 0 if self.policy == "none" else -1
 
     def open(self, t: float, x: Sequence[float], fresh: Sequence[Fresh], horizon: float) -> None:
-        """Set the gates for a run of the mode from (t, x)."""
+        """Set quiet intervals and lifts for a start of the mode at (t, x)."""
         count = len(self.quiet)
         self.quiet[:] = [-np.inf] * count
         self.lifts[:] = [0.0] * count
@@ -154,9 +155,9 @@ class GatedGuards:
         return self.model.size(guard, t, x, *self.errors) + EPSILON * speed * SPAN * horizon
 
     def watcher(self, k: int, count: Callable[[], None], value: Watcher | None = None) -> Watcher:
-        """Guard k as the library sees it; ``count`` is called at every evaluation.
+        """Return the event function of guard ``k``; it calls ``count`` at every evaluation.
 
-        ``value`` is ``g(t, x)`` in place of the mode's own, where a library has another function of the same zero.
+        ``value`` replaces the mode's own ``g(t, x)`` by another function with the same roots.
         """
         quiet, lifts, resting = self.quiet, self.lifts, self.resting[k]
         guard, n = self.model.guard[k], len(self.model.states)
@@ -174,17 +175,18 @@ class GatedGuards:
         return watched
 
     def watchers(self, count: Callable[[], None]) -> list[Watcher]:
-        """All guards as the library sees them."""
+        """Return the event functions of all guards."""
         return [self.watcher(k, count) for k in range(len(self.quiet))]
 
 
 def low_flight(
     model: ModeFunctions, guard: int, t: float, x: Sequence[float], accuracy: tuple[float, float]
 ) -> tuple[float, tuple[float, ...]] | None:
-    """Time [s] and state at the end of a flight; None where it is high enough for a library, or something else is near.
+    """Time [s] and state at the end of a low flight, from its Taylor polynomial.
 
-    The guard rises from zero at (t, x), on its surface, and falls back to it. ``accuracy`` is the relative and absolute
-    error that the tolerances allow a step.
+    The guard rises from zero at (t, x), on its surface, and falls back to zero. ``accuracy`` is the relative and
+    absolute error that the tolerances allow per step. The result is None if the flight is high enough for a library,
+    or another guard may fall during the flight.
     """
     try:
         rate, bend = model.bend(guard)(t, *x)
@@ -210,7 +212,7 @@ def low_flight(
 def behind_noise(
     model: ModeFunctions, guard: int, t: float, x: Sequence[float], accuracy: tuple[float, float], until: float
 ) -> tuple[float, tuple[float, ...]] | None:
-    """Time [s] and state where a surface that is left can be told from zero; None where it is not left so soon."""
+    """Time [s] and state at which a guard that rises from zero leaves its noise; None if it does not rise."""
     level = model.size(guard, t, x, *(max(part, EPSILON) for part in accuracy))
     (end,) = quiet_until(model, [(guard, 0.0, 0.0)], t, x, [level], LONGEST * (until - t))
     try:
@@ -224,13 +226,13 @@ def behind_noise(
 
 
 def _alone(guards: Sequence[Sequence[float]], guard: int, length: float) -> bool:
-    """Whether no other guard can fall within a length of time."""
+    """Check that no other guard can fall within the time ``length``."""
     others = (c for k, c in enumerate(guards) if k != guard)
     return all(value > length * _value([abs(c) for c in rest], length) for value, *rest in others)
 
 
 def _value(coefficients: Sequence[float], at: float) -> float:
-    """A polynomial, by Horner's rule."""
+    """Evaluate a polynomial by Horner's rule."""
     value = 0.0
     for c in reversed(coefficients):
         value = value * at + c

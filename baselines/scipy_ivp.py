@@ -1,15 +1,16 @@
 """SciPy's ``solve_ivp`` with terminal events: RK45, DOP853, Radau, BDF, LSODA.
 
-At its starting point SciPy takes the sign of each event function as it is. A zero there (or one rounding on
-the wrong side of it) is a root at once unless a direction excludes it; with direction -1 it is a root at
-once if it starts at +0 and the first step ends below, and a true root in the first step is lost if it starts
-one rounding below. Hence ``offset`` as default (:mod:`henon_ref.baselines.restart`), the restart with which every
-method is right most often over the suite: the guard starts clearly positive. ``event-free-step``, ``direction`` and
-``none`` can be chosen to see what they do. Which of SciPy's own advice is followed: ``docs/solvers.md``.
+SciPy uses the sign of each event function at the starting point. A zero there (or a value one rounding on the wrong
+side) is reported as a root at once, unless a direction excludes it. With direction -1, a function that starts at +0
+has a root at once if the first step ends below zero; a function that starts one rounding below zero loses a true root
+in the first step. Therefore ``offset``, by which the guard starts clearly positive, is the default restart
+(:mod:`henon_ref.baselines.restart`): with it every method is right most often over the suite. ``event-free-step``,
+``direction`` and ``none`` can be chosen for comparison. ``docs/solvers.md`` lists the advice of SciPy's documentation
+that is followed.
 
-Two roots of one event function inside one step are not seen. Roots are located by ``brentq`` on the dense
-output to ``4 eps (1 + abs(t))``, an absolute time; the state after an event is the dense output's, which
-for Radau (a cubic) is less accurate than its steps.
+SciPy does not detect two roots of one event function inside one step. It locates roots by ``brentq`` on the dense
+output to ``4 eps (1 + abs(t))`` [s]. The state at an event is that of the dense output, which for Radau (a cubic) is
+less accurate than the steps.
 """
 
 from __future__ import annotations
@@ -81,7 +82,7 @@ class _Mode(SmoothMode):
         return self.stopped(end, state, events, samples)
 
     def _located(self, step: Any, event: int, end: float, tolerance: float) -> tuple[float, tuple[float, ...]]:
-        """Time and state of an event on its step's dense output; those that SciPy has where no sign changes there."""
+        """Locate an event again on the dense output of its step; keep SciPy's time if no sign changes on the step."""
         from scipy.optimize import brentq
 
         def value(t: float) -> float:
@@ -95,7 +96,7 @@ class _Mode(SmoothMode):
 def _event(
     function: Callable[[float, NDArray[np.float64]], float], direction: int
 ) -> Callable[[float, NDArray[np.float64]], float]:
-    """A terminal event: SciPy reads both attributes off the function."""
+    """Return a terminal event function. SciPy reads the attributes ``terminal`` and ``direction``."""
 
     def event(t: float, x: NDArray[np.float64]) -> float:
         return function(t, x)
@@ -107,33 +108,32 @@ def _event(
 
 @dataclass(frozen=True)
 class ScipyIvp(Adapter):
-    """``solve_ivp`` on one smooth mode after another.
+    """SciPy's ``solve_ivp``, called for one smooth mode after another.
 
-    Tolerances go to SciPy as they are (``rtol`` no smaller than 100 eps, SciPy's own limit). The implicit
-    methods get the Jacobian that SymPy derives.
+    Tolerances are passed to SciPy unchanged (``rtol`` at least 100 eps, SciPy's own limit). The implicit methods get
+    a Jacobian derived by SymPy.
 
-    Counts: ``steps`` are accepted steps (those cut off by an event too); ``rhs_evaluations`` all calls of
-    the right-hand side; ``event_evaluations`` all calls of event functions, one guard each, the guard
-    against divergence among them. Jacobians are not counted.
+    Counts: ``steps`` are accepted steps (those cut by an event included); ``rhs_evaluations`` all calls of the
+    right-hand side; ``event_evaluations`` all calls of event functions, one per guard, with the guard against
+    divergence. Jacobians are not counted.
     """
 
     method: Literal["RK45", "DOP853", "Radau", "BDF", "LSODA"]
     restart: Restart = field(default="offset", kw_only=True)
     callbacks: Callbacks = "python"
-    """Right-hand side and Jacobian in plain Python or compiled; the event functions are plain Python."""
+    """Right-hand side and Jacobian in plain Python or compiled; the event functions are always plain Python."""
     root_tolerance: float | None = None
-    """Absolute tolerance of an event's time [s]: the root is located again with it on the last step's dense output,
-    with the same relative one, 4 eps, since ``solve_ivp`` fixes both at 4 eps; None: it is left as it is."""
+    """Absolute tolerance of an event time [s], or None for SciPy's own, 4 eps. ``solve_ivp`` has no option for it, so
+    that the root is located a second time on the dense output of the last step."""
     mode = _Mode
     landing = "brentq"
     distribution = "SciPy"
     module = "scipy.integrate"
     samples = True
-    least_rtol = 100.0 * EPSILON  # SciPy raises a smaller one to this, with a warning
+    least_rtol = 100.0 * EPSILON  # SciPy raises a smaller rtol to this value, with a warning
 
     @property
     def implicit(self) -> bool:  # type: ignore[override]
-        """Whether the method is."""
         return self.method in IMPLICIT
 
 
@@ -145,5 +145,5 @@ LSODA = ScipyIvp("scipy-lsoda", "LSODA")
 
 
 def scouting(_adapter: Adapter, rtol: float, atol: float) -> Library:
-    """``loosened`` of a library that compiles its modes: which are visited is found out by ``DOP853``, without that."""
+    """``loosened`` of a library that compiles its modes: ``DOP853`` finds the visited modes without compiling."""
     return DOP853.library(SCOUTING, SCOUTING)

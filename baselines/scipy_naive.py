@@ -1,19 +1,19 @@
-"""What people write first: friction smoothed by tanh, or ``sign`` in the right-hand side; no modes, no events.
+"""Solvers without modes and events: friction smoothed by tanh, or ``sign`` in the right-hand side.
 
-Both integrate one field over the whole run, and their transitions are read off its steps, as a person would: where is
-the surface near zero, and for how long. A surface is *in its band* while abs(h) is below 20 widths of the smoothing, or
-200 tolerances. Passing through the band in about the time its own speed takes is a crossing, at the root of h; staying
-much longer is a stick, from entering the band to leaving it; touching it is nothing.
+Both integrate one field over the whole run. Their transitions are found from the accepted steps, by the time for which
+a surface is near zero. A surface is *in its band* while abs(h) is below 20 widths of the smoothing, or 200 tolerances.
+If it passes through the band in about the time that its speed requires, the root of h is a crossing. If it stays much
+longer, it sticks from entering the band to leaving it. If it only touches the band, there is no transition.
 
-``scipy-smoothed`` puts tanh(h / eps) for the sign of h, with LSODA and SymPy's Jacobian. The width is
-``eps = 100 atol``: wide enough that the error control can tell where on the tanh the state is, no wider. A
-stick becomes a creep at a speed below eps; its release is seen late, when the creep has grown to the band.
+``scipy-smoothed`` replaces the sign of h by tanh(h / eps) and uses LSODA with SymPy's Jacobian. The width
+``eps = 100 atol`` is just wide enough for the error control to resolve the tanh. A stick becomes a creep at a speed
+below eps; its release is detected late, when the creep has grown to the band.
 
-``scipy-sign`` puts ``sign(h)``, with RK45. In a stick the right-hand side jumps at every step, the step
-shrinks to about the tolerance over the jump, and a stick of 1 s at 1e-6 takes a million steps: a budget of
-right-hand sides ends such a run, with the transitions so far.
+``scipy-sign`` uses ``sign(h)`` and RK45. In a stick the right-hand side jumps at every step and the step size shrinks
+to about the tolerance over the jump; a stick of 1 s at 1e-6 takes a million steps. A budget of right-hand sides ends
+such a run, with the transitions so far.
 
-Neither can do a ``sliding`` override: there is no sliding in them to replace.
+Neither supports a ``sliding`` override, because they have no sliding to replace.
 """
 
 from __future__ import annotations
@@ -45,23 +45,23 @@ from henon_ref.trajectory import Status, Trajectory, Transition
 WIDTH = 100.0
 """Width of the smoothing, in units of ``atol``."""
 BAND = {"tanh": 20.0, "sign": 200.0}
-"""Half-width of the band: in widths of the smoothing (tanh is 1 to the last place there), or in tolerances (the
-state hops over the surface by tens of them)."""
+"""Half-width of the band: in widths of the smoothing (at 20 of them tanh is 1 to the last place), or in tolerances (the
+state jumps over the surface by tens of them)."""
 BUDGET = 100_000
-"""Right-hand sides a run of ``scipy-sign`` may take."""
+"""Largest number of right-hand sides of a run of ``scipy-sign``."""
 SUBSTEPS = 4
-"""Points of each step at which a surface is looked at."""
+"""Points per step at which a surface is evaluated."""
 LINGERS = 3.5
-"""A stay in the band this many times longer than passing through it takes, by the slopes at its edges, is a stick.
+"""A stay in the band is a stick if it lasts longer than this multiple of the passing time by the slopes at the edges.
 
-A root of order p takes p times as long, and a motion passes roots of third order at most but by accident."""
+Passing a root of order p takes p times as long, and roots of order above three are exceptional."""
 
 Dense = Callable[[NDArray[np.float64]], NDArray[np.float64]]
-"""A step's continuous output: k times -> (n, k) states."""
+"""Dense output of a step: maps k times to (n, k) states."""
 
 
-class BudgetSpent(Exception):  # noqa: N818  (not an error: a way out of SciPy's own loop)
-    """Raised in the right-hand side when the allowed number of them is used up."""
+class BudgetSpent(Exception):  # noqa: N818  (not an error: it leaves SciPy's loop)
+    """Raised in the right-hand side when the budget of evaluations is used up."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class ScipyNaive(LibrarySolver):
     sign: Literal["tanh", "sign"]
     method: Literal["LSODA", "RK45"]
     budget: int | None = None
-    """Right-hand sides a run may take."""
+    """Largest number of right-hand sides of a run."""
     landing = "band"
     distribution = "SciPy"
     module = "scipy.integrate"
@@ -97,7 +97,7 @@ def _sgn(value: float) -> float:
 
 
 class _Naive:
-    """One problem, ready to run again and again."""
+    """One problem prepared for repeated runs."""
 
     def __init__(
         self, solver: ScipyNaive, problem: Problem, method: Callable[..., Any], rtol: float, atol: float, work: Work
@@ -127,7 +127,7 @@ class _Naive:
             return (np.nan,) * len(self.initial)
 
     def run(self) -> Trajectory:
-        """The whole run, afresh."""
+        """Run from the start to the horizon."""
         self.work.start()
         bands = [Band(h, self.width, self.start, self.initial) for h in self.surfaces]
         seen: list[tuple[float, tuple[float, ...]]] = [(self.start, self.initial)]
@@ -141,17 +141,17 @@ class _Naive:
         return Trajectory(status, transitions, t, x, mode, reason, self.work.counts)
 
     def _march(self, seen: list[tuple[float, tuple[float, ...]]], bands: Sequence[Band]) -> tuple[Status, str]:
-        """Step to the horizon; ``seen[0]`` is the last accepted point, whatever ends the run."""
+        """Step to the horizon; at the end of the run ``seen[0]`` is the last accepted point."""
         if self.until - self.start <= 2.0 * EPSILON * abs(self.until):
             return "ok", ""
-        with warnings.catch_warnings(record=True) as said, np.errstate(all="ignore"):
+        with warnings.catch_warnings(record=True) as caught, np.errstate(all="ignore"):
             warnings.simplefilter("always")
             try:
                 solver = self.method(self._rhs, self.start, np.array(self.initial), self.until, **self.options)
                 while solver.status == "running":
                     message = solver.step()
                     if solver.status == "failed":
-                        return "failed", " ".join([message, *(str(w.message) for w in said)])
+                        return "failed", " ".join([message, *(str(w.message) for w in caught)])
                     self.work.steps += 1
                     t_old, t, dense = solver.t_old, float(solver.t), solver.dense_output()
                     if not np.isfinite(solver.y).all():
@@ -175,7 +175,7 @@ class _Naive:
         return "ok", ""
 
     def _left_model(self, t_old: float, t: float, dense: Dense) -> float | None:
-        """When in a step the first expression of ``valid`` falls to zero; None while none does."""
+        """Time at which the first expression of ``valid`` falls to zero in a step; None if none does."""
         ends = []
         for expression in self.valid:
 
@@ -188,7 +188,7 @@ class _Naive:
 
 
 def _without_signs(system: FilippovSystem, sign: Literal["tanh", "sign"], eps: float) -> list[sp.Expr]:
-    """The field with every sign symbol written out as a function of its surface."""
+    """Return the field with every sign symbol replaced by a function of its surface."""
     sgn = sp.Function("sgn")
     written = {
         s: sp.tanh(system.numeric(h) / sp.Float(eps)) if sign == "tanh" else sgn(system.numeric(h))
@@ -199,16 +199,16 @@ def _without_signs(system: FilippovSystem, sign: Literal["tanh", "sign"], eps: f
 
 @dataclass(frozen=True)
 class _Point:
-    """A moment of one surface."""
+    """Time and state at which a surface meets an edge of its band or its root."""
 
     t: float
     x: tuple[float, ...]
     slope: float
-    """dh/dt there."""
+    """dh/dt."""
 
 
 class Band:
-    """One surface ``h(t, *x) -> (value,)`` of a run that starts at (t, x), fed step by step.
+    """Transitions of one surface ``h(t, *x) -> (value,)`` of a run from (t, x), found step by step.
 
     ``width`` is the half-width of the band.
     """
@@ -222,7 +222,7 @@ class Band:
         self._entered: _Point | None = None
         self._root: Callable[[], _Point] | None = None
         self.initial = self._region
-        """Entry of the mode at the start: a side, or 0 (until the surface first leaves its band for a side)."""
+        """Entry of the mode at the start: a side, or 0 (corrected when the surface first leaves its band)."""
         self._mode = self._region
         self._open = self._region == 0
         if self._open:
@@ -234,10 +234,10 @@ class Band:
         return 0 if abs(value) <= self._width else 1 if value > 0 else -1
 
     def step(self, t_old: float, t: float, dense: Dense) -> None:
-        """Look at one accepted step.
+        """Process one accepted step.
 
-        One that begins and ends inside the band is taken by its end: with a jumping right-hand side a stick
-        is hundreds of thousands of them.
+        A step that begins and ends inside the band is evaluated at its end only: with a jumping right-hand side a stick
+        consists of hundreds of thousands of such steps.
         """
         end = self._h(t, *dense(np.array([t]))[:, 0].tolist())[0]
         if self._region == 0 and abs(end) <= self._width:
@@ -258,7 +258,7 @@ class Band:
         self._last = (t, value)
 
     def _levels(self, old: float, value: float) -> list[float]:
-        """Edges of the band between two values, in the order they are met."""
+        """Edges of the band between two values, in the order in which they are passed."""
         met = [edge for edge in (-self._width, self._width) if min(old, value) < edge <= max(old, value)]
         return met if value > old else met[::-1]
 
@@ -271,7 +271,7 @@ class Band:
         return _Point(time, tuple(dense(np.array([time]))[:, 0].tolist()), slope)
 
     def _pass(self, point: _Point, level: float, direction: int) -> None:
-        """The surface passes an edge of its band, upwards or downwards."""
+        """Process the passing of an edge of the band, upwards or downwards."""
         side = 1 if level > 0 else -1
         if direction == side:
             self._leave(point, side)
@@ -301,7 +301,7 @@ class Band:
         self.changes.append((point.t, entry, point.x))
 
     def end(self, t: float) -> None:
-        """The run ends at t: a surface that has long been in its band sticks."""
+        """End the run at t; a surface that has been in its band for long enough sticks."""
         entered = self._entered
         if entered is None or self._open or self._region:
             return
@@ -311,7 +311,7 @@ class Band:
 
 
 def joined(bands: Sequence[Band]) -> tuple[list[Transition], Mode]:
-    """The transitions of all surfaces in order of time, with joint modes, and the last mode."""
+    """Return the transitions of all surfaces in order of time, with joint modes, and the last mode."""
     mode: Mode = tuple(band.initial for band in bands)
     changes = sorted((t, i, entry, x) for i, band in enumerate(bands) for t, entry, x in band.changes)
     found: list[Transition] = []

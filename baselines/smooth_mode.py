@@ -1,7 +1,7 @@
-"""One smooth mode on a library, as the adapters have it: a subclass fills in one method.
+"""Base class of a library's integration of one smooth mode; a subclass implements one method.
 
-Modes, sliding, what follows an event, and the match against the truth are the driver's; heyoka's mode, which calls no
-Python back, is a :class:`henon_ref.baselines.library.Flow` of its own.
+The driver handles modes, sliding and events. heyoka's mode does not call Python and has its own
+:class:`henon_ref.baselines.library.Flow`.
 """
 
 from __future__ import annotations
@@ -24,18 +24,19 @@ from henon_ref.errors import ContractError
 from henon_ref.modes.callables import ARITHMETIC, Jacobian
 
 STALL = 2000
-"""Evaluations in a row, at accepted steps and while a root is sought, within four roundings of one time."""
+"""Largest number of successive evaluations within four roundings of the same time; more mean that steps stall."""
 
 
 class SmoothMode(ABC):
-    """One smooth mode on a library: a subclass fills in :meth:`integrate`.
+    """One smooth mode on a library; a subclass implements :meth:`integrate`.
 
-    An object is made once for every mode that a problem visits, and used again in every run. What is done once a
-    mode (compiling, building the library's own integrator) goes into an ``__init__`` that hands its arguments on.
+    An object is made once for every mode that a problem visits, and is used again in every run. Work that is done
+    once per mode (compiling, building the library's integrator) belongs into an ``__init__`` that first calls this
+    class's ``__init__``.
 
     In all methods t is a time [s], a float, and x the unknowns at that time, an array of shape (N,): the n states in
-    the order of ``model.states``, and behind them a copy of each guard that is not linear in the states, so that error
-    control sees it, too (N = n where all are linear).
+    the order of ``model.states``, followed by a copy of each guard that is not linear in time and states, so that
+    error control includes the guard. N = n if all guards are linear.
 
     Parameters
     ----------
@@ -43,22 +44,22 @@ class SmoothMode(ABC):
     model : ModeFunctions
         The equations.
     work : Work
-        Counters: an integrator adds to ``work.steps``, what it is handed here counts itself.
+        Counters. A subclass adds its accepted steps to ``work.steps``; the methods of this class count evaluations.
     horizon : float
         Length of the whole run [s].
     """
 
     wanted: NDArray[np.float64] | None = None
-    """Increasing times [s] after the start at which the state is wanted, for figures only; None where it is not."""
+    """Increasing sample times [s] after the start, for figures only; None if no samples are requested."""
 
     def __init__(self, library: Library, model: ModeFunctions, work: Work, horizon: float) -> None:
         self.library, self.model, self.work, self.horizon = library, model, work, horizon
         self.states = len(model.states)
-        """n."""
+        """Number n of states."""
         self.gates = GatedGuards(model, library.restart, library.errors)
-        """The guards under the restart; the library's event functions are made of their ``watchers``."""
+        """Guards under the restart policy; their ``watchers`` are the library's event functions."""
         self.last = LastSeen(self.states, work.count_event)
-        """The event function behind the guards: its root is divergence."""
+        """Event function that falls through zero if the state diverges; it follows the guards."""
 
     @abstractmethod
     def integrate(self, t: float, x: NDArray[np.float64], until: float) -> Stop:
@@ -74,20 +75,19 @@ class SmoothMode(ABC):
         Returns
         -------
         Stop
-            Of one of these: ``self.stopped(t, x, fallen)`` at the first time at which a component of :meth:`guards`
-            has fallen from positive to zero or below, ``fallen`` the indices of those that have;
-            ``self.stopped(until, x)`` at the horizon; ``self.failed(reason)`` where the library gives up.
+            One of three: ``self.stopped(t, x, fallen)`` at the first time at which components of :meth:`guards` fall
+            from positive to zero or below, with their indices ``fallen``; ``self.stopped(until, x)`` at the horizon;
+            ``self.failed(reason)`` if the library gives up.
 
         Raises
         ------
         DeadlinePassed
-            Out of :meth:`rhs` and :meth:`guards` once the run has used up its time; leave it alone, the driver ends
-            the run as ``timeout``. An exception of any other kind is a run ``failed``, all its transitions lost.
+            From :meth:`rhs` and :meth:`guards` once the run has used its time. Do not catch it: the driver ends the
+            run as ``timeout``. After any other exception the run is ``failed`` and all its transitions are lost.
         """
 
     @property
     def rtol(self) -> float:
-        """Relative tolerance."""
         return self.library.rtol
 
     @property
@@ -96,25 +96,25 @@ class SmoothMode(ABC):
         return self.library.atol
 
     def rhs(self, t: float, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Time derivatives of the unknowns, shape (N,) [unit of each / s]; all NaN where one has no value."""
+        """Time derivatives of the unknowns, shape (N,) [unit of each / s]; all NaN if one has no value."""
         return np.array(self._field(t, x))
 
     def guards(self, t: float, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The guards, shape (m + 1,): positive inside the mode, which ends where one falls through zero.
+        """Evaluate the guards, shape (m + 1,). They are positive inside the mode; it ends when one falls through zero.
 
-        The first m are those of ``model.guards``, in units of their surfaces; one that starts at zero, since its
-        surface has just been left, reads 1 until it can be told from zero. The last one is 1e100 minus the sum of
-        abs(x): the state has diverged where it falls. NaN where a guard has no value.
+        The first m are those of ``model.guards``, in units of their surfaces. A guard that starts at zero, because
+        its surface has just been left, has the value 1 until it leaves its noise (``event-free-step``). The last
+        component is 1e100 minus the sum of abs(x); if it falls, the state has diverged. A guard without a value is NaN.
 
         Raises
         ------
         Stalled
-            Where the time has not moved for 2000 calls; the driver ends the run as ``failed`` or ``diverged``.
+            If the time has not moved for 2000 calls; the driver ends the run as ``failed`` or ``diverged``.
         """
         return np.array([watcher(t, x) for watcher in self._watchers] + [self.last.value(t, x)])
 
     def jacobian(self, t: float, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Derivative of :meth:`rhs` in the unknowns, shape (N, N) [unit of row / (s unit of column)]."""
+        """Jacobian of :meth:`rhs`, shape (N, N) [unit of row / (s unit of column)]."""
         return self._jacobian(t, x)
 
     @cached_property
@@ -138,7 +138,7 @@ class SmoothMode(ABC):
         fresh: Sequence[Fresh],
         wanted: NDArray[np.float64] | None,
     ) -> Stop:
-        """What the driver calls (:class:`.library.Flow`): sets the guards, then :meth:`integrate`."""
+        """Set the guards and call :meth:`integrate`; the driver calls this (:class:`.library.Flow`)."""
         self.gates.open(t, x, fresh, self.horizon)
         self.last.start(t, tuple(x))
         self.wanted = wanted
@@ -158,21 +158,21 @@ class SmoothMode(ABC):
         fallen: Sequence[int] | NDArray[np.intp] | None = None,
         samples: NDArray[np.float64] | None = None,
     ) -> Stop:
-        """Where the library stopped.
+        """Return the stop of the library at an event or the horizon.
 
         Parameters
         ----------
         t, x
-            Time [s], and the unknowns there (the states alone will do).
+            Time [s], and the unknowns at that time (the states are enough).
         fallen : sequence of int, optional
             Components of :meth:`guards` that have a root at t; None at the horizon.
         samples : ndarray, optional
-            States at the wanted times up to t, shape (k, n).
+            States at the sample times up to t, shape (k, n).
 
         Raises
         ------
         ContractError
-            Where ``fallen`` holds anything but indices: the run is ``failed`` then.
+            If ``fallen`` contains a value that is not an index; the run is then ``failed``.
         """
         state = tuple(map(float, x[: self.states]))
         if not all(map(math.isfinite, state)):
@@ -187,15 +187,15 @@ class SmoothMode(ABC):
         return Stop("event" if hits else "diverged", t, 0.0, state, hits, samples=samples)
 
     def failed(self, reason: str) -> Stop:
-        """The library gave up, or raised: where it was is what the last call of :meth:`guards` saw."""
+        """Return the stop of a library that gave up or raised; time and state are those of the last event function."""
         return Stop("failed", self.last.t, 0.0, self.last.x, reason=reason)
 
 
 class LastSeen:
-    """The function ``1e100 - sum of abs(x)``, whose root is divergence; remembers the latest point it was asked at.
+    """Event function ``1e100 - sum of abs(x)``, whose root is divergence. It stores the latest evaluated point.
 
-    Libraries evaluate it at every accepted step, so what it remembers is where a run was when it failed, and it
-    notices where steps no longer move the time: some libraries go on then, at a pole for ever. The state is the first
+    Libraries evaluate it at every accepted step. Hence the stored point is the end of a run that fails, and stalled
+    steps are detected: at a pole some libraries continue for ever without moving the time. The state is the first
     ``states`` entries of the arrays; ``count`` is called at every evaluation.
     """
 
@@ -211,12 +211,12 @@ class LastSeen:
         self._mark, self._still = t, 0
 
     def value(self, t: float, x: NDArray[np.float64]) -> float:
-        """1e100 - sum of abs(x).
+        """Evaluate 1e100 - sum of abs(x).
 
         Raises
         ------
         Stalled
-            Where the time has not moved for :data:`STALL` evaluations.
+            If the time has not moved for :data:`STALL` evaluations.
         """
         self._count()
         values = x[: self._states].tolist()
@@ -227,7 +227,7 @@ class LastSeen:
             if self._still > STALL:
                 raise Stalled(f"the steps no longer move the time t = {t:.17g}")
         size = sum(map(abs, values))
-        if t > self.t and size < math.inf:  # not so where a value is NaN
+        if t > self.t and size < math.inf:  # false if a value is NaN
             self.t, self.x = float(t), tuple(values)
         return LIMIT - size
 
@@ -235,9 +235,9 @@ class LastSeen:
 def counted_field(
     model: ModeFunctions, callbacks: Callbacks, work: Work
 ) -> Callable[[float, NDArray[np.float64]], Any]:
-    """Time derivatives of a mode's unknowns on an array; NaN where the field has no value.
+    """Return the function of the time derivatives of a mode's unknowns; NaN if the field has no value.
 
-    Every call counts, and past the deadline raises; that stays in Python where the field itself is compiled.
+    Every call is counted and raises after the deadline. The counting is done in Python even if the field is compiled.
     """
     n, count = len(model.unknowns), work.count_rhs
     if callbacks == "numba":

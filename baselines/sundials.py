@@ -1,25 +1,25 @@
 """SUNDIALS' CVODE (Adams and BDF) and IDA by scikit-sundae, with their own rootfinding.
 
-At its starting point CVODE takes an event function that is exactly zero out of play until it has left zero,
-so it does not fire again there; one that is a rounding off zero it takes at its sign. Hence ``direction`` as default
-(:mod:`henon_ref.baselines.restart`): the guard as it is, falling roots alone. No restart is right more often over the
-suite; an event-free step is so less often, since a guard that stays at zero is not out of play behind it. The first
-steps (order 1, with Newton's iteration stopped at a part of the tolerance) move a guard by about the tolerance. Which
-of the documentation's advice is followed: ``docs/solvers.md``.
+CVODE ignores an event function that is exactly zero at the start until the function has left zero; a function that is
+one rounding off zero has its sign. Therefore the default restart is ``direction`` (:mod:`henon_ref.baselines.restart`):
+the guard is not changed, and only falling roots count. No restart is right more often over the suite. An event-free
+step is right less often, because CVODE no longer ignores a guard that stays at zero after the step. The first steps
+(order 1, with Newton's iteration stopped at a part of the tolerance) move a guard by about the tolerance.
+``docs/solvers.md`` lists the advice of the documentation that is followed.
 
-Roots are located by the Illinois method on the Nordsieck polynomial to ``100 eps (abs(t) + abs(h))``; a
-pair of roots inside one step is not seen. scikit-sundae keeps the events of earlier calls of one object, so
-every run of a mode gets a new object; its ``max_num_steps`` counts between outputs and does not bound a run:
-the deadline does, inside the callbacks.
+Roots are located by the Illinois method on the Nordsieck polynomial to ``100 eps (abs(t) + abs(h))``. A pair of roots
+inside one step is not detected. scikit-sundae keeps the events of earlier calls of an object, so that every run of a
+mode gets a new object. Its ``max_num_steps`` counts steps between outputs; only the deadline, which the callbacks
+check, bounds a run.
 
-IDA has sliding as an index-1 DAE with the friction force as algebraic unknown. In slip the residual is ``x' - f(t,
-x)``. Where surfaces slide, the equivalent sign of each is a further unknown s_i with the equation ``dh_i/dt (t, x, s) =
-0``, and the stick ends where s_i reaches -1 or +1: nobody solves for the friction force by hand. Several sliding
-surfaces are so many unknowns (one that is a multiple of another has that one's sign, or the opposite, as its equation).
-The condition keeps ``dh/dt``, not h, at zero, so h drifts by about the tolerance along a stick; the driver puts the
-state back on the surface at the stick's end and reports the drift. A ``sliding`` override is its own ODE. The state is
-consistent by construction (x' = f, s from the expression of the equivalent sign), so no initial-condition solve is
-needed. With ``offset``, its default, IDA is right most often over the suite.
+IDA solves sliding as an index-1 DAE with the friction force as algebraic unknown. In slip the residual is ``x' - f(t,
+x)``. For each sliding surface the equivalent sign is a further unknown s_i with the equation ``dh_i/dt (t, x, s) = 0``,
+and the stick ends when s_i reaches -1 or +1. If a surface is a multiple of another one, its equation sets its sign to
+plus or minus the other sign. The DAE keeps ``dh/dt`` at zero, but not h, so that h drifts by about the tolerance
+during a stick. The driver projects the state onto the surface at the end of the stick and reports the drift. A
+``sliding`` override is integrated as an ODE. The initial state is consistent by construction (x' = f, s from the
+expression of the equivalent sign), so that no initial-condition solve is required. With the default ``offset`` IDA is
+right most often over the suite.
 """
 
 from __future__ import annotations
@@ -46,25 +46,25 @@ from henon_ref.baselines.work import Stalled, Work
 from henon_ref.modes.callables import ARITHMETIC, scalar
 from henon_ref.modes.equations import Guard
 
-# SUNDIALS' own logger writes its warnings ("t + h = t") to the standard output of the process, past Python.
+# SUNDIALS' logger writes its warnings ("t + h = t") directly to the standard output of the process.
 os.environ.setdefault("SUNLOGGER_WARNING_FILENAME", os.devnull)
 
 STEPS_BETWEEN_OUTPUTS = 1_000_000
-"""``max_num_steps``: counts between outputs only, so it bounds nothing here; the deadline does."""
+"""``max_num_steps`` of scikit-sundae. The value has no effect: only the deadline bounds a run."""
 
 
 class _SundialsMode(SmoothMode):
-    """One mode on an integrator of scikit-sundae: subclasses set the attributes and add ``start``."""
+    """One mode on an integrator of scikit-sundae; subclasses set the attributes and implement ``start``."""
 
     integrator: str
-    """Its class."""
+    """Name of scikit-sundae's class."""
     function: Callable[..., None]
     """Right-hand side or residual."""
     options: dict[str, Any]
-    """Of the integrator."""
+    """Options of the integrator."""
 
     def connect(self, jacfn: Callable[..., None], watchers: Sequence[Watcher], dae: bool = False, **more: Any) -> None:
-        """Set the options, ``more`` among them; all events are terminal, the guard against divergence is the last."""
+        """Set the options and ``more``. All events are terminal; the last event is the guard against divergence."""
         last, count, direction = self.last, len(watchers), self.gates.direction
 
         def of_ode(t: float, x: NDArray[np.float64], out: NDArray[np.float64]) -> None:
@@ -76,7 +76,7 @@ class _SundialsMode(SmoothMode):
             of_ode(t, y, out)
 
         eventsfn: Any = of_dae if dae else of_ode
-        # scikit-sundae reads both off the function.
+        # scikit-sundae reads both attributes of the function.
         eventsfn.terminal, eventsfn.direction = [True] * (count + 1), [direction] * count + [-1]
         self.options = {
             "rtol": self.rtol, "atol": self.atol, "jacfn": jacfn, "max_num_steps": STEPS_BETWEEN_OUTPUTS,
@@ -85,8 +85,10 @@ class _SundialsMode(SmoothMode):
 
     @abstractmethod
     def start(self, t: float, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
-        """The arrays that the library's ``solve`` starts from where the unknowns are x at t; raises an arithmetic error
-        where the field has no value there."""
+        """Return the initial arrays for the library's ``solve``; raise an arithmetic error if the field has no value.
+
+        ``x`` are the unknowns at ``t``.
+        """
 
     def integrate(self, t: float, x: NDArray[np.float64], until: float) -> Stop:
         """See :class:`henon_ref.baselines.smooth_mode.SmoothMode`."""
@@ -94,23 +96,22 @@ class _SundialsMode(SmoothMode):
             start = self.start(t, x)
         except ARITHMETIC as error:
             return self.failed(f"the field has no value at the start: {error}")
-        make, work, said = getattr(self.library.module, self.integrator), self.work, io.StringIO()
+        make, work, printed = getattr(self.library.module, self.integrator), self.work, io.StringIO()
         before = work.rhs
         # scikit-sundae prints its errors.
-        with redirect_stdout(said):
+        with redirect_stdout(printed):
             try:
-                # A new object every time: it keeps the events of earlier calls.
+                # A new object for every run, because an object keeps the events of earlier calls.
                 result = make(self.function, **self.options).solve([t, until], *start)
             except (RuntimeError, Stalled) as error:
-                return self.failed(f"{error} {said.getvalue().strip()}")
+                return self.failed(f"{error} {printed.getvalue().strip()}")
         work.steps += result.t.size - 1
         work.rhs = before + int(result.nfev)
         end, state = float(result.t[-1]), tuple(result.y[-1, : self.states].tolist())
         if not result.success:
-            return Stop("failed", end, 0.0, state, reason=" ".join([result.message, *said.getvalue().split()]))
+            return Stop("failed", end, 0.0, state, reason=" ".join([result.message, *printed.getvalue().split()]))
         if result.t_events is None:
             return self.stopped(until, state)
-        # The last row: the object is new for every run of a mode, but a reader of this line should not have to know.
         return self.stopped(end, state, np.flatnonzero(result.i_events[-1]).tolist())
 
 
@@ -130,15 +131,13 @@ class _CvodeMode(_SundialsMode):
         self.connect(jacfn, self.gates.watchers(work.count_event), method=own.method)
 
     def start(self, t: float, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
-        """The unknowns."""
         return (x,)
 
 
 def _filling_field(model: ModeFunctions, callbacks: Callbacks, work: Work) -> Callable[..., None]:
-    """``rhs(t, x, out)`` that writes the time derivatives of a mode's unknowns into the library's array.
+    """Return ``rhs(t, x, out)``, which writes the time derivatives of a mode's unknowns into the library's array.
 
-    The compiled one is handed over as it is: the library counts its calls, and the deadline is looked at in
-    the event function.
+    A compiled function is passed directly: the library counts its calls, and the event function checks the deadline.
     """
     if callbacks == "numba":
         fill, whole = model.compiled_derivatives()
@@ -153,23 +152,23 @@ def _filling_field(model: ModeFunctions, callbacks: Callbacks, work: Work) -> Ca
 
 
 def _ready(function: Callable[..., None], unknowns: int, points: int = 1) -> Callable[..., None]:
-    """A compiled function of a time, so many points, and a result, compiled now."""
+    """Call a function of a time, ``points`` arrays and a result once, so that numba compiles it before the run."""
     point = np.ones(unknowns)
-    point.flags.writeable = False  # as the library hands it in: a type of its own to numba
+    point.flags.writeable = False  # the library passes read-only arrays, which have another type in numba
     function(0.0, *[point] * points, np.empty(unknowns))
     return function
 
 
 class _Equations:
-    """A mode as ``y = (x, g, s)``: ``y' = f(t, y)`` for the first two, ``0 = c(t, y)`` for the last.
+    """A mode as a DAE in ``y = (x, g, s)``: ``(x, g)' = f(t, y)``, ``0 = c(t, y)``.
 
-    g are copies of the followed guards (:meth:`ModeFunctions.start`), s the equivalent signs.
+    x are the states, g copies of the followed guards (:meth:`ModeFunctions.start`), s the equivalent signs.
     """
 
     def __init__(self, model: ModeFunctions) -> None:
         system, mode = model.system, model.mode
         self.sliding = tuple(model.equations.equivalent_signs)
-        """Surfaces whose equivalent sign is an unknown, in order (none in slip or under an override)."""
+        """Surfaces whose equivalent sign is an unknown, in order; none in slip or under a ``sliding`` override."""
         seen = [k for k in model.followed if not self.by_sign(model.guards[k])]
         slip = {s: sp.Integer(v) for s, v in zip(system.signs, mode, strict=True) if v}
         ties = {system.signs[j]: way * system.signs[i] for j, (i, way) in system.multiples.items() if j in self.sliding}
@@ -192,20 +191,20 @@ class _Equations:
         self.unknowns = (*system.states, *copies, *(system.signs[i] for i in self.sliding))
         self.right = (*field, *swings, *(condition(i) for i in self.sliding))
         self.alike = model.common is not None and not self.sliding
-        """Whether its equations are those that all modes have in common: no equivalent signs, no copies."""
+        """Whether the mode uses the equations common to all modes, without equivalent signs and copies."""
         self.values = model.field if self.alike else scalar(self.unknowns, self.right)
-        """(t, *y) -> f, c."""
+        """Function (t, *y) -> (f, c)."""
         started = [*guards, *signs, *model.field_expressions, *swings, *(model.along(e) for e in signs)]
         self.start = model.field if self.alike else scalar(system.states, started)
-        """(t, *x) -> (g, s, x', g', s')."""
+        """Function (t, *x) -> (g, s, x', g', s')."""
 
     def by_sign(self, guard: Guard) -> bool:
-        """Whether a guard is a stick's end, which is read off its unknown."""
+        """Check whether a guard ends a stick, so that its value follows from an unknown s_i."""
         return guard.kind == "release" and guard.index in self.sliding
 
 
 def _between_signs(expression: sp.Expr, signs: set[sp.Symbol]) -> sp.Expr:
-    """Filippov's convex combination: affine in each sign between -1 and +1."""
+    """Return Filippov's convex combination, which is affine in each sign between -1 and +1."""
     for s in signs:
         if sp.diff(expression, s, 2) != 0:
             up, down = expression.xreplace({s: sp.Integer(1)}), expression.xreplace({s: sp.Integer(-1)})
@@ -238,7 +237,7 @@ class _IdaMode(_SundialsMode):
         self.connect(jacfn, watchers, dae=True, algebraic_idx=algebraic or None)
 
     def _watcher(self, k: int) -> Watcher:
-        """Guard k as a function of (t, y): a stick ends where its unknown reaches -1 or +1."""
+        """Return the event function of guard k; a stick ends when its unknown s_i reaches -1 or +1."""
         guard, equations, count = self.model.guards[k], self._equations, self.work.count_event
         if not equations.by_sign(guard):
             return self.gates.watcher(k, count)
@@ -246,7 +245,7 @@ class _IdaMode(_SundialsMode):
         return self.gates.watcher(k, count, lambda t, y: 1.0 - side * float(y[at]))
 
     def start(self, t: float, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
-        """Unknowns of the residual and their time derivatives."""
+        """Return the unknowns of the residual and their time derivatives."""
         states = x[: self.states].tolist()
         found = self._equations.start(t, *states)
         further = len(self._equations.unknowns) - self.states
@@ -254,7 +253,7 @@ class _IdaMode(_SundialsMode):
 
 
 def _residual(equations: _Equations, callbacks: Callbacks, work: Work) -> Callable[..., None]:
-    """``resfn(t, y, yp, res)``: y' - f(t, y) of the differential unknowns, then -c(t, y)."""
+    """Return ``resfn(t, y, yp, res)``: y' - f(t, y) of the differential unknowns, followed by -c(t, y)."""
     if callbacks == "numba" and not equations.alike:
         return _compiled_residual(equations)
     right = equations.values
@@ -274,7 +273,7 @@ def _residual(equations: _Equations, callbacks: Callbacks, work: Work) -> Callab
 
 
 def _compiled_residual(equations: _Equations) -> Callable[..., None]:
-    """The same, compiled: the library counts its calls, the deadline is looked at in the event function."""
+    """Return the compiled residual. The library counts its calls; the event function checks the deadline."""
     fill, n = compiled(equations.unknowns, equations.right), equations.differential
 
     def resfn(t: float, y: Any, yp: Any, res: Any) -> None:
@@ -287,18 +286,18 @@ def _compiled_residual(equations: _Equations) -> Callable[..., None]:
 
 @dataclass(frozen=True)
 class SundialsAdapter(Adapter):
-    """What is the same of CVODE and IDA as solvers: dense Newton iteration with the Jacobian that SymPy derives.
+    """Base class of the solvers CVODE and IDA: dense Newton iteration with a Jacobian derived by SymPy.
 
-    Counts: ``steps`` are internal steps; ``rhs_evaluations`` are the library's own count of right-hand sides, IDA's of
-    residuals (Jacobians not counted); ``event_evaluations`` all evaluations of one guard each, the guard against
-    divergence among them.
+    Counts: ``steps`` are internal steps; ``rhs_evaluations`` is the library's own count of right-hand sides or, for
+    IDA, of residuals (Jacobians not counted); ``event_evaluations`` counts evaluations of one guard each, with the
+    guard against divergence.
     """
 
     callbacks: Callbacks = field(default="python", kw_only=True)
-    """Right-hand side (or residual) and Jacobian in plain Python or compiled; the event function is plain Python."""
+    """Right-hand side (or residual) and Jacobian in plain Python or compiled; event functions are always Python."""
     landing = "illinois"
     distribution = "scikit-sundae"
-    least_rtol = 1e-15  # its documentation asks for no smaller one
+    least_rtol = 1e-15  # smallest value that the documentation recommends
     implicit = True
     located = (100.0, 0.0)  # 100 eps (abs(t) + abs(h)); the step h is not known here
 

@@ -1,4 +1,4 @@
-"""Functions of single surfaces and guards of a system, each made once for all modes that it is the same in."""
+"""Cached functions of single surfaces and guards of a system, shared by all modes in which they are equal."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 
 MANY = 16
-"""From so many arguments on a function is made of those alone that stand in it: SymPy goes through the expressions once
-for each argument."""
+"""From this number of arguments on, a function takes only the arguments that its expressions contain: SymPy traverses
+the expressions once per argument."""
 
 
 @lru_cache(maxsize=4096)
 def of_few(arguments: tuple[sp.Symbol, ...], expressions: tuple[sp.Expr, ...]) -> Scalar:
-    """``f(t, *arguments)``, one float an expression."""
+    """Return ``f(t, *arguments)`` with one float per expression."""
     if len(arguments) < MANY:
         return scalar(arguments, expressions)
     standing = set().union(*(e.free_symbols for e in expressions))
@@ -33,19 +33,19 @@ def of_few(arguments: tuple[sp.Symbol, ...], expressions: tuple[sp.Expr, ...]) -
 
 @lru_cache(maxsize=4096)
 def is_linear(expression: sp.Expr, states: tuple[sp.Symbol, ...]) -> bool:
-    """Whether an expression is linear in time and states together; modes share most of theirs."""
+    """Check whether an expression is linear in time and states together; cached, since modes share expressions."""
     moving = expression.free_symbols & {TIME, *states}
     return not any(sp.diff(expression, v).free_symbols & moving for v in moving)
 
 
 class Slopes(NamedTuple):
-    """Derivatives of a guard in the states that stand in it."""
+    """Derivatives of a guard in the states that it contains."""
 
     places: tuple[int, ...]
-    """Of these states."""
+    """Indices of these states."""
     values: Scalar
     constants: tuple[float, ...] | None
-    """The derivatives, where the guard is linear."""
+    """The derivatives if all are constant, otherwise None."""
 
 
 @lru_cache(maxsize=4096)
@@ -63,11 +63,11 @@ def normal_velocity(system: FilippovSystem, index: int) -> sp.Expr:
 
 @lru_cache(maxsize=4096)
 def landing(system: FilippovSystem, mode: Mode, index: int) -> Scalar:
-    """What is needed of one surface when a mode begins or ends on it; made once for all modes that it is the same in.
+    """Return the function of a surface on which a mode begins or ends.
 
-    ``f(t, *x)`` -> ``(h, dh/dt below, dh/dt above, *point)``: the surface's value before anything is
-    corrected; the nearest point on the surface (one Newton step along the gradient, which moves x by the
-    rounding or tolerance error that h shows, and no more); and, there, the normal velocities on both sides.
+    The function ``f(t, *x)`` returns ``(h, dh/dt below, dh/dt above, *point)``: the surface's value at x; the normal
+    velocities at ``point`` on both sides; and ``point``, the projection of x onto the surface by one Newton step along
+    the gradient. The step moves x only by the rounding or tolerance error in h.
     """
     states = system.states
     h, normal = system.numeric(system.surfaces[index]), normal_velocity(system, index)
@@ -81,8 +81,8 @@ def landing(system: FilippovSystem, mode: Mode, index: int) -> Scalar:
         first = scalar(states, [h, *(x - h * d / square for x, d in zip(states, gradient, strict=True))])
         second = scalar(states, sides)
         return lambda t, *x: _in_two(first, second, t, x)
-    # Expanding lets a flat surface cancel to its own solution: x2 - (x2 - vp) is vp, with no rounding left.
-    # A surface in time alone has nothing to move.
+    # After expanding, a flat surface cancels exactly: x2 - (x2 - vp) is vp, without rounding.
+    # A surface that depends on time alone moves no state.
     point = [x - sp.expand(h * d / square) if d != 0 else x for x, d in zip(states, gradient, strict=True)]
     moved = {k: p for k, (p, x) in enumerate(zip(point, states, strict=True)) if p != x}
     there = {states[k]: p for k, p in moved.items()}
@@ -108,7 +108,7 @@ def _in_two(first: Scalar, second: Scalar, t: float, x: tuple[float, ...]) -> tu
 
 @lru_cache(maxsize=4096)
 def surface(system: FilippovSystem, index: int) -> tuple[Scalar, Scalar]:
-    """A surface's function ``h(t, *x) -> (value,)`` and its gradient in the states."""
+    """Return a surface's function ``h(t, *x) -> (value,)`` and its gradient in the states."""
     states, h = system.states, system.numeric(system.surfaces[index])
     return of_few(states, (h,)), of_few(states, tuple(sp.diff(h, x) for x in states))
 
@@ -116,7 +116,7 @@ def surface(system: FilippovSystem, index: int) -> tuple[Scalar, Scalar]:
 def projected(
     surfaces: Sequence[tuple[Scalar, Scalar]], t: float, x: Sequence[float]
 ) -> tuple[tuple[float, ...], float]:
-    """The point nearest to x on the intersection of surfaces (h, gradient), and the largest abs(h) at x."""
+    """Return the point nearest to x on the intersection of surfaces (h, gradient), and the largest abs(h) at x."""
     point: NDArray[np.float64] = np.array(x, dtype=float)
     drift = 0.0
     for step in range(2):

@@ -1,4 +1,4 @@
-"""What one run has spent: counts, and the deadline that stops it from inside a callback."""
+"""Counters of one run, and the deadline that stops the run from inside a callback."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from henon_ref.jit.processor_time import Deadline
 from henon_ref.trajectory import Counts
 
 
-class DeadlinePassed(Exception):  # noqa: N818  (not an error: a way out of a library's own loop)
-    """Raised inside a callback to leave a library that would go on."""
+class DeadlinePassed(Exception):  # noqa: N818  (not an error: it leaves a library's own loop)
+    """Raised inside a callback to leave a library whose processor time is used up."""
 
 
 class Stalled(Exception):  # noqa: N818
@@ -18,9 +18,10 @@ class Stalled(Exception):  # noqa: N818
 
 
 class Work:
-    """Counters of one run, reset at its start, which may take so much processor time [s], what it compiles apart.
+    """Counters of one run, reset at its start.
 
-    The two that count, and ``check``, raise :class:`DeadlinePassed` once that is used up.
+    ``deadline`` is the processor time that the run may use [s], without compilation. Once that time is used up,
+    ``count_rhs``, ``count_event`` and ``check`` raise :class:`DeadlinePassed`.
     """
 
     __slots__ = ("clock", "deadline", "events", "rhs", "steps", "stop_at")
@@ -30,25 +31,25 @@ class Work:
         self.start()
 
     def start(self) -> None:
-        """Begin a run: all counts zero, the clock set."""
+        """Set all counts to zero and start the clock."""
         self.steps = self.rhs = self.events = 0
         self.clock = Deadline(self.deadline)
         self.stop_at = self.clock.look_at
 
     def count_rhs(self) -> None:
-        """One right-hand side."""
+        """Count one evaluation of the right-hand side."""
         self.rhs += 1
         if perf_counter() > self.stop_at:
             self._check_clock()
 
     def count_event(self) -> None:
-        """One evaluation of one guard."""
+        """Count one evaluation of one guard."""
         self.events += 1
         if perf_counter() > self.stop_at:
             self._check_clock()
 
     def check(self) -> None:
-        """Look at the clock only."""
+        """Check the clock without counting."""
         if perf_counter() > self.stop_at:
             self._check_clock()
 
@@ -63,7 +64,7 @@ class Work:
 
 
 def installed_version(distribution: str) -> str:
-    """Version of a package, empty where it is not installed."""
+    """Version of a package; empty if it is not installed."""
     try:
         return metadata.version(distribution)
     except metadata.PackageNotFoundError:

@@ -1,14 +1,13 @@
-"""Causes of the baselines' failures, each shown by a minimal run of the library alone.
+"""Causes of failures of the baselines, each demonstrated by a minimal run of the library alone.
 
-A cause is a short function that uses nothing of this project: it sets up the smallest problem that shows the
-behaviour, runs the library, and raises :class:`ClaimError` if it does not behave as claimed. The tests run them all,
-reports run them and print what they say, and :mod:`henon_ref.harness.campaign.causes` decides which failing run each
-explains.
+The check of a cause is a short function that uses only the library: it sets up the smallest problem that shows the
+behaviour, runs the library, and raises :class:`ClaimError` if the library does not behave as claimed. The tests run all
+checks, reports print their results, and :mod:`henon_ref.harness.campaign.causes` assigns causes to failed runs.
 """
 
 from __future__ import annotations
 
-from henon_ref.baselines.causes import (  # noqa: F401 - each adds its causes
+from henon_ref.baselines.causes import (  # noqa: F401 - each module adds to CAUSES
     by_program,
     diffrax_events,
     diffsol_events,

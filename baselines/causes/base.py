@@ -1,4 +1,4 @@
-"""What a cause is, and what their minimal programs have in common."""
+"""Definition of a cause, and functions that the minimal programs share."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pathlib import Path
 PROGRAMS = Path(__file__).parent / "programs"
 """Folder of the programs in other languages."""
 SECONDS = 300.0
-"""Wall time of one [s]."""
+"""Largest wall time of a program [s]."""
 Check = Callable[[], str]
 
 
@@ -24,31 +24,31 @@ class ClaimError(AssertionError):
 
 @dataclass(frozen=True)
 class Cause:
-    """One behaviour of one library."""
+    """A behaviour of a library that makes runs fail."""
 
     name: str
     package: str
-    """The distribution whose behaviour it is."""
+    """Distribution of the library."""
     title: str
     claim: str
-    """In a sentence or two: what the library does, and what follows from it."""
+    """One or two sentences on the behaviour and its consequence."""
     check: Check
-    """Runs the library; what was seen, in one sentence. Raises :class:`ClaimError` where it is not as claimed."""
+    """Run the library and return one sentence on the result; raise :class:`ClaimError` if it contradicts the claim."""
     links: tuple[str, ...] = ()
-    """Reports and documentation."""
+    """Issues and documentation."""
 
 
 CAUSES: dict[str, Cause] = {}
-"""Causes by name."""
+"""All causes by name."""
 
 
 def cause(
     package: str, name: str, title: str, *links: str, docs: str = "", apart: bool = False
 ) -> Callable[[Check], Check]:
-    """Make a cause of a program: the first paragraph of its docstring is the claim, the rest the problem that shows it.
+    """Return a decorator that registers a check as a cause; the first paragraph of its docstring is the claim.
 
-    ``docs``: a page that all causes of a library link to. ``apart``: the program runs in a process of its own, for a
-    library whose threads a process that forks must not have.
+    ``docs`` is a page to which all causes of a library link. With ``apart`` the check runs in a new process, for a
+    library that starts threads, because this process may fork later.
     """
 
     def made(check: Check) -> Check:
@@ -66,18 +66,13 @@ def _in_own_process(check: Check) -> str:
 
 
 def holds(condition: object, words: str) -> None:
-    """Raise unless a condition holds.
-
-    Raises
-    ------
-    ClaimError
-    """
+    """Raise :class:`ClaimError` with a message if a condition is false."""
     if not condition:
         raise ClaimError(words)
 
 
 def said(run: Callable[[], object]) -> str:
-    """What the exception of a run says; empty where it ends."""
+    """Return the message of the exception that a run raises; empty if it raises none."""
     try:
         run()
     except (RuntimeError, ValueError) as error:
@@ -86,19 +81,19 @@ def said(run: Callable[[], object]) -> str:
 
 
 class Printed(dict[str, list[list[float]]]):
-    """What a program printed: name -> the numbers of each of its lines."""
+    """Output of a program: maps a name to the numbers of each of its lines."""
 
     def __missing__(self, name: str) -> list[list[float]]:
         raise ClaimError(f"the program has printed no '{name}'")
 
 
 def printed(command: Sequence[str], environment: dict[str, str] | None = None) -> Printed:
-    """Run a program whose lines are a name and numbers; the library's own words between them are left out.
+    """Run a program whose lines consist of a name and numbers; other lines, printed by the library, are ignored.
 
     Raises
     ------
     ClaimError
-        If it cannot be run.
+        If the program cannot be run.
     """
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=SECONDS, check=False, env=environment)

@@ -1,4 +1,4 @@
-"""What has no binding to Python: CVODE from C, Octave's ``ode45``, Siconos, each by a program in ``programs/``."""
+"""Causes of libraries that are not called from Python: CVODE from C, Octave's ``ode45``, Siconos (``programs/``)."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ siconos = partial(cause, "siconos", docs="https://nonsmooth.gricad-pages.univ-gr
 
 @cache
 def printed_from_c() -> Printed:
-    """Return flag, time, state, steps of CVODE's runs."""
+    """Return the output of ``cvode_events.c``: flag, time, state and steps of each run."""
     try:
         compiler, include = tools()
     except UnavailableError as error:
@@ -33,13 +33,11 @@ def printed_from_c() -> Printed:
 
 @cache
 def printed_by_octave() -> Printed:
-    """What ``octave_events.m`` prints."""
     return printed([*OCTAVE, str(PROGRAMS / "octave_events.m")])
 
 
 @cache
 def printed_by_siconos() -> Printed:
-    """What ``siconos_step.py`` prints."""
     return printed([siconos_python(), str(PROGRAMS / "siconos_step.py")], os.environ | ENVIRONMENT)
 
 

@@ -1,4 +1,4 @@
-"""diffrax's ``Event`` with a root finder. Each check runs in a process of its own: jax starts threads."""
+"""diffrax's ``Event`` with a root finder. Each check runs in a new process, because jax starts threads."""
 
 from __future__ import annotations
 
@@ -24,7 +24,10 @@ def solve(
     step: float | None = None,
     solver: Any = None,
 ) -> Any:
-    """``diffeqsolve`` with an event: Dopri8, in steps of one length or adaptive, Newton's method as its page has it."""
+    """Call ``diffeqsolve`` with an event. Defaults: Dopri8, adaptive steps, Newton's method as in the documentation.
+
+    ``step`` is the length of constant steps.
+    """
     import diffrax
     import jax
     import optimistix

@@ -1,4 +1,4 @@
-"""diffsol by pydiffsol and its stop functions. Some checks run in a process of their own, which the library ends."""
+"""diffsol (by pydiffsol) and its stop functions. The check of ``tan`` runs in a new process, which diffsol aborts."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ DIFFSL = "https://martinjrobins.github.io/diffsl"
 
 
 def model(text: str, tolerance: float, method: str = "tsit45", start: float = 0.0) -> Any:
-    """A model in DiffSL."""
+    """Compile a model in DiffSL; ``tolerance`` is the relative and absolute one."""
     import pydiffsol
 
     ode = pydiffsol.Ode(text, ode_solver=getattr(pydiffsol, method))
@@ -26,7 +26,7 @@ def model(text: str, tolerance: float, method: str = "tsit45", start: float = 0.
 
 
 def solve(text: str, until: float, method: str = "tsit45", tolerance: float = 1e-10, start: float = 0.0) -> Any:
-    """A model in DiffSL to its horizon or its first stop."""
+    """Solve a model in DiffSL to its horizon or its first stop."""
     return model(text, tolerance, method, start).solve(np.array([]), until)
 
 
@@ -154,13 +154,13 @@ def first_step_too_short() -> str:
     shortest step the rounding of the horizon.
     """
     ode = model("u_i { x = 0.0, y = 4e-14 } F_i { 1.0, 3.0 }", 1e-9, "bdf")
-    own = ode.options.min_timestep
+    default = ode.options.min_timestep
     words, _, time = said(lambda: ode.solve(np.array([]), 3.0)).partition(" at time = ")
-    holds("Step size is too small" in words and 0 < float(time) < own, f"{words} at {time}")
+    holds("Step size is too small" in words and 0 < float(time) < default, f"{words} at {time}")
     ode.options.min_timestep = 1e-16
     end = float(ode.solve(np.array([]), 3.0).ts[-1])
     holds(end == 3.0, f"with a shorter one it ends at {end}")
     return (
         f"x' = 1, y' = 3 from (0, 4e-14) ends at t = {float(time):.1e}, {words}; with `options.min_timestep` 1e-16 in "
-        f"place of {own:g} it comes to 3"
+        f"place of {default:g} it comes to 3"
     )

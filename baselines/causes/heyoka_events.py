@@ -1,4 +1,4 @@
-"""heyoka and its terminal events."""
+"""heyoka and its terminal events, by minimal runs of heyoka alone."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ shows = partial(cause, "heyoka", docs="https://bluescarni.github.io/heyoka.py/no
 
 
 def run(guard: Any, field: Any, start: list[float], until: float, *, any_direction: bool = False) -> float:
-    """Time at which a terminal event stops a run, or its horizon."""
+    """Return the time at which a terminal event stops a run, or the horizon."""
     import heyoka
 
     heyoka.set_logger_level_error()

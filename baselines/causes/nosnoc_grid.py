@@ -1,4 +1,4 @@
-"""nosnoc's finite elements with switch detection: what its grid does, and its options."""
+"""Grid and options of nosnoc's finite elements with switch detection."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ REPOSITORY = "https://github.com/nosnoc/nosnoc_py"
 
 
 def simulated(model: Any, until: float, steps: int) -> Any:
-    """nosnoc's results in equal control steps, each of two finite elements of three stages."""
+    """Simulate in equal control steps, each with two finite elements of three stages; return nosnoc's results."""
     import nosnoc
 
     options = nosnoc.NosnocOpts()
@@ -31,7 +31,7 @@ def simulated(model: Any, until: float, steps: int) -> Any:
 
 
 def release() -> Any:
-    """x' = t - s, s = sgn(x), x(0) = 0: at rest until t = 1, then x = (t - 1)^2 / 2."""
+    """Model x' = t - s, s = sgn(x), x(0) = 0: at rest until t = 1, then x = (t - 1)^2 / 2."""
     import casadi
 
     x, t = casadi.SX.sym("x"), casadi.SX.sym("t")
@@ -39,7 +39,7 @@ def release() -> Any:
 
 
 def oscillator() -> Any:
-    """x'' = -x - 0.6 sgn(x') from 5.3."""
+    """Model x'' = -x - 0.6 sgn(x'), x(0) = 5.3, x'(0) = 0."""
     import casadi
 
     x, v = casadi.SX.sym("x"), casadi.SX.sym("v")
@@ -47,7 +47,7 @@ def oscillator() -> Any:
 
 
 def one_surface(surface: Any, state: Any, fields: list[Any], start: list[float]) -> Any:
-    """A system with fields above and below a surface."""
+    """Make a model with one surface and the fields above and below it."""
     import casadi
     import nosnoc
 

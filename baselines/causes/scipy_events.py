@@ -1,4 +1,4 @@
-"""SciPy's ``solve_ivp`` and its events; and what people write first: friction with ``sign``, or smoothed."""
+"""SciPy's ``solve_ivp`` and its events, and friction without events: ``sign`` in the right-hand side, or smoothed."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from henon_ref.baselines.causes.base import cause, holds, said
 shows = partial(cause, "scipy")
 ISSUES = "https://github.com/scipy/scipy/issues"
 WIDTH = 1e-4
-"""Of the smoothing."""
+"""Width of the smoothing."""
 METHODS = ("RK45", "DOP853", "Radau", "BDF", "LSODA")
 
 
 def run(field: Any, until: float, start: list[float], method: str = "RK45", rtol: float = 1e-9, **options: Any) -> Any:
-    """``solve_ivp`` from 0 without its warnings; ``atol`` is ``rtol``."""
-    from scipy import integrate  # with the first run: most reports check nothing
+    """Call ``solve_ivp`` from t = 0 without its warnings; ``atol`` is ``rtol``."""
+    from scipy import integrate  # imported here, because most commands check no cause
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -35,7 +35,6 @@ def terminal(function: Callable[..., float], direction: int = 0) -> Callable[...
 
 
 def unit_speed(t: float, x: Any) -> list[float]:
-    """x' = 1."""
     return [1.0]
 
 
@@ -84,11 +83,11 @@ def bracket_without_a_sign_change() -> str:
     """
     event = terminal(lambda t, x: -x[0], -1)
     every = [said(partial(run, unit_speed, k / 10, [-k / 10], "Radau", 1e-6, events=event)) for k in range(1, 31)]
-    words = [own for own in every if own]
-    holds(words and all("different signs" in own for own in words), f"{words or 'no ValueError'}")
+    messages = [message for message in every if message]
+    holds(messages and all("different signs" in m for m in messages), f"{messages or 'no ValueError'}")
     return (
-        f"Radau on x' = 1 from -c, event -x, horizon c, for c = 0.1, 0.2, ..., 3: in {len(words)} of 30 ValueError, "
-        f"'{words[0]}'"
+        f"Radau on x' = 1 from -c, event -x, horizon c, for c = 0.1, 0.2, ..., 3: in {len(messages)} of 30 ValueError, "
+        f"'{messages[0]}'"
     )
 
 
@@ -129,7 +128,7 @@ def blow_up_is_a_failed_step() -> str:
 
 
 def steps_of_a_period(method: str) -> list[int]:
-    """Steps of one period of x'' = -x at 1e-6 and 1e-12."""
+    """Number of steps of one period of x'' = -x at 1e-6 and 1e-12."""
     found = (run(lambda t, x: [x[1], -x[0]], 6.28, [1.0, 0.0], method, rtol) for rtol in (1e-6, 1e-12))
     return [own.t.size - 1 for own in found]
 
@@ -180,7 +179,10 @@ def number_that_is_none() -> str:
 
 
 def stuck(tolerance: float) -> tuple[float, int]:
-    """v' = 0.5 - sign(v) from 0.1, at rest from t = 0.2 on: its greatest speed after 0.21, and evaluations to 0.3."""
+    """Solve v' = 0.5 - sign(v) from 0.1, which is at rest from t = 0.2 on.
+
+    Return the greatest speed after t = 0.21 and the number of evaluations up to t = 0.3.
+    """
     found = run(lambda t, v: 0.5 - np.sign(v), 0.3, [0.1], rtol=tolerance)
     return float(np.abs(found.y[0, found.t > 0.21]).max()), found.nfev
 

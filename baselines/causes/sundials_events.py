@@ -1,4 +1,4 @@
-"""SUNDIALS' CVODE and IDA by scikit-sundae, and their rootfinding."""
+"""Rootfinding of SUNDIALS' CVODE and IDA, called by scikit-sundae."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ import numpy as np
 from henon_ref.baselines.causes.base import cause, holds
 
 shows = partial(cause, "scikit-sundae")
-# SUNDIALS' own logger writes its warnings to the standard output of the process, past Python.
+# SUNDIALS' logger writes its warnings directly to the standard output of the process.
 os.environ.setdefault("SUNLOGGER_WARNING_FILENAME", os.devnull)
 ISSUES = "https://github.com/llnl/sundials/issues"
 
 
 def cvode(rates: Callable[[Any], list[float]], event: Callable[[Any], float], method: str = "BDF") -> Any:
-    """CVODE at 1e-9, stopped by an event of either direction."""
+    """Make a CVODE solver at 1e-9 that stops at an event of either direction."""
     from sksundae.cvode import CVODE
 
     def field(t: float, x: Any, rate: Any) -> None:
@@ -37,7 +37,7 @@ def terminal(function: Callable[..., None]) -> Callable[..., None]:
 
 
 def ball() -> Any:
-    """x'' = -1 to x = 0."""
+    """Make a solver of x'' = -1 that stops at x = 0."""
     return cvode(lambda x: [x[1], -1.0], lambda x: float(x[0]))
 
 

@@ -1,5 +1,5 @@
-"""The paper's own programs: its method done right (``henon-rk4``), and its appendix as printed (``henon-listing``).
+"""Programs of Olejnik and Awrejcewicz (2013): the method of the paper, implemented correctly (``henon-rk4``), and the
+appendix as printed (``henon-listing``).
 
-Olejnik and Awrejcewicz (2013). Their loops are C: ``paper.h`` says what there is,
-:mod:`henon_ref.baselines.paper.compiled` loads it.
+The loops are C. ``paper.h`` declares the functions; :mod:`henon_ref.baselines.paper.compiled` loads them.
 """

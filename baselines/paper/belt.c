@@ -1,6 +1,6 @@
 /* The oscillator of Fig. 8, Eq. (18), as the appendix computes it. Olejnik and Awrejcewicz (2013). */
 
-/* What a step reads of the parameters. */
+/* Parameters that a step reads. */
 struct spring {
     double inverse_mass, k1, k2, mu0;
 };
@@ -23,7 +23,7 @@ static double acceleration(const struct spring *s, double position, double veloc
     return s->inverse_mass * (spring_force(s->k1, s->k2, position - base) + s->mu0 / (side_constant - velocity));
 }
 
-/* Index of the upper edge of the stick zone that holds the position, -1 outside. */
+/* Index of the upper edge of the stick zone that contains the position; -1 outside all zones. */
 static int64_t zone(double position, const double *edges, double base)
 {
     for (int64_t upper = 4; upper >= 0; upper -= 2)
@@ -32,7 +32,7 @@ static int64_t zone(double position, const double *edges, double base)
     return -1;
 }
 
-/* An edge of the stick zones. Outside of them the appendix takes edges[-1], which in Python is the last. */
+/* An edge of the stick zones. For a negative index the appendix uses Python's edges[-1], which is the last edge. */
 static double edge_at(const double *edges, int64_t index)
 {
     return edges[index < 0 ? index + 6 : index];

@@ -1,4 +1,4 @@
-"""The compiled loops of ``paper.h``."""
+"""Access to the compiled functions of ``paper.h``."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from henon_ref.kernel.library import load
 ffi, lib = load(Path(__file__).with_name("paper.h"), "paper")
 
 COMPILER: str = ffi.string(lib.paper_compiler()).decode()
-"""What compiled them: name and version."""
+"""Name and version of the C compiler."""
 
 
 def rows(array: NDArray[Any], kind: str = "double") -> Any:
-    """An array, C-contiguous, as C sees it: a pointer that keeps it alive.
+    """Return a C pointer to a C-contiguous array; the pointer keeps the array alive.
 
-    ``kind`` is what an entry is, or a structure of doubles that a row is.
+    ``kind`` is the C type of an entry, or a structure of doubles that is the type of a row.
     """
     return ffi.from_buffer(f"{kind}[]", array)
 
 
 def flags(array: NDArray[np.bool_]) -> Any:
-    """An array of truth values as C sees it."""
+    """Return a C pointer to an array of booleans."""
     return rows(array, "uint8_t")

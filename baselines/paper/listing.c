@@ -1,16 +1,16 @@
-/* The program in the paper's appendix as it is printed, mistakes and all: henon-listing.
+/* The program of the paper's appendix as printed, including its mistakes: henon-listing.
 
-   Olejnik and Awrejcewicz (2013), Listing 1, which made Fig. 8. What it does, step by step and mistake by mistake,
-   stands at the lines that do it; variants.c has each mistake as a switch.
+   Olejnik and Awrejcewicz (2013), Listing 1, which produced Fig. 8. Comments mark each mistake at its line; variants.c
+   has a switch for each mistake.
 
-   The one that matters most: in Python `xn = x` names the same list twice. Whatever the listing writes to the new
-   state it has also written to the old one, so each Runge-Kutta stage starts where the one before ended, and a step of
-   length h moves the slip state by (1/2 + 1/2 + 1 + 1) h = 3 h, while time, forcing and stick move by h. That is why
-   its limit for h -> 0 has the slip field 3 f. */
+   The most important mistake: in Python `xn = x` gives the same list two names. The listing overwrites the old state
+   whenever it writes the new one, so that each Runge-Kutta stage starts at the end of the stage before. A step of
+   length h moves the slip state by (1/2 + 1/2 + 1 + 1) h = 3 h, while time, forcing and stick move by h. Therefore the
+   limit for h -> 0 has the slip field 3 f. */
 
 /* The Runge-Kutta step in time, on the one list that is both old and new state.
-   Defects: every stage moves the state itself (3 h in all); the forcing `base` is that of the start of the step at all
-   four stages (order 1 in h); time is left to the caller. */
+   Defects: every stage moves the state itself (3 h in total); all four stages use the forcing `base` of the start of
+   the step (order 1 in h). The caller advances the time. */
 static void slip_step(struct belt_state *x, const struct spring *s, double base, double h, double side_constant)
 {
     const double v1 = x->velocity, a1 = acceleration(s, x->position, x->velocity, base, side_constant);
@@ -27,9 +27,9 @@ static void slip_step(struct belt_state *x, const struct spring *s, double base,
     x->velocity = x->velocity + h / 6 * (a1 + 2 * (a2 + a3) + a4);
 }
 
-/* The swapped step of Eq. (14), velocity being the independent variable; again on the one list.
-   Defects: as in slip_step, and 0.166666 stands for 1/6. Time does start from the old one, for it has not been moved
-   yet. */
+/* The swapped step of Eq. (14), with the velocity as independent variable; again on the one list.
+   Defects: as in slip_step, and 0.166666 is used for 1/6. The time is correct, because it is written once, at the
+   end. */
 static void landing_step(struct belt_state *x, const struct spring *s, double base, double length, double side_constant)
 {
     const double half = length * 0.5, sixth = length * 0.166666;
@@ -46,7 +46,7 @@ static void landing_step(struct belt_state *x, const struct spring *s, double ba
     x->time = x->time + sixth * (t1 + 2 * (t2 + t3) + t4);
 }
 
-/* The main loop (its counter, never advanced in print, is here). */
+/* The main loop. (The printed loop never advances its counter; this one does.) */
 HENON_EXPORT struct listing_end listing_run(struct belt_state *x, const double *edges, double h, int64_t passes,
                                             const struct belt *belt, struct mode_change *changes, int64_t changes_room,
                                             struct belt_state *path, int64_t path_room)
@@ -57,7 +57,7 @@ HENON_EXPORT struct listing_end listing_run(struct belt_state *x, const double *
     bool sticking = false;
     int64_t side = 0;
     if (x->velocity == vp) {
-        /* A defect without effect here: the third stick zone is not looked at. */
+        /* A defect without effect here: the third stick zone is not tested. */
         for (int64_t upper = 0; upper <= 2; upper += 2)
             if (edges[upper + 1] <= x->position && x->position <= edges[upper])
                 sticking = true;
@@ -72,14 +72,14 @@ HENON_EXPORT struct listing_end listing_run(struct belt_state *x, const double *
             x->position = x->position + h * x->velocity;
             x->time = x->time + h;
             base = base_position(belt, x->time);
-            /* Defect: only the upper tangent point is tested; z also falls out of the zone at its lower end. */
+            /* Defect: only the upper tangent point is tested; z may also leave the zone at its lower end. */
             if (!(x->position < edge_at(edges, upper) + base)) {
                 sticking = false;
-                /* Defect: the way back to the tangent point is new minus old position, which are one number: it is 0,
-                   and time stays where the step of length h has put it. */
+                /* Defect: the distance back to the tangent point is the new minus the old position. Both are the same
+                   number, so that the distance is 0 and the time stays at the end of the step. */
                 x->position = edge_at(edges, upper) + base;
-                /* Defect: with the spring's sign as printed the middle zone (2) is left downwards and the others
-                   upwards; here it is the other way round. The next step undoes it. */
+                /* Defect: by the printed sign of the spring, the middle zone (2) must be left downwards and the other
+                   zones upwards. The listing does the opposite; the next step undoes it. */
                 side = upper != 2 ? -1 : 1;
             }
         } else {
@@ -87,8 +87,8 @@ HENON_EXPORT struct listing_end listing_run(struct belt_state *x, const double *
             end.slips++;
             slip_step(x, &s, base, h, side_constant);
             if (side == -1 ? x->velocity >= vp : x->velocity <= vp) {
-                /* The old velocity is lost with the aliasing, so this is the way back from beyond, which is right from
-                   below. Defect: from above it has the wrong sign. */
+                /* Aliasing has overwritten the old velocity, so that this is the distance from the new velocity back
+                   to the belt's. Defect: from above it has the wrong sign. */
                 const double length = side == -1 ? vp - x->velocity : x->velocity - vp;
                 end.landings++;
                 landing_step(x, &s, base, length, side_constant);

@@ -1,7 +1,7 @@
-"""``henon-listing``: the program in the paper's appendix as it is printed, mistakes and all, as a solver.
+"""``henon-listing``: the program of the paper's appendix as printed, including its mistakes, as a solver.
 
-What it does, step by step and mistake by mistake, stands in ``listing.c``, at the lines that do it;
-:mod:`henon_ref.baselines.paper.listing_variants` has each mistake as a switch.
+``listing.c`` explains each mistake at its line; :mod:`henon_ref.baselines.paper.listing_variants` has a switch for each
+mistake.
 """
 
 from __future__ import annotations
@@ -26,34 +26,33 @@ from henon_ref.trajectory import Counts, Status, Trajectory, Transition
 Floats = NDArray[np.float64]
 
 PARAMETERS = ("m", "k1", "k2", "mu0", "vp", "A", "w")
-"""Parameters that the listing reads, by name."""
+"""Names of the parameters that the listing reads."""
 _WIDTH, _ANGLES = 2 * math.sqrt(3) / 3, (math.cos(math.pi / 9), math.cos(2 * math.pi / 9), math.sin(math.pi / 18))
 EDGES = np.array([_WIDTH * v for v in (*_ANGLES, *(-v for v in reversed(_ANGLES)))])
 """Tangent points z of Eq. (24), highest first: the stick zones are [1, 0], [3, 2] and [5, 4]."""
 PRINTED_STEP = 1e-4
 """The step of the appendix [s]."""
 MAX_STEPS = 200_000_000
-"""Longest run."""
+"""Largest number of steps of a run."""
 MAX_CHANGES = 200_000
-"""Changes of mode that are kept; the listing at h = 1e-4 makes 180 of them."""
+"""Largest number of changes of mode; the listing at h = 1e-4 makes 180."""
 
 
 class Listing:
-    """The appendix as printed, ``henon-listing``.
+    """Solver ``henon-listing``: the appendix as printed.
 
-    Runs only the system that the listing is a step method for: slip ``3 f`` with f of Eq. (18), and a
-    stick that ends where z rises through the middle upper tangent point, as the reading ``listing_limit``
-    of ``cases/fig8.yaml`` has it. It reads m, k1, k2, mu0, vp, A and w by name; the tangent points are
-    constants of the listing.
+    It supports only the system that is the limit of the listing for h -> 0, the reading ``listing_limit`` of
+    ``cases/fig8.yaml``: slip by ``3 f`` with f of Eq. (18), and a stick that ends when z rises through the middle
+    upper tangent point. It reads m, k1, k2, mu0, vp, A and w by name; the tangent points are constants of the listing.
 
-    The listing counts passes and keeps no horizon: the state at the end is that after its last pass, some
-    steps off the horizon, which is what the trajectory names as its end.
+    The listing counts passes and has no horizon. The trajectory's end state is that after the last pass, whose time may
+    differ from the horizon by some steps, although the trajectory's end time is the horizon.
 
-    A transition is reported when the listing changes its mode, with the time and state it then has. A
-    release whose very next step lands again and turns to the other side is one release to that side.
+    A transition is reported when the listing changes its mode, with the listing's time and state. If a release is
+    followed by a step that lands again and turns to the other side, both are reported as one release to that side.
 
-    ``steps`` and ``event_evaluations``: passes of the loop. ``rhs_evaluations``: 4 for each pass in slip and
-    4 for each landing. The deadline is not watched: a million passes take some 20 ms.
+    ``steps`` and ``event_evaluations`` are passes of the loop. ``rhs_evaluations`` is 4 for each pass in slip and 4 for
+    each landing. The deadline is not checked: a million passes take about 20 ms.
     """
 
     name = "henon-listing"
@@ -62,7 +61,7 @@ class Listing:
 
     @property
     def version(self) -> str:
-        """Version of its compiler."""
+        """Name and version of the C compiler."""
         return COMPILER
 
     def prepare(
@@ -80,7 +79,7 @@ class Listing:
         Raises
         ------
         UnsupportedError
-            For any other system, and without a positive step.
+            If the system is another one, or there is no positive step.
         """
         if step is None or not step > 0:
             raise UnsupportedError(f"{self.name} needs a positive step, got {step}")
@@ -122,12 +121,12 @@ LISTING = Listing()
 
 
 def listing_parameters(problem: Problem) -> tuple[float, ...]:
-    """m, k1, k2, mu0, vp, A, w of a problem that is the listing's; numbers, rounded once.
+    """Return m, k1, k2, mu0, vp, A, w of a problem with the listing's system, rounded to doubles.
 
     Raises
     ------
     UnsupportedError
-        With what is different, for any other system.
+        If the system is another one; the message names the difference.
     """
     named = {symbol.name: symbol for symbol in problem.system.parameters}
     missing = [name for name in PARAMETERS if name not in named]
@@ -138,7 +137,7 @@ def listing_parameters(problem: Problem) -> tuple[float, ...]:
 
 
 def _difference(system: FilippovSystem, p: Mapping[str, sp.Symbol]) -> str:
-    """In what the system is not the limit of the listing ("" where it is)."""
+    """Describe the first difference between the system and the limit of the listing; empty if there is none."""
     if system.resets:
         return "its state does not jump"
     if len(system.states) != 2 or len(system.surfaces) != 1:
@@ -173,14 +172,14 @@ def _same(system: FilippovSystem, one: sp.Expr, other: sp.Expr) -> bool:
 
 
 def _start(problem: Problem) -> tuple[float, float]:
-    """Initial position and velocity; a tangent point is the listing's own double for it."""
+    """Initial position and velocity; a position at a tangent point is replaced by the listing's double."""
     position, velocity = (float(v) for v in problem.initial)
     near = [float(edge) for edge in EDGES if math.isclose(edge, position, rel_tol=1e-15)]
     return (near[0] if near else position), velocity
 
 
 def _start_mode(start: tuple[float, float], vp: float) -> Mode:
-    """The listing's mode at the start: sticking if it lies on the belt in a zone that it tests."""
+    """Mode of the listing at the start: stick if the velocity is the belt's, in a zone that the listing tests."""
     position, velocity = start
     if velocity != vp:
         return (-1,) if velocity < vp else (1,)
@@ -188,7 +187,7 @@ def _start_mode(start: tuple[float, float], vp: float) -> Mode:
 
 
 def _transitions(changes: Floats, start: Mode, until: float) -> tuple[Transition, ...]:
-    """Changes of mode in the project's words, to the horizon (passes are counted, and may end beyond it)."""
+    """Convert the changes of mode up to the horizon to transitions; the last passes may be after the horizon."""
     found: list[Transition] = []
     mode = start
     for _, time, position, velocity, entry in effective_changes(changes, start[0]).tolist():
@@ -201,17 +200,17 @@ def _transitions(changes: Floats, start: Mode, until: float) -> tuple[Transition
 
 
 def effective_changes(changes: Floats, start: int) -> Floats:
-    """Changes of mode with the releases to a side that was never entered put right.
+    """Merge each release that the next step undoes with the change of that step.
 
-    Such a release is undone by the very next step, which lands again and turns to the other side: one
-    release, at its own time, to that side.
+    Such a release goes to one side, and the next step lands again and turns to the other side. The result has one
+    release to the other side, at the time of the release.
 
     Parameters
     ----------
     changes : ndarray, shape (k, 5)
         Step, time, position, velocity and mode after each change.
     start : int
-        Mode before the first.
+        Mode before the first change.
 
     Returns
     -------
@@ -226,5 +225,5 @@ def effective_changes(changes: Floats, start: int) -> Floats:
 
 
 def _sampled(wanted: Floats, path: Floats) -> Floats:
-    """Positions and velocities at the times wanted, on straight lines between steps; NaN past the end."""
+    """Interpolate positions and velocities linearly between steps; NaN after the end."""
     return np.column_stack([np.interp(wanted, path[:, 0], path[:, i], right=np.nan) for i in (1, 2)])

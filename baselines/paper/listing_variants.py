@@ -1,8 +1,8 @@
-"""The paper's program with each of its mistakes as a switch: ``variants.c``, called from Python.
+"""The paper's program with a switch for each of its mistakes: ``variants.c``, called from Python.
 
-It is for the audit of :mod:`henon_ref.harness.studies.paper.audit`. All switches off it is the method of Sec. 3
-done right on Eq. (18): order 4, Filippov's sliding. All on it is the appendix as printed, number for number
-(:mod:`henon_ref.baselines.paper.listing`).
+The audit of :mod:`henon_ref.harness.studies.paper.audit` uses it. With all switches off it is a correct implementation
+of Sec. 3 for Eq. (18): order 4, Filippov's sliding. With all switches on it gives exactly the numbers of the appendix
+as printed (:mod:`henon_ref.baselines.paper.listing`).
 """
 
 from __future__ import annotations
@@ -31,31 +31,31 @@ DEFECTS: dict[str, str] = {
     "landing_sign": "above the belt's speed the landing step has the wrong sign",
     "rounded_sixth": "`h*0.166666` stands for h/6 in the landing step",
 }
-"""Each mistake that changes what the program computes: its name (a switch of ``struct defects``) and what it is."""
+"""Mistakes that change the result: name (a switch of ``struct defects``) and description."""
 
 MAX_CHANGES = 20_000
-"""Changes of mode after which a run counts as chattering."""
+"""Number of changes of mode after which a run counts as chattering."""
 
 
 @dataclass(frozen=True)
 class VariantRun:
-    """What one variant did."""
+    """Result of a run of one variant."""
 
     times: Floats
     """Times of the changes of mode [s]."""
     states: Floats
-    """(k, 2) positions and velocities there."""
+    """Positions and velocities at these times, shape (k, 2)."""
     modes: NDArray[np.int64]
     """Mode after each change: -1 below the belt's speed, 0 in stick, +1 above."""
     status: str
     """``ok``, ``chatters`` (the changes of mode never end) or ``diverged``."""
     path: Floats
-    """(steps, 3) time, position and velocity after each step, as far as it was asked for."""
+    """Time, position and velocity after each step from ``path_from`` on, shape (steps, 3)."""
 
 
 @cache
 def fig8_numbers() -> tuple[float, ...]:
-    """m, k1, k2, mu0, vp, A, w of Fig. 8, rounded."""
+    """Parameters m, k1, k2, mu0, vp, A, w of Fig. 8, rounded to doubles."""
     return listing_parameters(load_case(shipped_folder() / "fig8.yaml").reading("listing_limit").problem)
 
 
@@ -72,23 +72,23 @@ def run_variant(
     Parameters
     ----------
     defects : collection of str
-        Names out of :data:`DEFECTS`.
+        Names of :data:`DEFECTS`.
     step : float
         Step h [s].
     start : tuple of float, optional
-        Position and velocity at t = 0, in slip; the paper's start in stick, [z(4), vp], without it.
+        Position and velocity at t = 0, in slip. Without it, the run starts in stick at [z(4), vp] as in the paper.
     until : float
         Horizon [s].
     path_from : float, optional
-        Time from which the path is kept [s]; without it no path is.
+        Time from which the path is stored [s]. Without it, no path is stored.
 
     Raises
     ------
     KeyError
-        For an unknown defect.
+        If a defect is unknown.
     """
     for name in defects:
-        DEFECTS[name]  # raises where there is none
+        DEFECTS[name]  # raises KeyError for an unknown name
     numbers = fig8_numbers()
     changes = np.empty((MAX_CHANGES, 5))
     path = np.empty((0 if path_from is None else int((until - path_from) / step) + 2 * MAX_CHANGES, 3))

@@ -1,4 +1,4 @@
-/* The one translation unit of the paper's programs; see paper.h. */
+/* Translation unit of the paper's programs; paper.h declares them. */
 #include "paper.h"
 #include "../../henon_ref/kernel/self_test.h"
 

@@ -1,10 +1,10 @@
-/* Fixed-step Runge-Kutta of order 4 in one mode, up to the step that crosses a guard: henon-rk4. */
+/* Runge-Kutta method of order 4 with a fixed step in one mode, up to the step that crosses a guard: henon-rk4. */
 
-/* One classical Runge-Kutta step; time is a state, so that the forcing is taken at the stages' times. */
+/* One classical Runge-Kutta step. The time is a state, so that the forcing is evaluated at the stage times. */
 HENON_EXPORT void rk4_step(const struct rk4_mode *mode, double *room, double t, const double *x, double h, double *out)
 {
     const int64_t n = mode->states;
-    double *const rates = room + n, *const total = room + 2 * n; /* the field's code puts its copy of x into room */
+    double *const rates = room + n, *const total = room + 2 * n; /* the field's code copies x into room */
     mode->field(t, 0.0, 1.0, x, mode->field_constants, room);
     for (int64_t i = 0; i < n; i++) {
         total[i] = rates[i];
@@ -32,11 +32,11 @@ static bool is_through(double g, bool armed, bool rising_only)
     return (g < 0 && (armed || !rising_only)) || (g == 0 && armed);
 }
 
-/* Steps are counted from `base`, so that time does not drift. */
+/* The time is computed from `base` and the number of steps, so that rounding does not accumulate. */
 HENON_EXPORT int64_t rk4_advance(const struct rk4_mode *mode, struct rk4_steps *s)
 {
     const int64_t n = mode->states, m = mode->guards;
-    double *const g = s->room + 4 * n; /* behind what a step works with, and the copy of x of the guards' code */
+    double *const g = s->room + 4 * n; /* after the work space of a step and the guards' copy of x */
     for (; s->first < s->last; s->first++) {
         const double t = s->base + (double)s->first * s->h, after = s->base + (double)(s->first + 1) * s->h;
         rk4_step(mode, s->room, t, s->x, s->h, s->new_state);

@@ -1,10 +1,10 @@
-"""``henon-rk4``: the paper's method done right, for any Filippov system.
+"""``henon-rk4``: the paper's method for any Filippov system, implemented correctly.
 
-Classical Runge-Kutta of order 4 with a fixed step, time being a state so that the forcing is taken at the
-stage times. Where a step has crossed a guard g = 0 (a surface in slip, a tangent point in sliding), the
-independent variable is swapped from t to g, ``dx/dg = f/g'`` and ``dt/dg = 1/g'``, and one step of length
--g lands on g = 0: Eq. (14) of Olejnik and Awrejcewicz (2013) where g is a surface, Eq. (15) where it is the
-end of a stick. The method is Hénon's, *Physica D* 5 (1982) 412-413.
+The method is classical Runge-Kutta of order 4 with a fixed step. The time is a state, so that the forcing is evaluated
+at the stage times. If a step has crossed a guard g = 0 (a surface in slip, a tangent point in sliding), the independent
+variable is swapped from t to g, ``dx/dg = f/g'`` and ``dt/dg = 1/g'``, and one step of length -g lands on g = 0. This
+is Eq. (14) of Olejnik and Awrejcewicz (2013) for a surface, Eq. (15) for the end of a stick. The method is Hénon's,
+*Physica D* 5 (1982) 412-413.
 """
 
 from __future__ import annotations
@@ -33,32 +33,32 @@ from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Counts, Status, Trajectory, Transition, without_hidden_kinks
 
 CHUNK = 200_000
-"""Steps between two looks at the clock."""
+"""Largest number of steps between two checks of the clock."""
 TOGETHER = 1e-12
 """Guards that land within this time of each other [s] are one event."""
 CROWDED = 100
-"""Events within the length of one step after which the run gives up: they accumulate, or it chatters."""
+"""Number of events within the length of one step after which the run fails: events accumulate, or the run chatters."""
 HUGE = 1e10
-"""A state that is no longer finite has diverged where it was this large a step before; else it has failed."""
+"""A run whose state is no longer finite has diverged if the state before was larger than this; otherwise it failed."""
 
 _KERNELS: WeakKeyDictionary[FilippovSystem, dict[Mode, Kernel]] = WeakKeyDictionary()
-"""Compiled once a system, whatever the step: system -> mode -> kernel."""
+"""Compiled kernels of each system and mode, for all step lengths."""
 
 
 class HenonRK4:
-    """The paper's fixed-step method, ``henon-rk4``.
+    """Solver ``henon-rk4``: the paper's fixed-step method.
 
-    The step after an event starts at the landed point, so the grid of steps shifts with every event. The
-    mode's own field is used up to the end of the step that crosses, and the swap goes back from there.
-    Near a tangency, where g' -> 0 and the swap divides by it, a bracketed root of g along the step decides
-    and the transition says ``bracket``. Nothing is projected: on a curved surface a slide drifts off it with
-    order 4 (``max_surface_drift``).
+    The step after an event starts at the landed point, so that the grid of steps shifts with every event. The mode's
+    field is used up to the end of the step that crosses the guard, and the swap goes back from there. Near a tangency
+    the swap would divide by g' -> 0; there, a bracketed root of g along the step is used, and the landing of the
+    transition is ``bracket``. States are not projected: on a curved surface a slide drifts with order 4
+    (``max_surface_drift``).
 
-    Events are seen by a guard's sign at the ends of steps only, which is the paper's way: two that fall
-    into one step, such as a graze or a short excursion, are missed.
+    As in the paper, events are detected only by the signs of guards at the ends of steps. Two roots in one step, of a
+    graze or a short excursion, are missed.
 
-    ``steps``: Runge-Kutta steps, those cut short by an event included. ``rhs_evaluations``: 4 for each of
-    them and for each landing. ``event_evaluations``: ends of steps at which all guards were evaluated.
+    ``steps`` are Runge-Kutta steps, those cut by an event included. ``rhs_evaluations`` is 4 for each step and each
+    landing. ``event_evaluations`` counts the ends of steps at which all guards were evaluated.
     """
 
     name = "henon-rk4"
@@ -67,7 +67,7 @@ class HenonRK4:
 
     @property
     def version(self) -> str:
-        """Version of the compiler of the steps."""
+        """Name and version of the C compiler."""
         return COMPILER
 
     def prepare(
@@ -80,14 +80,14 @@ class HenonRK4:
         sample_times: NDArray[np.float64] | None = None,
         deadline: float | None = None,
     ) -> Run:
-        """Compile every mode that the run meets, by one rehearsal (see :class:`henon_ref.solver.Solver`).
+        """Compile every mode that the run visits, by one run (see :class:`henon_ref.solver.Solver`).
 
-        A system is compiled once a process: a second step length finds it done.
+        A process compiles a system once, for all step lengths.
 
         Raises
         ------
         UnsupportedError
-            Without a positive step, and where the state jumps.
+            If there is no positive step, or the system has jumps of the state.
         """
         if problem.system.resets:
             raise UnsupportedError(f"{self.name} knows no jumps of the state")
@@ -107,7 +107,7 @@ RK4 = HenonRK4()
 
 
 class _Plan:
-    """What all runs of one problem share: compiled kernels and the switching rule."""
+    """Compiled kernels and switching rule of one problem, shared by all its runs."""
 
     def __init__(self, problem: Problem, step: float) -> None:
         self.problem = problem
@@ -127,7 +127,7 @@ class _Plan:
         return self._kernels[mode]
 
     def after_event(self, t: float, x: Sequence[float], mode: Mode, hits: Sequence[Guard]) -> Decision:
-        """As :func:`henon_ref.modes.selection.after_event`, short where one surface is clearly left or reached."""
+        """Select the next mode: by two normal velocities if they decide it, otherwise by :func:`.after_event`."""
         if len(hits) == 1 and self._by_signs(hits[0]) and 0 not in mode:
             i = hits[0].index
             try:
@@ -140,7 +140,7 @@ class _Plan:
         return after_event(self.in_doubles.at(t, x), mode, hits)
 
     def _by_signs(self, hit: Guard) -> bool:
-        """Whether the slip fields may decide what follows."""
+        """Check whether the slip fields may select the next mode."""
         return hit.kind == "surface" and not self.problem.system.held_inside(hit.index)
 
 
@@ -163,7 +163,7 @@ class _Integration:
         self.sample_modes: list[Mode] = []
 
     def run(self) -> Trajectory:
-        """Integrate to the horizon, or to where there is no going on."""
+        """Integrate to the horizon, or to an earlier end."""
         problem = self.plan.problem
         decision = initial_mode(self.plan.in_doubles, problem.start, problem.initial, problem.initial_mode)
         recent: deque[float] = deque(maxlen=CROWDED)
@@ -179,7 +179,7 @@ class _Integration:
         return self._result(decision.ending, decision.reason)
 
     def _through_mode(self) -> Decision | tuple[Status, str]:
-        """Step through one mode: what follows its end, or how the run ends."""
+        """Step through one mode; return the decision at its end, or the status and reason of the run's end."""
         kernel, h = self.plan.kernel(self.mode), self.plan.step
         new = np.empty_like(self.x)
         armed = np.array(kernel.values(self.time, self.x)) > 0
@@ -208,14 +208,14 @@ class _Integration:
                 return "timeout", f"out of time at t = {self.time:.17g}"
 
     def _event(self, kernel: Kernel, h: float, armed: NDArray[np.bool_], new: Floats) -> Decision | tuple[Status, str]:
-        """Land on the first guard that the step from the present state to ``new`` has crossed, and switch."""
+        """Land on the first guard that the step from the current state to ``new`` has crossed; select the next mode."""
         t = self.time
         found = {i: land(kernel, i, t, self.x, new, h) for i in crossed_guards(kernel, t + h, new, armed)}
         landings = {i: landing for i, landing in found.items() if landing is not None}
         if len(landings) < len(found):
             return "failed", f"a guard is not a number on the step from t = {t:.17g}"
         self.landings += len(landings)
-        if not found:  # by the kernel's time, added up otherwise, a guard is just crossed: here the next step does it
+        if not found:  # the compiled loop rounds the time differently; the next step will cross the guard
             self._sample_up_to(kernel, h)
             self._move(h)
             self.x = new.copy()
@@ -235,14 +235,14 @@ class _Integration:
         return decision
 
     def _sample_up_to(self, kernel: Kernel, offset: float) -> None:
-        """Fill the samples on the next part of a step."""
+        """Fill the samples up to ``offset`` after the current time."""
         while self.filled < self.wanted.size and self.wanted[self.filled] <= self.time + offset:
             kernel.step(self.time, self.x, self.wanted[self.filled] - self.time, self.samples[self.filled])
             self.filled += 1
         self._record_modes()
 
     def _lost(self, code: int) -> tuple[Status, str]:
-        """How a run ends whose next step is not in numbers."""
+        """Status and reason of a run whose next step is not finite."""
         if code == NO_GUARD:
             return "failed", f"a guard is not a number after t = {self.time:.17g}"
         if np.abs(self.x).max() > HUGE:
@@ -259,7 +259,7 @@ class _Integration:
                 )
 
     def _move(self, duration: float) -> None:
-        """Move time on, keeping what rounding loses."""
+        """Advance the time in double-double arithmetic."""
         total = self.time + duration
         moved = total - self.time
         low = self.time_low + (self.time - (total - moved)) + (duration - moved)

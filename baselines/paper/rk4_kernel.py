@@ -1,4 +1,4 @@
-"""Fixed-step Runge-Kutta of order 4 for one mode: the compiled loop, and Hénon's landing."""
+"""Runge-Kutta method of order 4 with a fixed step for one mode: the compiled loop, and Hénon's landing."""
 
 from __future__ import annotations
 
@@ -23,32 +23,32 @@ from henon_ref.taylor.tape import TIME, Tape, build_tape
 Floats = NDArray[np.float64]
 
 STEEP = 0.5
-"""Hénon's swap is used while the guard's rate stays within this ratio over it; else the root is bracketed."""
+"""Hénon's swap is used if the guard's rate changes by at most this ratio over the swap; else the root is bracketed."""
 EVENT, NOT_FINITE, NO_GUARD = lib.RK4_EVENT, lib.RK4_NOT_FINITE, lib.RK4_NO_GUARD
-"""How the compiled loop came back before its last step."""
+"""Reasons for which the compiled loop ends before its last step."""
 
 
 class Kernel:
     """Equations of one mode.
 
-    The loop and its steps are C (``rk4.c``), the same for all systems; the field and the guards are machine code
-    written from the tape. What landings need is plain Python: they are too rare to be worth a compilation.
+    The loop and its steps are C code for all systems (``rk4.c``); field and guards are machine code generated from the
+    tape. Landings use plain Python functions, because they are too rare to be worth a compilation.
 
     Raises
     ------
     ModelError
-        Where the mode has no equations.
+        If the mode has no equations.
     """
 
     def __init__(self, system: FilippovSystem, mode: Mode) -> None:
-        # Signs go in as exact numbers: as floats, 1 - s would leave rounding where the mode has nothing.
+        # Signs are inserted as exact numbers; with floats, 1 - s would leave rounding instead of zero.
         equations = system.equations(mode)
         self.guards: tuple[Guard, ...] = equations.guards
-        """Surfaces in slip first, then releases, then ``valid``."""
-        # A mode that nothing ends still needs one column.
+        """Guards: surfaces in slip, followed by releases, followed by ``valid``."""
+        # A mode without guards still requires one column.
         expressions = [g.expression for g in equations.guards] or [sp.Integer(1)]
         self.rising_only = np.array([g.rising_only for g in equations.guards] or [False])
-        """Per guard: it may start negative."""
+        """Whether each guard may start negative."""
         n = len(system.states)
         tapes = [build_tape(system.states, (), part) for part in (equations.field, expressions)]
         names = ("field", "guards")
@@ -68,16 +68,16 @@ class Kernel:
         along = list(zip(system.states, equations.field, strict=True))
         rates = [sp.diff(e, TIME) + sp.Add(*(sp.diff(e, x) * f for x, f in along)) for e in expressions]
         self.field = _function(system, equations.field)
-        """x' at (t, x)."""
+        """Time derivatives of the states as a function of (t, x)."""
         self.rates = _function(system, rates)
-        """Time derivatives of the guards at (t, x)."""
+        """Time derivatives of the guards as a function of (t, x)."""
 
     def step(self, t: float, x: Floats, h: float, out: Floats) -> None:
-        """One step from (t, x), written to ``out``."""
+        """Take one step from (t, x) and write the state to ``out``."""
         lib.rk4_step(self._mode, rows(np.empty(self._room)), t, rows(x), h, rows(out))
 
     def values(self, t: float, x: Floats) -> list[float]:
-        """The guards at (t, x)."""
+        """Return the guards at (t, x)."""
         found = np.empty(self._room)
         lib.rk4_guards(self._mode, t, rows(x), rows(found))
         return found[self._states : self._states + self._mode.guards].tolist()
@@ -94,10 +94,10 @@ class Kernel:
         samples: Floats,
         filled: int,
     ) -> tuple[int, int, int]:
-        """Steps of length ``h`` by their numbers, counted from time ``base`` (``rk4_advance`` of ``paper.h``).
+        """Take the steps ``steps[0]`` to ``steps[1]`` of length ``h``, counted from time ``base`` (``rk4_advance``).
 
-        Returns the steps done, the samples filled, and how it came back. At an event ``x`` is the state before the
-        step that crossed a guard and ``new`` the one after it.
+        Return the number of steps done, the number of samples filled, and the reason of the end. At an event, ``x`` is
+        the state before the step that crossed a guard, and ``new`` the state after the step.
         """
         room = np.empty(self._room)
         state = rows(x), rows(new), flags(armed), rows(wanted)
@@ -108,7 +108,7 @@ class Kernel:
 
 @dataclass(frozen=True)
 class Landing:
-    """Where a step that crossed a guard is put."""
+    """Landing of a step that crossed a guard."""
 
     offset: float
     """Time from the start of the step [s]."""
@@ -118,13 +118,13 @@ class Landing:
 
 
 def _numbers(system: FilippovSystem, tape: Tape) -> Floats:
-    """Constants rounded to double, then what the rounding lost."""
+    """Return the constants rounded to double, followed by their rounding remainders."""
     pairs = [double_double(system.numeric(c)) for c in tape.constants]
     return np.array([p[0] for p in pairs] + [p[1] for p in pairs] or [0.0])
 
 
 def _function(system: FilippovSystem, expressions: Sequence[sp.Expr]) -> Callable[..., tuple[float, ...]]:
-    """``(t, x) -> tuple`` of floats; every number is rounded once, by Python's parser."""
+    """Return a function of (t, x) that returns a tuple of floats; Python's parser rounds every number once."""
     x = sp.DeferredVector("x")
     places = {symbol: x[i] for i, symbol in enumerate(system.states)}
     rounded = [sp.N(system.numeric(e).xreplace(places), 25) for e in expressions]
@@ -133,7 +133,7 @@ def _function(system: FilippovSystem, expressions: Sequence[sp.Expr]) -> Callabl
 
 
 def crossed_guards(kernel: Kernel, t: float, x: Floats, armed: NDArray[np.bool_]) -> list[int]:
-    """Guards that are through at the end (t, x) of a step; the same test as the compiled loop's."""
+    """Return the guards that the step ending at (t, x) has crossed, by the same test as in the compiled loop."""
     values = kernel.values(t, x)
     return [
         i for i, g in enumerate(values) if (g < 0 and (armed[i] or not kernel.rising_only[i])) or (g == 0 and armed[i])
@@ -141,11 +141,11 @@ def crossed_guards(kernel: Kernel, t: float, x: Floats, armed: NDArray[np.bool_]
 
 
 def land(kernel: Kernel, which: int, t: float, x: Floats, new: Floats, h: float) -> Landing | None:
-    """Put the step from (t, x) to (t + h, new), which crossed guard ``which``, on that guard.
+    """Land the step from (t, x) to (t + h, new), which crossed guard ``which``, on that guard.
 
-    Hénon's swap where the guard is steep over it, else a root of the guard along the step bracketed in
-    its length (Brent), which stays order 4 and needs no division by the guard's rate; None where the guard
-    is not a number on the way.
+    Hénon's swap is used if the guard is steep. Otherwise Brent's method finds the step length at which the guard is
+    zero; it has order 4, too, and does not divide by the guard's rate. The result is None if the guard is not a number
+    on the step.
     """
     swapped = _swapped(kernel, which, t + h, new.tolist())
     if swapped is not None and -h <= swapped[0] <= 0:
@@ -156,7 +156,7 @@ def land(kernel: Kernel, which: int, t: float, x: Floats, new: Floats, h: float)
         kernel.step(t, x, offset, state)
         return float(kernel.values(t + offset, state)[which])
 
-    # A mode that has just begun starts on its guard: look for a place inside the step where it is positive.
+    # In the first step of a mode the guard may start at zero. Find a point inside the step at which it is positive.
     inside = next((o for o in (0.0, *(h / 2**k for k in range(1, 40))) if along(o) > 0), None)
     try:
         offset = 0.0 if inside is None else brentq(along, inside, h, xtol=1e-16 * h, rtol=1e-15)
@@ -167,10 +167,10 @@ def land(kernel: Kernel, which: int, t: float, x: Floats, new: Floats, h: float)
 
 
 def _swapped(kernel: Kernel, which: int, t: float, x: list[float]) -> tuple[float, Floats] | None:
-    """One Runge-Kutta step of length -g with the guard g as the independent variable, Eqs. (14) and (15).
+    """Take one Runge-Kutta step of length -g with the guard g as the independent variable, Eqs. (14) and (15).
 
-    Returns the (negative) time to the landing and the state there, or None where the guard's rate changes
-    so much over the step, near a tangency, that dividing by it is no use.
+    Return the (negative) time to the landing and the state there. Near a tangency the guard's rate changes too much
+    for a division by it, and the result is None.
     """
     length = -kernel.values(t, np.array(x))[which]
     try:
@@ -188,6 +188,6 @@ def _swapped(kernel: Kernel, which: int, t: float, x: list[float]) -> tuple[floa
         ratio = kernel.rates(t + total / 6, landed.tolist())[which] / first
         steep = STEEP <= ratio <= 1 / STEEP
     except (ArithmeticError, ValueError, TypeError):
-        # Outside a function's domain; Python's power makes a complex number of it, which has no order.
+        # Outside a function's domain. Python's power returns a complex number, which cannot be compared.
         return None
     return (total / 6, landed) if steep and np.isfinite(landed).all() else None

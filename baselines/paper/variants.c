@@ -1,9 +1,9 @@
-/* The paper's program with each of its mistakes as a switch, for the audit of henon_ref.harness.studies.paper.audit.
+/* The paper's program with a switch for each of its mistakes, for the audit (henon_ref.harness.studies.paper.audit).
 
-   All switches off it is the method of Sec. 3 done right on Eq. (18): order 4, Filippov's sliding. All on it is the
-   appendix as printed, number for number (listing.c). */
+   With all switches off it is a correct implementation of Sec. 3 for Eq. (18): order 4, Filippov's sliding. With all
+   switches on it gives exactly the numbers of the appendix as printed (listing.c). */
 
-/* Runge-Kutta in time. With aliasing `old` moves with every stage. */
+/* Runge-Kutta step in time. With aliasing `old` moves with every stage. */
 static void variant_slip_step(struct belt_state *x, const struct belt *belt, const struct spring *s, double h,
                               double side_constant, bool aliased, bool frozen)
 {
@@ -25,7 +25,7 @@ static void variant_slip_step(struct belt_state *x, const struct belt *belt, con
     x->velocity = old->velocity + h / 6 * (a1 + 2 * (a2 + a3) + a4);
 }
 
-/* Eq. (14): Runge-Kutta with the velocity as independent variable; moves the time, too. */
+/* Eq. (14): Runge-Kutta step with the velocity as independent variable; it also advances the time. */
 static void variant_landing_step(struct belt_state *x, const struct belt *belt, const struct spring *s, double length,
                                  double side_constant, bool aliased, bool frozen, double sixth)
 {
@@ -47,7 +47,7 @@ static void variant_landing_step(struct belt_state *x, const struct belt *belt, 
     x->time = t + sixth * length * (t1 + 2 * (t2 + t3) + t4);
 }
 
-/* Time in (t, t + h] at which the stick's z reaches `edge`, by bisection: what Eq. (15) is after. */
+/* Time in (t, t + h] at which z reaches `edge` in stick, the solution of Eq. (15), by bisection. */
 static double release_time(const struct belt_state *x, const struct belt *belt, double h, double edge)
 {
     const double t = x->time, vp = belt->vp;
@@ -64,7 +64,7 @@ static double release_time(const struct belt_state *x, const struct belt *belt, 
     return t + high;
 }
 
-/* A step in stick; whether the stick goes on, else `side` is the one that it is left to. */
+/* Take a step in stick; return whether the stick continues. At its end `side` is the side that the state enters. */
 static bool stick_step(struct belt_state *x, const struct belt *belt, double h, const double *edges, int64_t upper,
                        const struct defects *d, int64_t *side)
 {
@@ -96,7 +96,7 @@ static bool stick_step(struct belt_state *x, const struct belt *belt, double h, 
     return false;
 }
 
-/* A step in slip; whether the state has landed on the belt's speed. */
+/* Take a step in slip; return whether the state has landed on the belt's speed. */
 static bool slip_or_land(struct belt_state *x, const struct belt *belt, const struct spring *s, double h, int64_t side,
                          const struct defects *d)
 {

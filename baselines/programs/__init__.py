@@ -1,1 +1,1 @@
-"""Solvers in other languages, each a program that speaks :mod:`henon_ref.baselines.protocol`."""
+"""Programs in other languages that implement :mod:`henon_ref.baselines.protocol`."""

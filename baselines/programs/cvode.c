@@ -1,12 +1,12 @@
-/* CVODE from C: one run after the other of one problem, whose equations problem.h has.
+/* CVODE from C: repeated runs of one problem, whose equations are in problem.h.
  *
- * The request is read from standard input and the response written to standard output (docs/protocol.md). Argument:
- * adams or bdf. One CVODE object a mode is made once a run; after every event CVodeReInit starts the next mode. Implicit
- * steps are solved by Newton's iteration with a dense Jacobian, for Adams, too: a fixed-point iteration takes as many
- * steps, a third more right-hand sides, and at loose tolerances half as long again.
+ * The program reads the request from standard input and writes the response to standard output (docs/protocol.md).
+ * Argument: adams or bdf. A run makes one CVODE object per mode; after every event CVodeReInit starts the next mode.
+ * Newton's iteration with a dense Jacobian solves implicit steps, also for Adams: a fixed-point iteration takes as many
+ * steps, a third more right-hand sides, and at loose tolerances 1.5 times the time.
  *
- * A guard that starts at zero, since its surface has just been left, is lifted by what the tolerances make of it until
- * it has risen above that: the first steps after a restart leave about so much in the state.
+ * A guard that starts at zero, because its surface has just been left, is lifted by the error that the tolerances allow
+ * until it has risen above this error: the first steps after a restart leave an error of about this size.
  */
 #include <math.h>
 #include <time.h>
@@ -21,18 +21,18 @@
 #include "response.h"
 
 #define EPS 2.220446049250313e-16
-#define LIMIT 1e100        /* a state beyond this has diverged */
-#define LEFT 0.16          /* part of the tolerances that first steps may leave in a guard */
-#define ROUNDINGS 16.0     /* the same in roundings of its terms */
-#define WINDOW 36          /* so many events within ... */
-#define ULPS 64.0          /* ... so many roundings of the time, or ... */
-#define SPAN 1e-12         /* ... this part of the run: they accumulate */
-#define STEPS 2000         /* between two looks at the clock */
-#define LOST 16.0          /* steps that move the time by less roundings than this lead nowhere */
+#define LIMIT 1e100        /* a larger state has diverged */
+#define LEFT 0.16          /* error of a guard after the first steps, as a part of the tolerances */
+#define ROUNDINGS 16.0     /* rounding error of a guard, in roundings of its terms */
+#define WINDOW 36          /* events accumulate if so many of them lie within ... */
+#define ULPS 64.0          /* ... this number of roundings of the time, or ... */
+#define SPAN 1e-12         /* ... this part of the run */
+#define STEPS 2000         /* largest number of steps between two checks of the clock */
+#define LOST 16.0          /* a run fails if its steps move the time by fewer roundings than this */
 
 typedef struct {
-    int lifted;   /* index of the guard that is lifted; -1: none */
-    int unarmed;  /* whether guards that may begin negative have not been positive yet: one bit each */
+    int lifted;   /* index of the lifted guard; -1: none */
+    int unarmed;  /* guards that must be positive once before they count: one bit each */
     double lift;
 } Gate;
 
@@ -67,7 +67,7 @@ static int right_hand_side(double t, N_Vector x, N_Vector rate, void *data)
     double *out = N_VGetArrayPointer(rate);
     own->mode->field(t, N_VGetArrayPointer(x), own->parameters, out);
     for (int k = 0; k < own->mode->unknowns; k++)
-        if (!isfinite(out[k])) return 1; /* the step is made shorter */
+        if (!isfinite(out[k])) return 1; /* CVODE then shortens the step */
     return 0;
 }
 
@@ -78,7 +78,7 @@ static int jacobian(double t, N_Vector x, N_Vector rate, SUNMatrix out, void *da
     (void)rate, (void)a, (void)b, (void)c;
     own->mode->jacobian(t, N_VGetArrayPointer(x), own->parameters, SM_DATA_D(out));
     for (int k = 0; k < entries; k++)
-        if (!isfinite(SM_DATA_D(out)[k])) return 1; /* with an infinite one CVODE accepts any step */
+        if (!isfinite(SM_DATA_D(out)[k])) return 1; /* with an infinite Jacobian CVODE accepts any step */
     return 0;
 }
 
@@ -90,7 +90,7 @@ static int guards(double t, N_Vector vector, double *out, void *data)
     Gate *gate = &own->gate;
     own->mode->values(t, x, own->parameters, out);
     for (int k = 0; k < count; k++)
-        if (isnan(out[k])) return 1; /* no sign can be told: the run ends */
+        if (isnan(out[k])) return 1; /* the guard has no sign, and the run ends */
     if (gate->lifted >= 0) {
         if (out[gate->lifted] > gate->lift) gate->lifted = -1;
         else out[gate->lifted] += gate->lift;
@@ -153,7 +153,7 @@ static void count_work(Run *run, void *memory)
     run->guards += roots;
 }
 
-/* What the tolerances, and rounding, make of h. */
+/* Error of h by the tolerances and by rounding. */
 static double lift_of(const Task *task, double t, const double *x)
 {
     double gradient[STATES], lift = 0.0;
@@ -163,7 +163,7 @@ static double lift_of(const Task *task, double t, const double *x)
     return lift;
 }
 
-/* Start a mode at the run's point; `left`: its surface has just been left. */
+/* Start a mode at the run's current point; `left`: the surface has just been left. */
 static int begin(Solver *own, const Task *task, const Run *run, int left)
 {
     double *x = N_VGetArrayPointer(own->x);
@@ -175,7 +175,7 @@ static int begin(Solver *own, const Task *task, const Run *run, int left)
     return CVodeReInit(own->memory, run->time, own->x) || CVodeSetStopTime(own->memory, task->until);
 }
 
-/* Put the state on the surface: one Newton step along its gradient. */
+/* Project the state onto the surface by one Newton step along the gradient. */
 static void project(const Task *task, Run *run)
 {
     double gradient[STATES], square = 0.0, h = surface(run->time, run->state, task->parameters);
@@ -199,7 +199,7 @@ static int accumulated(const Run *run, const Task *task)
     return run->count > WINDOW && t - run->events[run->count - 1 - WINDOW].time <= (span > ulps ? span : ulps);
 }
 
-/* A guard has fallen: log it and go to the next mode; 1 where the run ends. */
+/* Log the event of a guard that has fallen and select the next mode; return 1 if the run ends. */
 static int follow(Run *run, const Task *task, const ModeTable *mode, int guard)
 {
     int next;
@@ -221,7 +221,7 @@ static int follow(Run *run, const Task *task, const ModeTable *mode, int guard)
     return accumulated(run, task) ? ended(run, "failed", "events accumulate") : 0;
 }
 
-/* CVODE gave up: a blow-up, or a failure in its own words. */
+/* End a run at which CVODE gave up: a blow-up, or a failure with CVODE's message. */
 static int gave_up(Run *run, const Task *task, const Solver *own, int flag, double size)
 {
     double rate[STATES + MOST_GUARDS];
@@ -236,13 +236,13 @@ static int gave_up(Run *run, const Task *task, const Solver *own, int flag, doub
     return ended(run, "failed", words);
 }
 
-/* The run's point is what CVODE returned. */
+/* Copy CVODE's state to the run. */
 static void take(Run *run, const Solver *own)
 {
     memcpy(run->state, N_VGetArrayPointer(own->x), sizeof run->state);
 }
 
-/* One mode, to its end; 1 where the run ends. */
+/* Integrate one mode to its end; return 1 if the run ends. */
 static int advance(Run *run, const Task *task, Solver *own, double stop_at)
 {
     int fallen[MOST_GUARDS + 1], flag, guard = -1, count = own->mode->guards;

@@ -1,8 +1,9 @@
 """``cvode-c-adams`` and ``cvode-c-bdf``: SUNDIALS' CVODE with its own rootfinding, called from C.
 
-Both solve their implicit steps by Newton's iteration with a dense Jacobian, as the adapters with a binding do: for
-Adams that is the faster of SUNDIALS' two ways (``cvode.c`` has what was measured). Right-hand sides, Jacobians and
-guards are C made from the text of a request and compiled once a system; every event is followed by ``CVodeReInit``.
+Both solve their implicit steps by Newton's iteration with a dense Jacobian, as the adapters by scikit-sundae do. For
+Adams, Newton's iteration is the faster of SUNDIALS' two options (``cvode.c`` has the measurement). Right-hand sides,
+Jacobians and guards are C code made from the text of a request and compiled once per system. Every event is followed
+by ``CVodeReInit``.
 """
 
 from __future__ import annotations
@@ -32,13 +33,13 @@ FLAGS = ("-O2", "-std=gnu11", "-ffp-contract=off", "-fno-math-errno")
 LIBRARIES = ("sundials_cvode", "sundials_nvecserial", "m")
 COMPILERS = ("cc", "gcc", "clang")
 VARIABLE = "CC"
-"""Environment variable that names the compiler, as elsewhere."""
+"""Environment variable that names the compiler."""
 PREFIX = "SUNDIALS_PREFIX"
-"""Environment variable of the folder with SUNDIALS' ``include`` and ``lib``, where it is not the system's own."""
+"""Environment variable for the folder of SUNDIALS' ``include`` and ``lib``, if they are not those of the system."""
 WANTED = 6
-"""Major version of SUNDIALS that the program is written for."""
+"""Major version of SUNDIALS that the program requires."""
 FOLDER = "programs"
-"""Folder in the cache."""
+"""Folder of the compiled programs in the cache."""
 SECONDS = 60.0
 """Wall time that compiling may take [s]."""
 PACKAGES = "Debian: gcc and libsundials-dev"
@@ -68,7 +69,7 @@ typedef struct {{
 
 
 def include_folder() -> Path | None:
-    """Where the library's headers are; None where there are none."""
+    """Folder of SUNDIALS' headers; None if they are not installed."""
     prefix = os.environ.get(PREFIX)
     for folder in (Path(prefix),) if prefix else (Path("/usr"), Path("/usr/local")):
         if (folder / "include" / _CONFIG).is_file():
@@ -77,7 +78,7 @@ def include_folder() -> Path | None:
 
 
 def library_version() -> str:
-    """Version of SUNDIALS' headers, empty where there are none."""
+    """Version of SUNDIALS' headers; empty if they are not installed."""
     folder = include_folder()
     if folder is None:
         return ""
@@ -86,13 +87,13 @@ def library_version() -> str:
 
 
 def compiler() -> str:
-    """The C compiler, empty where there is none."""
+    """Path of the C compiler; empty if there is none."""
     wanted = os.environ.get(VARIABLE)
     return next((path for name in ((wanted,) if wanted else COMPILERS) if (path := shutil.which(name))), "")
 
 
 def tools() -> tuple[str, Path]:
-    """Compiler and folder of headers; :class:`UnavailableError` where one of them is missing."""
+    """Return the compiler and the folder of headers; raise :class:`UnavailableError` if one is missing."""
     found, folder, version = compiler(), include_folder(), library_version()
     if not found:
         raise UnavailableError(f"there is no C compiler ({PACKAGES})")
@@ -104,9 +105,9 @@ def tools() -> tuple[str, Path]:
 
 
 def program_for(equations: str) -> Path:
-    """The compiled program with these equations, kept in the cache.
+    """Return the compiled program with these equations, from the cache or compiled now.
 
-    The key is the text of all that goes into it: program, equations, compiler, options, and the version of the library.
+    The key of the cache consists of the sources, the equations, the compiler and its options, and SUNDIALS' version.
     """
     found, folder = tools()
     texts = {name: files("henon_ref.baselines.programs").joinpath(name).read_text(encoding="utf-8") for name in SOURCES}
@@ -127,7 +128,7 @@ def _compiler_version(path: str) -> str:
 
 
 def _compile(compiler_path: str, include: Path, texts: dict[str, str], program: Path) -> None:
-    """Compile into place, whole or not at all."""
+    """Compile the program; it is moved to its place only if it is complete."""
     library = include.parent / "lib"
     with TemporaryDirectory(dir=program.parent) as folder:
         for name, text in texts.items():
@@ -146,10 +147,10 @@ def _compile(compiler_path: str, include: Path, texts: dict[str, str], program: 
 
 
 def c_equations(problem: Problem) -> str:
-    """The equations of a problem as C, the header ``problem.h`` of the program: what a user of CVODE writes by hand.
+    """Write the equations of a problem as the C header ``problem.h``.
 
-    Values of parameters and numbers of the run are no part of it: readings of a case that differ in them share one
-    program.
+    The header contains no parameter values and no numbers of the run, so that readings of a case that differ only in
+    these share a program.
     """
     names = {name: f"x[{k}]" for k, name in enumerate(problem.states)}
     names |= {name: f"p[{k}]" for k, name in enumerate(problem.parameters)}
@@ -170,12 +171,12 @@ def c_equations(problem: Problem) -> str:
 
 
 def _followed(mode: Mode) -> list[Guard]:
-    """Guards whose values are integrated along, so that error control sees them."""
+    """Guards whose values are integrated with the states, so that their error is controlled."""
     return [guard for guard in mode.guards if not guard.linear]
 
 
 def _mode(index: int, mode: Mode, names: Mapping[str, str]) -> list[str]:
-    """Functions of one mode. Its unknowns are the states and the values of the followed guards."""
+    """Write the functions of one mode. Its unknowns are the states and the values of the followed guards."""
     followed = _followed(mode)
     field = [*mode.field, *(guard.rate for guard in followed)]
     columns = len(mode.field) + len(followed)
@@ -224,23 +225,23 @@ def _entry(index: int, mode: Mode, states: int) -> str:
 
 @dataclass(frozen=True)
 class CvodeFromC(ProgramSolver):
-    """CVODE in a C program of its own.
+    """CVODE called from a C program.
 
-    Counts: ``steps`` are internal steps, ``rhs_evaluations`` CVODE's own count, ``event_evaluations`` evaluations of
-    all guards together.
+    Counts: ``steps`` are internal steps, ``rhs_evaluations`` is CVODE's own count, ``event_evaluations`` counts joint
+    evaluations of all guards.
     """
 
     @property
     def version(self) -> str:
-        """Of SUNDIALS, empty where its headers are not installed."""
+        """Version of SUNDIALS; empty if its headers are not installed."""
         return library_version()
 
     def check(self) -> None:
-        """Raise :class:`~henon_ref.errors.UnavailableError` where the program cannot be compiled."""
+        """Raise :class:`~henon_ref.errors.UnavailableError` if the program cannot be compiled."""
         tools()
 
     def built(self, text: Problem) -> tuple[str, ...]:
-        """The program for this system, compiled where it is not in the cache."""
+        """Return the program for this system; compile it if it is not in the cache."""
         return str(program_for(c_equations(text))), *self.command
 
 

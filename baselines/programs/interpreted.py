@@ -1,12 +1,12 @@
-"""``octave-ode45`` and ``siconos``: programs in the language of an interpreter that has the library.
+"""``octave-ode45`` and ``siconos``: programs run by an interpreter (Octave, Python) that has the library.
 
-Octave's ``ode45`` is that of Dormand and Prince, order 5, with terminal events. Octave 7 locates an event by a straight
-line between the two ends of a step, whatever the tolerances, and takes the first of several in the order in which they
-are listed (:mod:`henon_ref.baselines.causes.by_program`).
+Octave's ``ode45`` is the method of Dormand and Prince, order 5, with terminal events. Octave 7 locates an event on the
+straight line between the two ends of a step, for any tolerance. Of several events in a step it takes the first in the
+list, which may not be the first in time (:mod:`henon_ref.baselines.causes.by_program`).
 
-Siconos has a relay and time stepping, of order 1 by design. Debian has it as ``python3-siconos`` for
+Siconos solves a relay by time stepping, a method of order 1. Debian's package ``python3-siconos`` is for
 ``/usr/bin/python3``; :data:`VARIABLE` names another interpreter. Newton's iteration, the relay and the theta method
-(theta = 1) are Siconos'; ``relay.py`` says how modes are read off.
+(theta = 1) are those of Siconos; ``relay.py`` determines the modes from its results.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ ENVIRONMENT = {"PYTHONPATH": "", "PYTHONHOME": "", **ONE_THREAD}
 
 @cache
 def octave_version() -> str:
-    """Of the ``octave-cli`` that is found, empty where there is none."""
+    """Version of ``octave-cli``; empty if it is not installed."""
     path = shutil.which(OCTAVE[0])
     if path is None:
         return ""
@@ -42,46 +42,46 @@ def octave_version() -> str:
 
 
 def siconos_python() -> str:
-    """The Python that is asked for Siconos."""
+    """Path of the Python interpreter that runs Siconos."""
     return os.environ.get(VARIABLE) or DEFAULT
 
 
 @cache
 def siconos_version(python: str) -> str:
-    """Version of Siconos, by Debian's package where it is one; empty where that Python has it not."""
+    """Version of Siconos (of Debian's package, otherwise ``unknown``); empty if ``python`` has no Siconos."""
     if shutil.which(python) is None:
         return ""
-    asked = "import importlib.util, sys; sys.exit(importlib.util.find_spec('siconos') is None)"
-    if said_by(python, "-c", asked, environment=ENVIRONMENT) is None:
+    probe = "import importlib.util, sys; sys.exit(importlib.util.find_spec('siconos') is None)"
+    if said_by(python, "-c", probe, environment=ENVIRONMENT) is None:
         return ""
     package = said_by("dpkg-query", "-W", "-f", "${Version}", PACKAGE) if python == DEFAULT else None
     return package or "unknown"
 
 
 class InterpretedSolver(ProgramSolver):
-    """A program in the language of an interpreter; ``command`` is its file here."""
+    """A program that an interpreter runs; ``command`` is the program's file in this folder."""
 
     interpreter: tuple[str, ...]
-    """What runs the file."""
+    """Command of the interpreter."""
     absent: str
-    """What is said where the library is missing."""
+    """Message for a missing library."""
 
     def check(self) -> None:
-        """Raise :class:`~henon_ref.errors.UnavailableError` where the library is missing."""
+        """Raise :class:`~henon_ref.errors.UnavailableError` if the library is missing."""
         if not self.version:
             raise UnavailableError(self.absent)
 
     def built(self, text: Problem) -> tuple[str, ...]:
-        """The interpreter with the program's file, which is told the library's version."""
+        """Return the command: interpreter, file of the program, and version of the library."""
         self.check()
         with as_file(files("henon_ref.baselines.programs").joinpath(*self.command)) as path:
             return *self.interpreter, str(path), self.version
 
 
 class OctaveSolver(InterpretedSolver):
-    """Octave by the protocol.
+    """Octave's ``ode45``.
 
-    Counts: ``steps`` are accepted steps; nothing else is counted.
+    Counts: ``steps`` are accepted steps; all other counts are 0.
     """
 
     interpreter = OCTAVE
@@ -89,29 +89,25 @@ class OctaveSolver(InterpretedSolver):
 
     @property
     def version(self) -> str:
-        """Of Octave, empty where it is not installed."""
         return octave_version()
 
 
 class SiconosSolver(InterpretedSolver):
-    """Siconos by the protocol.
+    """Siconos' time stepping.
 
-    Counts: ``steps`` are steps; nothing else is counted.
+    Counts: ``steps`` are time steps; all other counts are 0.
     """
 
     @property
     def interpreter(self) -> tuple[str, ...]:  # type: ignore[override]
-        """The Python that is asked."""
         return (siconos_python(),)
 
     @property
     def absent(self) -> str:  # type: ignore[override]
-        """What is said where it has no Siconos."""
         return f"{siconos_python()} has no siconos (Debian: {PACKAGE}; {VARIABLE} names another Python)"
 
     @property
     def version(self) -> str:
-        """Of Siconos, empty where it is not installed."""
         return siconos_version(siconos_python())
 
 

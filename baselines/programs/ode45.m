@@ -1,11 +1,11 @@
-% Octave's ode45 with events: one mode after the other, each by a call of its own.
+% Octave's ode45 with events; each mode is a separate call.
 %
-% The request is read from standard input and the response written to standard output (docs/protocol.md). A guard that
-% starts at zero, since its surface has just been left, is lifted by a few roundings. The first step of every call is
-% short: ode45 does not stop at an event in its first step.
+% The program reads the request from standard input and writes the response to standard output (docs/protocol.md). A
+% guard that starts at zero, because its surface has just been left, is lifted by a few roundings. The first step of
+% every call is short, because ode45 does not stop at an event in its first step.
 1;
 
-% Octave's functions go on with complex numbers where there is no real value; here that is NaN.
+% Octave's functions return a complex number if there is no real value; these functions return NaN.
 function r = real_or_nan (r)
   if (! isreal (r))
     r = NaN;
@@ -32,7 +32,7 @@ function r = real_acos (a)
   r = real_or_nan (acos (a));
 end
 
-% Texts of the request as one function of (t, x, p) that gives a column.
+% Make one function of t and u = [x; p] from texts of the request; it returns a column.
 function f = made (texts, names)
   if (ischar (texts))
     texts = {texts};
@@ -45,7 +45,7 @@ function f = made (texts, names)
   f = str2func (["@(t, u) [(" strjoin(texts, "); (") ")]"]);
 end
 
-% One mode of the request, its texts as functions of t and u = [x; p].
+% Convert one mode of the request; its texts become functions of t and u = [x; p].
 function mode = made_mode (given, names)
   guards = as_list (given.guards);
   mode.mode = given.mode;
@@ -68,7 +68,7 @@ function successor = made_successor (given, names)
   end
 end
 
-% jsondecode gives an array of structs where their fields agree, a cell array elsewhere.
+% jsondecode returns an array of structs if their fields agree, otherwise a cell array.
 function list = as_list (given)
   if (iscell (given))
     list = given;
@@ -91,7 +91,7 @@ function run = ended (run, status, reason)
   run.reason = reason;
 end
 
-% Where the guard of this number has fallen: log it and go to the next mode, or end.
+% Log the event of a guard that has fallen, and select the next mode or end the run.
 function run = follow (run, task, mode, guard)
   if (! strcmp (mode.kinds{guard}, "valid"))
     [run.x, h] = projected (run.t, run.x, task);
@@ -117,7 +117,7 @@ function run = follow (run, task, mode, guard)
   run = ended (run, "failed", "no successor's conditions hold at the surface");
 end
 
-% The point nearest to x on the surface, by one Newton step, and h before it.
+% Project x onto the surface by one Newton step; h is the surface's value before.
 function [x, h] = projected (t, x, task)
   h = task.surface(t, [x; task.p]);
   gradient = task.gradient(t, [x; task.p]);
@@ -126,7 +126,7 @@ function [x, h] = projected (t, x, task)
   end
 end
 
-% One call of ode45: to the next event, or to the horizon.
+% Call ode45 once, up to the next event or the horizon.
 function run = advance (run, task, mode, left, stop_at)
   lift = zeros (numel (mode.kinds), 1);
   if (left)

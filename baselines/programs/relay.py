@@ -1,12 +1,12 @@
-"""Siconos by the protocol: the sign as a relay, Moreau's time stepping in steps of one length.
+"""Siconos as a program of the protocol: the sign is a relay, and Moreau's time stepping uses a fixed step.
 
-This file is run by the Python that Siconos is installed for, not imported: it needs Siconos and NumPy alone. The
-request is read from standard input and the response written to standard output (docs/protocol.md).
+The Python interpreter that has Siconos runs this file; it requires Siconos and NumPy only. The program reads the
+request from standard input and writes the response to standard output (docs/protocol.md).
 
-With f+ and f- the fields on the two sides, x' = (f+ + f-)/2 + s (f+ - f-)/2 with s in sgn(h(x)) is Filippov's system;
-Siconos has the relay with the opposite sign, lambda = -s. The time is a further state, so that nothing depends on it.
-A mode is read off lambda at the end of each step: -1 or +1 where it is at an end of the relay, a slide (0) between. A
-slide of a single step between two sides is how a crossing looks in time stepping, and is told as one.
+With the fields f+ and f- on the two sides, Filippov's system is x' = (f+ + f-)/2 + s (f+ - f-)/2, s in sgn(h(x)).
+Siconos' relay has the opposite sign, lambda = -s. The time is a further state, so that the system is autonomous. Lambda
+at the end of each step gives the mode: -1 or +1 at an end of the relay, a slide (0) between the ends. In time stepping
+a crossing appears as a slide of a single step between two sides, and is reported as a crossing.
 """
 
 from __future__ import annotations
@@ -22,31 +22,31 @@ from typing import Any
 
 FUNCTIONS = ("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log", "sqrt", "pow")
 AT_AN_END = 1e-9
-"""A relay closer to its end than this is at it."""
+"""A relay is at its end if it is closer to it than this."""
 THETA = 1.0
-"""Of the theta method."""
+"""Theta of the theta method."""
 DIFFERENCE = 1e-6
-"""Reach of a difference quotient, as a part of 1 and the state."""
+"""Half-width of a difference quotient, as a part of 1 + abs(state)."""
 NEWTON = 1e-12
 """Residual at which Newton's iteration of a step ends, in units of the state."""
 ITERATIONS = 30
 LIMIT = 1e100
 LOST_SIGN = "the relay's sign is not that of the surface function"
-"""In the reason of a run that ends there: no transition that is read off such a sign means anything."""
+"""Reason of a run that ends because its modes, which follow from the relay's sign, are wrong."""
 ROUNDED = "which the rounding of a step moves as far"
-"""Behind it, where that is so."""
+"""Continues the reason if rounding can explain the wrong sign."""
 ROUNDINGS = 4.0
-"""Of a step's push."""
+"""Rounding error of a step in the surface function, in roundings of the step's product with the normal velocity."""
 LATE = 2.0
-"""Steps that a relay's sign may be behind the surface function."""
+"""Largest delay of a relay's sign relative to the surface function [steps]."""
 
 
 class TimePassedError(Exception):
-    """The time that a run may take has passed."""
+    """The processor time of a run is used up."""
 
 
 def made(texts: list[str], names: dict[str, str]) -> Callable[..., Any]:
-    """Texts of the request as one function of (x, p) that gives a tuple; the time is the last entry of x."""
+    """Make one function of (x, p) from texts of the request; it returns a tuple. The last entry of x is the time."""
     pattern = re.compile(r"(?<![\w.])[A-Za-z]\w*")
     body = ", ".join(pattern.sub(lambda word: names.get(word[0], word[0]), text) for text in texts)
     found: Callable[..., Any] = eval(f"lambda x, p: ({body},)", {name: getattr(math, name) for name in FUNCTIONS})
@@ -54,7 +54,7 @@ def made(texts: list[str], names: dict[str, str]) -> Callable[..., Any]:
 
 
 class Equations:
-    """The problem with the time as a further state: half sums and half differences of the two fields."""
+    """Half sum and half difference of the two fields of a problem, with the time as a further state."""
 
     def __init__(self, problem: Any) -> None:
         names = {name: f"x[{k}]" for k, name in enumerate(problem["states"])}
@@ -72,7 +72,7 @@ class Equations:
         self.own_slide = any(not guard["armed"] for guard in guards)
 
     def on_surface(self, x: list[float]) -> list[float]:
-        """The point nearest to x on the surface, to first order; the time stays."""
+        """Return the point nearest to x on the surface, to first order, at the same time."""
         h, slopes = self.surface(x, self.p)[0], self.gradient(x, self.p)
         square = sum(slope * slope for slope in slopes)
         return (
@@ -82,36 +82,36 @@ class Equations:
         )
 
     def sides(self, x: list[float]) -> Iterator[tuple[float, float]]:
-        """The fields below and above: that of the other side, which may end not far behind the surface, from there.
+        """Return the fields below and above. The field of the other side is evaluated on the surface.
 
-        Where the surface changes nothing in the field there is no other side, and no step is to feel one.
+        The other side's field may have no value at x. If the surface does not change the field, both are taken at x.
         """
         beyond = x if self.one_field else self.on_surface(x)
         below, above = (beyond, x) if self.surface(x, self.p)[0] > 0.0 else (x, beyond)
         return zip(self.below(below, self.p), self.above(above, self.p), strict=True)
 
     def mean(self, x: list[float]) -> list[float]:
-        """(f+ + f-)/2, and 1 for the time."""
+        """Return (f+ + f-)/2, and 1 for the time."""
         return [(a + b) / 2 for b, a in self.sides(x)] + [1.0]
 
     def half(self, x: list[float]) -> list[float]:
-        """(f+ - f-)/2, and 0 for the time."""
+        """Return (f+ - f-)/2, and 0 for the time."""
         return [(a - b) / 2 for b, a in self.sides(x)] + [0.0]
 
     def contradicts(self, x: list[float], mode: int, step: float) -> bool:
-        """Whether the surface function has the other sign than a mode, by more than steps and Newton's residual."""
+        """Check whether the surface function contradicts a mode by more than ``LATE`` steps and Newton's residual."""
         field, slopes = (self.above if mode > 0 else self.below)(x, self.p), self.gradient(x, self.p)
         rate = sum(slope * f for slope, f in zip(slopes, field, strict=True))
         residual = NEWTON * sum(abs(slope) * (1.0 + abs(value)) for slope, value in zip(slopes, x, strict=False))
         return self.surface(x, self.p)[0] * mode < -LATE * step * abs(rate) - residual
 
     def is_rounded(self, x: list[float], step: float) -> bool:
-        """Whether rounding of a step's push moves the surface function as far as it is from zero."""
+        """Check whether the rounding of a step can explain the value of the surface function."""
         push = sum(abs(slope * half) for slope, half in zip(self.gradient(x, self.p), self.half(x), strict=False))
         return abs(self.surface(x, self.p)[0]) <= ROUNDINGS * sys.float_info.epsilon * step * push
 
     def slopes(self, function: Callable[[list[float]], list[float]], x: list[float]) -> list[tuple[float, ...]]:
-        """Rows of a function's derivatives, by central differences: Newton's iteration needs no more."""
+        """Return the Jacobian of a function by central differences (accurate enough for Newton's iteration)."""
         columns = []
         for k in range(self.size):
             reach = DIFFERENCE * (1.0 + abs(x[k]))
@@ -124,7 +124,7 @@ class Equations:
 def simulation(
     kernel: Any, numerics: Any, numpy: Any, own: Equations, problem: Any, step: float
 ) -> tuple[Any, Any, Any]:
-    """Dynamical system, interaction and time stepping of Siconos."""
+    """Make the dynamical system, the interaction and the time stepping of Siconos."""
     n = own.size
 
     class Field(kernel.FirstOrderNonLinearDS):
@@ -183,16 +183,16 @@ def simulation(
 
 
 def mode_of(sign: float) -> int:
-    """The mode that the relay's value tells."""
+    """Mode for a value of the relay."""
     return 0 if abs(sign) < 1.0 - AT_AN_END else (1 if sign > 0 else -1)
 
 
 def steps_of(siconos: tuple[Any, Any, Any], own: Equations, request: Any) -> Iterator[tuple[float, list[float], int]]:
-    """(time, state, mode) after each step; raises where a run has to end."""
+    """Yield (time, state, mode) after each step; raise if the run must end."""
     problem, step = request["problem"], request["step"]
     system, interaction, stepping = simulation(*siconos, own, problem, step)
     stop_at = time.process_time() + request["seconds"]
-    keep = (system, interaction, stepping)  # SWIG's objects do not keep each other
+    keep = (system, interaction, stepping)  # SWIG's objects do not hold references to each other
     done, start = 0, problem["start"]["time"]
     while stepping.hasNextEvent() and start + (done + 0.5) * step < problem["until"]:
         stepping.advanceToEvent()
@@ -206,7 +206,7 @@ def steps_of(siconos: tuple[Any, Any, Any], own: Equations, request: Any) -> Ite
 
 
 def run(siconos: tuple[Any, Any, Any], own: Equations, request: Any) -> tuple[str, str, list[Any], Any, int]:
-    """Status, reason, transitions, end, and the number of steps."""
+    """Return status, reason, transitions, end, and the number of steps."""
     start = request["problem"]["start"]
     before, done = start["mode"], 0
     events: list[Any] = []
@@ -252,7 +252,7 @@ def respond(stream: Any, version: str, status: str, reason: str = "", **found: A
 
 
 def main() -> None:
-    """Read the request, make its runs, write the response: Siconos itself writes to standard error meanwhile."""
+    """Read the request, make its runs and write the response; Siconos' own output goes to standard error."""
     stream = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)
     request = json.load(sys.stdin)

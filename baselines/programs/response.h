@@ -1,4 +1,4 @@
-/* What a run has found, and how it is written as a response (docs/protocol.md). */
+/* Result of a run, and its output as a response (docs/protocol.md). */
 #ifndef HENON_REF_RESPONSE_H
 #define HENON_REF_RESPONSE_H
 

@@ -1,1 +1,1 @@
-"""Solvers in other languages: a program gets a problem as JSON on its standard input and writes what it found."""
+"""Solvers in other languages: a program reads a problem as JSON on its standard input and writes its transitions."""

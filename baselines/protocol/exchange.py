@@ -1,7 +1,7 @@
 """One exchange with a program: bytes in, bytes out, within limits on time, memory and output.
 
-Whatever the program does, what comes back is its output or one sentence about what became of it; and nothing that it
-has started goes on.
+The result is the program's output, or an error with one sentence about the failure. All processes that the program has
+started are killed at the end.
 """
 
 from __future__ import annotations
@@ -23,56 +23,56 @@ from henon_ref.text import short_line
 
 try:
     import resource
-except ImportError:  # elsewhere than on POSIX systems: wall time alone is limited there
+except ImportError:  # not a POSIX system; only the wall time is limited
     resource = None  # type: ignore[assignment]
 
 WALL = 2.5
-"""Wall time that a program may take, less what it waits for a processor, in its processor time."""
+"""Largest wall time of a program, without its waiting for a processor, as a multiple of its limit of processor time."""
 OUTPUT = 64 * 2**20
-"""Bytes that a program may write on each of its streams."""
+"""Largest output of a program on each of its streams [bytes]."""
 SAID = 2000
-"""Last bytes of its standard error that are kept for the reason of a failure."""
+"""Length of the end of the standard error that becomes the reason of a failure [bytes]."""
 LOOK = 0.02
-"""Seconds between two looks at whether the program has ended."""
+"""Time between two checks whether the program has ended [s]."""
 COUNTED = 0.5
-"""Part of its limit that a program has used at least that is stopped by it: the system holds against the limit whole
-ticks of its clock in which the program was met, and on a busy machine that was up to a third more than it had used."""
+"""A program that was killed counts as stopped by its limit if it has used this part of it. The system charges whole
+clock ticks against the limit; on a busy machine these were up to a third more than the time that was used."""
 ASKED = 60.0
-"""Wall time in which a program tells its version [s]."""
+"""Wall time within which a program must print its version [s]."""
 
 
 class ProgramError(ContractError):
-    """A program that gave no response: how it ended, and what it said."""
+    """A program gave no response; the message has its exit status and its standard error."""
 
 
 class ProgramTimeoutError(ProgramError):
-    """A program that was stopped since it took too long."""
+    """A program was stopped because it took too long."""
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What one exchange may take."""
+    """Limits of one exchange."""
 
     seconds: float
-    """Processor time [s], rounded down to whole seconds, one at least; and, ``WALL`` times as much, wall time."""
+    """Processor time [s], rounded down to whole seconds, at least one; the wall time is limited to ``WALL`` times."""
     memory: int = 4 * 2**30
-    """Bytes of data that the program may allocate."""
+    """Data that the program may allocate [bytes]."""
     output: int = OUTPUT
-    """Bytes that it may write."""
+    """Output that the program may write [bytes]."""
 
 
 class _Program(subprocess.Popen[bytes]):
-    """A program of which the system tells, when it has ended, what it has used."""
+    """A process that records the processor time that it has used."""
 
     used = 0.0
-    """Its processor time [s], known once it has ended."""
+    """Processor time [s]; known once the process has ended."""
 
     def has_ended(self, options: int = os.WNOHANG) -> bool:
-        """Whether it has ended; ``options`` are those of ``wait4``, 0 waits until it has."""
+        """Check whether the process has ended; ``options`` are those of ``wait4``, and 0 waits for the end."""
         if self.returncode is None:
             try:
                 pid, status, usage = os.wait4(self.pid, options)
-            except ChildProcessError:  # the process that we are in does not care for its children: nobody knows
+            except ChildProcessError:  # our process ignores SIGCHLD, so that the exit status is unknown
                 self.returncode = 0
                 return True
             if pid:
@@ -81,9 +81,10 @@ class _Program(subprocess.Popen[bytes]):
         return self.returncode is not None
 
     def was_stopped(self, seconds: float) -> bool:
-        """Whether the system has ended it for its processor time, of which it was allowed so much.
+        """Check whether the system has stopped the process for using more processor time than ``seconds``.
 
-        It sends SIGXCPU then, and SIGKILL where that is ignored. Others send SIGKILL, too: what was used decides.
+        The system sends SIGXCPU and, if the process ignores it, SIGKILL. SIGKILL may have other causes; the processor
+        time that was used decides.
         """
         by = -self.returncode
         return by == signal.SIGXCPU or (by == signal.SIGKILL and self.used > COUNTED * seconds)
@@ -92,30 +93,34 @@ class _Program(subprocess.Popen[bytes]):
 def exchange(
     command: Sequence[str], request: bytes, limits: Limits, environment: Mapping[str, str] | None = None
 ) -> bytes:
-    """Start a program, hand it the request, and read all that it writes.
+    """Start a program, write the request to its standard input, and return its standard output.
 
-    Its streams are files, so that nobody has to read while it writes. No shell reads the command; ``environment`` are
-    variables that it gets besides ours.
+    The streams are files, so that a full pipe cannot block the program. The command is started without a shell;
+    ``environment`` are variables in addition to those of this process.
 
     Raises
     ------
     UnavailableError
-        Where there is no such program.
-    ProgramTimeoutError, ProgramError
-        Where it takes too long, writes too much, crashes, or ends with an exit status other than 0.
+        If the program does not exist.
+    ProgramTimeoutError
+        If the program takes too long.
+    ProgramError
+        If the program writes too much, crashes, or ends with an exit status other than 0.
     """
-    with tempfile.TemporaryFile() as given, tempfile.TemporaryFile() as output, tempfile.TemporaryFile() as said:
-        given.write(request)
-        given.seek(0)
-        own = {**os.environ, **(environment or {})}
+    with tempfile.TemporaryFile() as source, tempfile.TemporaryFile() as output, tempfile.TemporaryFile() as errors:
+        source.write(request)
+        source.seek(0)
+        env = {**os.environ, **(environment or {})}
         try:
-            process = _Program(list(command), stdin=given, stdout=output, stderr=said, start_new_session=True, env=own)
+            process = _Program(
+                list(command), stdin=source, stdout=output, stderr=errors, start_new_session=True, env=env
+            )
         except (OSError, ValueError) as error:
             what = getattr(error, "strerror", None) or str(error)
             raise UnavailableError(short_line(f"{command[0]} cannot be started: {what}")) from error
         try:
             allowed = _limit(process.pid, limits)
-            _wait(process, limits, output, said)
+            _wait(process, limits, output, errors)
         finally:
             _end(process)
         if process.was_stopped(allowed):
@@ -123,24 +128,24 @@ def exchange(
         if process.returncode == 0:
             output.seek(0)
             return output.read()
-        said.seek(max(0, _size(said) - SAID))
-        words = short_line(said.read().decode("utf-8", "replace"))
+        errors.seek(max(0, _size(errors) - SAID))
+        text = short_line(errors.read().decode("utf-8", "replace"))
     ended = f"ended with exit status {process.returncode}"
     if process.returncode < 0:
         ended = f"crashed, {_signal_name(-process.returncode)}"
-    raise ProgramError(short_line(f"the program {ended}{f': {words}' if words else ''}"))
+    raise ProgramError(short_line(f"the program {ended}{f': {text}' if text else ''}"))
 
 
 def _limit(pid: int, limits: Limits) -> float:
-    """Set the system's own limits, none above ours, and give the processor time that is allowed [s].
+    """Set the system's limits, none above those of this process, and return the allowed processor time [s].
 
-    It is infinite where the system cannot be asked for a limit; a program that has ended already needs none.
+    The time is infinite if the system has no such limits. A program that has already ended is ignored.
     """
     if resource is None or not hasattr(resource, "prlimit"):
         return math.inf
     seconds = max(1, int(limits.seconds))
     wanted = (
-        (resource.RLIMIT_CPU, seconds, seconds + 1),  # one that ignores the signal is killed a second later
+        (resource.RLIMIT_CPU, seconds, seconds + 1),  # a program that ignores the signal is killed a second later
         (resource.RLIMIT_DATA, limits.memory, limits.memory),
         (resource.RLIMIT_CORE, 0, 0),
     )
@@ -152,16 +157,16 @@ def _limit(pid: int, limits: Limits) -> float:
 
 
 def _own_limits(kind: int) -> list[int]:
-    """Those of the process that we are in."""
+    """Finite limits of this process."""
     return [value for value in resource.getrlimit(kind) if value != resource.RLIM_INFINITY]
 
 
-def _wait(process: _Program, limits: Limits, output: IO[bytes], said: IO[bytes]) -> None:
-    """Wait until the program has ended; raise where it takes too long, or writes too much."""
+def _wait(process: _Program, limits: Limits, output: IO[bytes], errors: IO[bytes]) -> None:
+    """Wait until the program has ended; raise if it takes too long or writes too much."""
     began, pause, ended = monotonic(), 1e-3, False
     while not ended:
         ended = process.has_ended()
-        if _size(output) > limits.output or _size(said) > OUTPUT:
+        if _size(output) > limits.output or _size(errors) > OUTPUT:
             raise ProgramError(f"the program wrote more than {limits.output} bytes")
         if not ended:
             if monotonic() - began - waited_seconds(process.pid) > WALL * limits.seconds:
@@ -175,7 +180,7 @@ def _size(file: IO[bytes]) -> int:
 
 
 def _end(process: _Program) -> None:
-    """Kill the program, where it has not ended, and all of its session."""
+    """Kill the program and all processes of its session."""
     with contextlib.suppress(ProcessLookupError, PermissionError):
         os.killpg(process.pid, signal.SIGKILL)
     process.has_ended(0)
@@ -189,7 +194,7 @@ def _signal_name(number: int) -> str:
 
 
 def said_by(*command: str, environment: Mapping[str, str] | None = None) -> str | None:
-    """What a command writes, its version say; None where it fails, or takes longer than ``ASKED``."""
+    """Return the output of a command, for example its version; None if it fails or takes longer than ``ASKED``."""
     try:
         done = subprocess.run(
             command,

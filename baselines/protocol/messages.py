@@ -1,7 +1,7 @@
-"""What is said on the two sides of the protocol, and its JSON Schema.
+"""Request and response of the protocol, and their JSON Schema.
 
-One request, one response, one JSON object each. All times are in the problem's unit of time [s], states and parameters
-in units of their own; ``docs/protocol.md`` goes through every field.
+Each is one JSON object. All times are in seconds, states and parameters in units of their own. ``docs/protocol.md``
+explains every field.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, FailFast, Field
 
 VERSION = 1
-"""Of the protocol: another number where a field changes its meaning, or a program must know of a new one."""
+"""Version of the protocol. It changes if a field changes its meaning or a new field cannot be ignored."""
 
 Text = Annotated[str, Field(max_length=2000)]
 Name = Annotated[str, Field(pattern="^[A-Za-z][A-Za-z0-9_]*$")]
@@ -27,73 +27,73 @@ Status = Literal["ok", "diverged", "nonunique", "invalid", "timeout", "failed", 
 
 
 class Message(BaseModel):
-    """No field that is not named; no text in place of a number."""
+    """Base class of all messages: unknown fields, and text in place of numbers, are refused."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, use_attribute_docstrings=True)
 
 
 class Successor(Message):
-    """What may follow where a guard has fallen."""
+    """A possible next mode, or end of the run, after a guard has fallen."""
 
     mode: Side | None
-    """The next mode; null where the run ends."""
+    """The next mode; null if the run ends."""
     ends: End | None
-    """The status with which the run ends there; null where it goes on."""
+    """The status with which the run ends; null if it continues."""
     when: list[Expression]
-    """It follows where none of these is negative at the point, which lies on the surface. Empty: always."""
+    """The successor applies if none of these is negative at the point, which lies on the surface. Empty: always."""
 
 
 class Guard(Message):
-    """A function that is positive inside a mode, which ends where it falls through zero."""
+    """A function that is positive inside a mode; the mode ends when it falls through zero."""
 
     kind: Literal["surface", "release", "valid"]
     """``surface``: the surface is reached; ``release``: the slide on it ends; ``valid``: the model ends."""
     expression: Expression
-    """Its value [unit of the surface, or of the release condition]."""
+    """Value of the guard [unit of the surface, or of the release condition]."""
     rate: Expression
-    """Its time derivative along the mode's own field [that unit / s]."""
+    """Time derivative of the guard along the mode's field [that unit / s]."""
     rate_slopes: list[Expression]
     """Derivative of ``rate`` in every state."""
     linear: bool
-    """Whether it is linear in time and states. One that is not may swing while the states move straight on: a program
-    that integrates its value along (``rate``) chooses its steps by it, too."""
+    """Whether the guard is linear in time and states. A nonlinear guard may oscillate while the states move along a
+    straight line. A program that integrates its value (by ``rate``) with the states controls its error, too."""
     armed: bool
-    """False: it may be negative where the mode begins, and counts once it has been positive."""
+    """False: the guard may be negative when the mode begins, and counts once it has been positive."""
     successors: list[Successor]
-    """The first that holds follows. Where none does the run is ``failed``."""
+    """The first successor that applies follows. If none does, the run is ``failed``."""
 
 
 class Mode(Message):
     """The smooth equations of one mode."""
 
     mode: Side
-    """-1 or +1: that side of the surface; 0: a slide (stick) on it."""
+    """-1 or +1: side of the surface; 0: a slide (stick) on the surface."""
     field: list[Expression]
     """Time derivative of each state [its unit / s]."""
     jacobian: list[list[Expression]]
     """Row i: derivatives of ``field[i]`` in every state."""
     guards: list[Guard]
-    """What ends the mode. Where several fall at one time, one that ends the run comes first, then the first listed."""
+    """Guards that end the mode. If several fall at once, a guard that ends the run counts first, then the first one."""
 
 
 class Surface(Message):
-    """Where the sign switches."""
+    """The surface on which the sign switches."""
 
     name: Name
-    """Of its sign symbol."""
+    """Name of the sign symbol."""
     expression: Expression
-    """h(t, x): the sign is +1 where it is positive."""
+    """h(t, x); the sign is +1 where h is positive."""
     gradient: list[Expression]
-    """Its derivative in every state."""
+    """Derivative of h in every state."""
 
 
 class Point(Message):
-    """A time, a state, a mode."""
+    """Time, state and mode of a run."""
 
     time: Number
-    """[s]."""
+    """Time [s]."""
     state: State
-    """In the order of ``states``."""
+    """State, in the order of ``states``."""
     mode: Side
 
 
@@ -103,93 +103,94 @@ class Problem(Message):
     states: list[Name]
     """Names of the states in expressions; the time is ``t``."""
     parameters: dict[Name, Number]
-    """Names of the parameters in expressions -> values."""
+    """Names of the parameters in expressions, and their values."""
     surface: Surface
     modes: list[Mode]
-    """Those that have equations. A run that would enter another is ``failed``."""
+    """Modes that have equations. A run that would enter another mode is ``failed``."""
     start: Point
     until: Number
-    """Horizon: the run ends here [s]."""
+    """Horizon, at which the run ends [s]."""
 
 
 class Request(Message):
-    """From henon_ref to the program, on its standard input."""
+    """Message from henon_ref to the program, on the program's standard input."""
 
     protocol: Version
     """Version of the protocol."""
     problem: Problem
     rtol: Number | None
-    """Relative tolerance; null for a solver of a fixed step."""
+    """Relative tolerance; null for a solver with a fixed step."""
     atol: Number | None
-    """Absolute tolerance [unit of each state]; null for a solver of a fixed step."""
+    """Absolute tolerance [unit of each state]; null for a solver with a fixed step."""
     step: Number | None
-    """Step [s]; null for a solver driven by tolerances."""
+    """Step [s]; null for a solver with tolerances."""
     untimed: Count
-    """Runs to make first, to warm up."""
+    """Number of runs to make first, without timing, to warm up."""
     timed: Count
-    """Runs to make and time then, all alike; at least 1."""
+    """Number of identical runs to make and time after these; at least 1."""
     seconds: Number
-    """Processor time that one run may take [s]. One that takes longer ends itself with ``timeout`` and what it has."""
+    """Processor time that a run may take [s]. A longer run ends itself as ``timeout``, with its transitions so far."""
     most_transitions: Count
-    """A run with more ends itself with ``failed``."""
+    """Largest number of transitions. A run with more ends itself as ``failed``."""
 
 
 class Transition(Message):
     """One change of mode."""
 
     time: Number
-    """[s]."""
+    """Time [s]."""
     before: Side
-    """Mode just before; the one of the start, or the ``after`` of the transition before this one."""
+    """Mode just before: that of the start, or ``after`` of the previous transition."""
     after: Side
-    """Mode just after; equal to ``before`` where the surface was touched only."""
+    """Mode just after; equal to ``before`` if the surface was only touched."""
     state: State
-    """At the transition, in the order of ``states``."""
+    """State at the transition, in the order of ``states``."""
 
 
 class Work(Message):
-    """What one run has done; 0 where it is not counted."""
+    """Counts of one run; 0 if a count is unknown."""
 
     steps: Count = 0
     """Accepted steps."""
     fields: Count = 0
     """Evaluations of a field."""
     guards: Count = 0
-    """Evaluations of one guard each."""
+    """Evaluations of guards, each guard counted separately."""
 
 
 class Program(Message):
-    """Who answers."""
+    """Name and version of the program."""
 
     name: Text
     version: Text
-    """Of the program or, better, of the library in it."""
+    """Version of the program or, better, of the library that it uses."""
 
 
 class Response(Message):
-    """From the program, alone on its standard output."""
+    """Message from the program to henon_ref, alone on the program's standard output."""
 
     protocol: Version
     """Version of the protocol."""
     program: Program
     status: Status
-    """How the last run ended; ``unsupported``: it cannot do the problem; ``unavailable``: what it needs is missing."""
+    """End of the last run. ``unsupported``: the program cannot solve the problem; ``unavailable``: a library that it
+    requires is missing."""
     reason: Text = ""
-    """Why the status is not ``ok``: one sentence."""
+    """One sentence on why the status is not ``ok``."""
     transitions: Annotated[list[Transition], FailFast()] = []
-    """Of the last run, in order of time; all up to its end, however it ended."""
+    """All transitions of the last run up to its end, in order of time, for any status."""
     end: Point | None = None
-    """Where the last run ended; at ``until`` where the status is ``ok``. Null: where the last transition was."""
+    """End of the last run; at ``until`` if the status is ``ok``. Null: the run ended at its last transition."""
     max_surface_drift: Annotated[Number, Field(ge=0)] = 0.0
-    """Largest abs(h) seen where the run claims to be on the surface [unit of h]."""
+    """Largest abs(h) at a point that the run takes to be on the surface [unit of h]."""
     wall_s: Annotated[list[Annotated[Number, Field(gt=0)]], FailFast()] = []
-    """Wall time of each timed run by the program's own monotonic clock [s], as many as there were: of the run alone,
-    without the program's start, reading, compiling and writing."""
+    """Wall time of each timed run by the program's monotonic clock [s], without the program's start, reading,
+    compiling and writing."""
     work: Work = Work()
-    """Of the last run."""
+    """Counts of the last run."""
 
 
 def schema_text(message: type[Message]) -> str:
-    """The JSON Schema of a message."""
+    """Return the JSON Schema of a message as text."""
     found: dict[str, Any] = message.model_json_schema()
     return json.dumps({"$schema": "https://json-schema.org/draft/2020-12/schema", **found}, indent=1) + "\n"

@@ -1,8 +1,8 @@
-"""A problem as the request has it: the mode table, right-hand sides, guards and what follows them, as text.
+"""Conversion of a problem to the request's text: modes, right-hand sides, guards and their successors.
 
-It is text that C, Octave, Python, Julia, JavaScript and awk can evaluate: doubles, names, ``+ - * /``, parentheses,
+C, Octave, Python, Julia, JavaScript and awk can evaluate the expressions: doubles, names, ``+ - * /``, parentheses,
 ``pow(a, b)``, and sin cos tan asin acos atan sinh cosh tanh exp log sqrt. Numbers always have a point or an exponent,
-so that ``1.0/2.0`` is a half everywhere; Greek letters are spelled out.
+so that ``1.0/2.0`` is a half in every language. Greek letters are spelled out.
 """
 
 from __future__ import annotations
@@ -25,19 +25,20 @@ from henon_ref.taylor.rules import FUNCTIONS
 from henon_ref.text import spelled
 
 RESERVED = ("t", "pow")
-"""Names that mean something else in expressions."""
+"""Names that have another meaning in expressions."""
 MULTIPLIED = 4
-"""Powers of a name up to this one are written as products."""
+"""Largest power of a name that is written as a product."""
 _NAME = re.compile(r"(?<![\w.])[^\W\d_]\w*")
 
 
 def problem_text(problem: Problem, start: Mode) -> messages.Problem:
-    """The problem in the words of the protocol, where it starts in this mode.
+    """Convert a problem that starts in the mode ``start`` to a message of the protocol.
 
     Raises
     ------
     UnsupportedError
-        Where it has more than one surface or none, or the initial mode has no equations.
+        If the system has not exactly one surface, the initial mode has no equations, or the protocol cannot express
+        the system (jumps of the state, a slide on an intersection, a name, a function).
     """
     system = problem.system
     if len(system.surfaces) != 1:
@@ -68,7 +69,7 @@ def problem_text(problem: Problem, start: Mode) -> messages.Problem:
 
 
 def _mode_text(system: FilippovSystem, mode: Mode) -> messages.Mode | None:
-    """One mode; None where it has no equations."""
+    """Convert one mode; None if it has no equations."""
     try:
         found = system.equations(mode)
     except ModelError:
@@ -97,7 +98,7 @@ def _guard_text(system: FilippovSystem, mode: equations.ModeEquations, guard: eq
 
 
 def _successors(system: FilippovSystem, guard: equations.Guard) -> list[messages.Successor]:
-    """What follows where a guard has fallen: Filippov (1988), Sec. 4, by the normal velocities on the two sides."""
+    """Successors of a guard, by the normal velocities on the two sides (Filippov 1988, Sec. 4)."""
     if guard.ends is not None:
         return [messages.Successor(mode=None, ends="invalid", when=[])]
     if guard.kind == "release":
@@ -115,12 +116,12 @@ def _successors(system: FilippovSystem, guard: equations.Guard) -> list[messages
 
 
 class _Printer(StrPrinter):
-    """One double a number; powers as products, quotients, ``sqrt`` and ``pow``."""
+    """Printer that writes each number as one double, and powers as products, quotients, ``sqrt`` and ``pow``."""
 
     def _print_Symbol(self, expr: sp.Expr) -> str:  # noqa: N802
         return spelled(expr.name)
 
-    def _print_Float(self, expr: sp.Expr) -> str:  # noqa: N802  (SymPy's names here and below)
+    def _print_Float(self, expr: sp.Expr) -> str:  # noqa: N802  (names of SymPy's methods)
         return repr(float(expr))
 
     def _print_Integer(self, expr: sp.Expr) -> str:  # noqa: N802
@@ -129,7 +130,7 @@ class _Printer(StrPrinter):
     def _print_Rational(self, expr: sp.Expr) -> str:  # noqa: N802
         return repr(float(expr))
 
-    _print_Zero = _print_Integer  # noqa: N815  (StrPrinter has one of its own)
+    _print_Zero = _print_Integer  # noqa: N815  (replaces StrPrinter's method)
 
     def _print_Mul(self, expr: sp.Expr) -> str:  # noqa: N802
         above: list[sp.Expr] = []
@@ -167,12 +168,12 @@ class _Printer(StrPrinter):
 
 
 def infix(expression: sp.Expr) -> str:
-    """The text of an expression.
+    """Return the text of an expression.
 
     Raises
     ------
     UnsupportedError
-        Where a function is not among those of the protocol.
+        If the protocol does not have a function.
 
     Examples
     --------
@@ -185,7 +186,7 @@ def infix(expression: sp.Expr) -> str:
 
 
 def renamed(text: str, names: Mapping[str, str]) -> str:
-    """The text with names replaced; functions are no names.
+    """Replace the names in a text that ``names`` lists.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""A program that speaks the protocol as a solver: what :mod:`henon_ref.baselines.protocol` is for."""
+"""A solver that runs an external program by the protocol (:mod:`henon_ref.baselines.protocol`)."""
 
 from __future__ import annotations
 
@@ -25,36 +25,36 @@ from henon_ref.text import short_line
 from henon_ref.trajectory import Trajectory
 
 FOREVER = 86400.0
-"""Seconds of a run to which nobody has set a deadline."""
+"""Deadline of a run that has none [s]."""
 BEYOND = 0.25
-"""Part of its deadline that a run may take longer until the program is stopped, ..."""
+"""A run may exceed its deadline by this part of it before the program is stopped."""
 START_SECONDS = 0.8
-"""... and processor time for its start, for reading and for writing [s]."""
+"""Processor time that a program may use in addition, to start, read and write [s]."""
 MOST_TRANSITIONS = 100_000
 
 
 @dataclass(frozen=True)
 class ProgramSolver:
-    """A program in any language, one process a request (:class:`henon_ref.solver.Solver`).
+    """A :class:`henon_ref.solver.Solver` that starts a program in any language, one process per request.
 
-    Counts: ``steps``, ``rhs_evaluations`` and ``event_evaluations`` are the program's own ``work``. Wall times are by
-    the program's own clock, without its start, what it reads and what it writes.
+    Counts: ``steps``, ``rhs_evaluations`` and ``event_evaluations`` are the program's ``work``. Wall times are measured
+    by the program's own clock, without its start, reading and writing.
     """
 
     name: str
     command: tuple[str, ...]
-    """Program and arguments; no shell reads them."""
+    """Program and arguments; they are not read by a shell."""
     landing: str
-    """How it puts a step's end on the surface, for the ``landing`` column."""
+    """How the program puts the end of a step on the surface, for the ``landing`` column."""
     fixed_step: bool = False
     environment: Mapping[str, str] = field(default_factory=dict, hash=False)
-    """Variables that the program gets besides ours."""
+    """Environment variables of the program, in addition to those of this process."""
     library_version: str = ""
-    """Of the library in it, for the results; empty where that is not known."""
+    """Version of the library that the program uses, for the results; empty if it is unknown."""
 
     @property
     def version(self) -> str:
-        """Of the library in it, empty where that is not known."""
+        """Version of the library that the program uses; empty if it is unknown."""
         return self.library_version
 
     def prepare(
@@ -92,35 +92,32 @@ class ProgramSolver:
         return ProgramRun(self, self.built(text), problem, request)
 
     def check(self) -> None:
-        """Nothing, where the program is there."""
+        """Raise :class:`~henon_ref.errors.UnavailableError` if the program does not exist."""
         if shutil.which(self.command[0]) is None:
             raise UnavailableError(f"there is no program {self.command[0]}")
 
     def built(self, text: ProblemText) -> tuple[str, ...]:
-        """The command for one problem; a program that is compiled for each problem is compiled here."""
+        """Return the command for one problem; a subclass may compile its program here."""
         return self.command
 
 
 class ProgramRun:
-    """One problem for one program, ready to be run again and again.
-
-    A run whose wall time is the program's own: :class:`henon_ref.solver.SelfTimedRun`.
-    """
+    """One problem for one program, prepared for repeated runs (:class:`henon_ref.solver.SelfTimedRun`)."""
 
     def __init__(self, solver: ProgramSolver, command: tuple[str, ...], problem: Problem, request: Request) -> None:
         self._solver, self._command, self._problem, self.request = solver, command, problem, request
         self.wall_s = math.nan
-        """Wall time of the latest run by the program's own clock [s]; NaN where it did not say."""
+        """Wall time of the latest run by the program's own clock [s]; NaN if the response has none."""
 
     def __call__(self) -> Trajectory:
-        """One run, in a process of its own.
+        """Run once, in a new process.
 
         Raises
         ------
         ContractError
-            Where the program gives no response, or one that is refused.
+            If the program gives no response, or an invalid one.
         UnsupportedError, UnavailableError
-            Where the program says so.
+            If the response has this status.
         """
         request, start = self.request, self.request.problem.start
         self.wall_s = math.nan
@@ -133,12 +130,12 @@ class ProgramRun:
         return found._replace(transitions=visible(self._problem.system, found.transitions))
 
     def times(self, count: int) -> tuple[float, ...]:
-        """Wall times of so many runs in one process, after one to warm up [s].
+        """Return the wall times of ``count`` runs in one process, after one untimed run [s].
 
         Raises
         ------
         ContractError
-            As for a run, and where it does not give so many times.
+            If the program gives no response, an invalid one, or another number of times.
         """
         response = self._response(self.request.model_copy(update={"untimed": 1, "timed": count}))
         if len(response.wall_s) != count:

@@ -1,4 +1,4 @@
-"""A program's output, checked against the protocol and the request, as a trajectory."""
+"""Check of a program's output against the protocol and the request, and its conversion to a trajectory."""
 
 from __future__ import annotations
 
@@ -18,25 +18,25 @@ from henon_ref.text import short_line
 from henon_ref.trajectory import Counts, Trajectory, Transition
 
 ROUNDINGS = 64
-"""So many roundings of the largest time of a problem are granted to times."""
+"""Allowed error of a time, in roundings of the largest time of the problem."""
 
 FIELDS = 10
-"""Commas and brackets of a transition in JSON, its state apart, and some more."""
+"""Upper bound of the commas and brackets of a transition in JSON, without its state."""
 TEXT = 20_000
-"""Commas and brackets that the rest of a response may have, its texts included."""
+"""Upper bound of the commas and brackets in the rest of a response, texts included."""
 MOST_FIELDS = 100
-"""Fields of one object whose names are looked at."""
+"""Largest number of fields of one object."""
 SHOWN = 60
 """Characters of a refused value in a message."""
 
 
 def read_response(output: bytes, request: Request) -> Response:
-    """What a program wrote, where it is a response to the request.
+    """Read a program's output as a response to the request.
 
     Raises
     ------
     ContractError
-        Where it is none: the place in it, what stands there, and what is wanted.
+        If the output is not a valid response; the message names the place, the value there and the allowed values.
     """
     if not output.strip():
         raise ContractError("the program wrote nothing, wanted a response in JSON")
@@ -61,14 +61,14 @@ def read_response(output: bytes, request: Request) -> Response:
 
 
 def _check_size(output: bytes, request: Request) -> None:
-    """Refuse what holds more than any response to the request does, before any of it is read."""
+    """Refuse an output that is longer than any response to the request, before it is parsed."""
     most = (request.most_transitions + 1) * (FIELDS + len(request.problem.states)) + request.timed + TEXT
     if output.count(b",") + output.count(b"[") + output.count(b"{") > most:
         raise _refused("transitions", f"the response is longer than one of {request.most_transitions} transitions")
 
 
 def _check_fields(message: Any) -> None:
-    """Refuse objects of more fields than any has: there would be an error for each."""
+    """Refuse objects with too many fields: the validation would collect an error for each."""
     events = message.get("transitions") if isinstance(message, dict) else None
     parts = message.items() if isinstance(message, dict) and len(message) <= MOST_FIELDS else ()
     each = ((f"transitions.{k}", event) for k, event in enumerate(events)) if isinstance(events, list) else ()
@@ -78,12 +78,12 @@ def _check_fields(message: Any) -> None:
 
 
 def trajectory(response: Response, request: Request, landing: str) -> Trajectory:
-    """The response as a solver returns it.
+    """Convert a response to a trajectory.
 
     Raises
     ------
     UnsupportedError, UnavailableError
-        Where the program says so.
+        If the response has this status.
     """
     if response.status == "unsupported":
         raise UnsupportedError(response.reason or "the program does not do this problem")
@@ -120,7 +120,7 @@ def _end(response: Response, request: Request) -> Point:
 
 
 def _check(response: Response, request: Request) -> None:
-    """Refuse what contradicts the request, or itself."""
+    """Refuse a response that contradicts the request or itself."""
     start, until = request.problem.start, request.problem.until
     slack = ROUNDINGS * sys.float_info.epsilon * max(abs(start.time), abs(until))
     latest, mode = start.time, start.mode
@@ -143,7 +143,7 @@ def _check(response: Response, request: Request) -> None:
 
 
 def _check_point(place: str, time: float, state: Sequence[float], request: Request) -> None:
-    """Refuse a time outside of the run, and a state that is not one number a state."""
+    """Refuse a time outside the run, and a state that is not one finite number per state."""
     start, until = request.problem.start.time, request.problem.until
     slack = ROUNDINGS * sys.float_info.epsilon * max(abs(start), abs(until))
     if not start - slack <= time <= until + slack:

@@ -15,7 +15,7 @@ from child import child, trajectory
 
 import henon_ref
 from henon_ref.baselines.adapter import LibrarySolver
-from henon_ref.baselines.diffrax_ode import DOPRI8, _said, mode_source
+from henon_ref.baselines.diffrax_ode import DOPRI8, _message, mode_source
 from henon_ref.baselines.diffsol_ode import BDF, TSIT45, mode_text, number, to_diffsl
 from henon_ref.baselines.mode_functions import ModeFunctions
 from henon_ref.baselines.nosnoc_fesd import FEWEST, GRID, NOSNOC, _control_steps
@@ -113,8 +113,8 @@ def test_diffsol_starts_where_the_state_is_nearly_zero() -> None:
 def test_what_a_compiled_solve_raises_is_one_sentence() -> None:
     """Not jax's traceback, which names folders of the machine."""
     words = 'INTERNAL: CpuCallback error: Traceback:\n  File "x.py"\n_EquinoxRuntimeError: The root is not there\n\n---'
-    assert _said(RuntimeError(words)) == "The root is not there"
-    assert _said(RuntimeError("INTERNAL: out of memory\n  File")) == "INTERNAL: out of memory"
+    assert _message(RuntimeError(words)) == "The root is not there"
+    assert _message(RuntimeError("INTERNAL: out of memory\n  File")) == "INTERNAL: out of memory"
 
 
 def test_several_surfaces(runs: Runs) -> None:

@@ -1,1 +1,1 @@
-"""Programs in other languages, each of which shows what a library does by itself."""
+"""Programs in other languages, each a minimal demonstration of a library's behaviour."""

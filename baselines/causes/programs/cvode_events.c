@@ -1,4 +1,4 @@
-/* What SUNDIALS' CVODE makes of roots, from C and by itself. Each line of output: a name and numbers. */
+/* Minimal runs of SUNDIALS' CVODE with rootfinding. Each line of the output is a name followed by numbers. */
 #include <math.h>
 #include <stdio.h>
 

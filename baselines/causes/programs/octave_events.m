@@ -1,4 +1,4 @@
-% What Octave's ode45 makes of events, by itself. Each line of output: a name and numbers.
+% Minimal runs of Octave's ode45 with events. Each line of the output is a name followed by numbers.
 1;
 
 function [value, terminal, direction] = level (t, x)

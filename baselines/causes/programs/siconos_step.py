@@ -1,4 +1,4 @@
-"""What Siconos' time stepping makes of events, by itself; run by the Python that has it. A line: a name and numbers."""
+"""Minimal runs of Siconos' time stepping with a relay. Each line of the output is a name followed by numbers."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Function = Callable[[float], float]
 def steps_of(
     start: list[float], field: list[list[float]], push: list[float], step: float, until: float
 ) -> Iterator[tuple[float, float, float]]:
-    """(time, last state, relay) after each step of x' = field x + push relay; the relay acts on the last state."""
+    """Yield (time, last state, relay) after each step of x' = field x + push relay; the last state sets the relay."""
     system = kernel.FirstOrderLinearDS(start, numpy.array(field))
     relation = kernel.FirstOrderLinearTIR(numpy.array([[0.0] * (len(start) - 1) + [1.0]]), numpy.array([push]).T)
     interaction = kernel.Interaction(kernel.RelayNSL(1, -1.0, 1.0), relation)
@@ -33,7 +33,7 @@ def steps_of(
 
 
 def turns(steps: Iterator[tuple[float, float, float]]) -> list[float]:
-    """Times at which the relay has changed its sign."""
+    """Times at which the relay changes its sign."""
     found, before = [], 0.0
     for time, _, now in steps:
         if before * now < 0:
@@ -45,7 +45,7 @@ def turns(steps: Iterator[tuple[float, float, float]]) -> list[float]:
 def followed(
     field: Function, slope: Function, surface: Function, gradient: Function, until: float
 ) -> list[list[float]]:
-    """[x, sign] of x' = field(x) from 1 after each step of 0.001, with a relay on a surface that does nothing."""
+    """[x, sign of the surface] of x' = field(x), x(0) = 1, after each step of 0.001; the relay does not act on x."""
 
     class Field(kernel.FirstOrderNonLinearDS):
         def computef(self, time: float, x: numpy.ndarray) -> None:
@@ -95,7 +95,7 @@ def followed(
 
 
 def steep(x: float) -> float:
-    """Of a surface function that falls from 0 to -5e21 within a second, and its slope over 50."""
+    """Exponential part of a surface function that falls from 0 to -5e21 in one second; also its slope divided by 50."""
     return -math.exp(50.0 * (x - 1.0))
 
 

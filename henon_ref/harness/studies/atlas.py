@@ -1,4 +1,7 @@
-"""The atlas: every family among the cases by all solvers that have a tolerance, not timed; a figure a family."""
+"""Atlas of grazes and pairs of roots: each family of cases by all solvers with a tolerance, and a figure per family.
+
+The runs are not timed.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +39,7 @@ KINDS = {
     "two-roots": "distance of the two roots [s]",
     "grazing": "distance from the graze, in units of the surface",
 }
-"""Tags of the families that the atlas shows, and what their parameter is; the first that fits counts."""
+"""Tags of the families in the atlas, with the meaning of their parameter; the first matching tag counts."""
 BLAME = ("ill-conditioned", "solver defect")
 
 Outcome = Literal["right", "missed", "spurious", "both", "status", "failed"]
@@ -48,9 +51,9 @@ OUTCOMES: dict[Outcome, str] = {
     "status": "ended otherwise than the exact run",
     "failed": "failed or out of time",
 }
-"""What may come of a run, in words."""
+"""Outcomes of a run, with their labels."""
 COLUMNS = 3
-"""Panels in a row."""
+"""Panels per row."""
 PANEL = 1.25
 """Height of a panel with its title and ticks [in]."""
 COLOURS: dict[Outcome, str] = {
@@ -61,9 +64,9 @@ COLOURS: dict[Outcome, str] = {
     "status": style.GREEN,
     "failed": style.BLACK,
 }
-"""Right is pale and everything else darker than it, so that the panels can be read without colour, too."""
+"""Right is pale and all other outcomes are darker, so that the panels can be read without colour."""
 MOST_TICKS = 5
-"""Labelled distances below a panel."""
+"""Number of labelled distances below a panel."""
 
 
 @dataclass(frozen=True)
@@ -71,17 +74,17 @@ class Family:
     """A case whose readings differ in one parameter, the distance."""
 
     case: Case
-    """With the family's readings alone."""
+    """The case with only the family's readings."""
     meaning: str
-    """What the distance is, with its unit."""
+    """Meaning and unit of the distance."""
     distances: dict[str, float]
-    """Reading -> distance, from far outside to far inside: negative where the surface is not reached."""
+    """Distance of each reading, in increasing order; negative if the surface is not reached."""
 
 
 def family_of(case: Case) -> Family | None:
-    """The family that a case is; None where it is none, or its readings differ in more than one parameter.
+    """Return the family of a case; None if it is no family, or its readings differ in more than one parameter.
 
-    Readings with other equations than the first one's are not of the family.
+    Readings whose equations differ from those of the first reading are left out.
     """
     first = case.readings[0]
     meaning = next((words for tag, words in KINDS.items() if tag in first.tags), None)
@@ -102,7 +105,7 @@ def _equations(reading: Reading) -> tuple[tuple[sp.Expr, ...], ...]:
 
 
 def outcome_of(row: RunRow) -> Outcome | None:
-    """What came of a run; None for one that was not made."""
+    """Outcome of a run; None if it was not made."""
     if row.status in NOT_RUN:
         return None
     end = ending(row)
@@ -114,10 +117,10 @@ def outcome_of(row: RunRow) -> Outcome | None:
 
 
 def run_atlas(asked: Asked) -> Made:
-    """Run the families at the atlas's tolerances and write its page; none where nothing asked for has a place on it."""
+    """Run the families at the atlas's tolerances and write its page; no page without a family or a solver for it."""
     found = [family for case in asked.cases if (family := family_of(case)) is not None]
     names = registry.expanded(asked.options.solvers or registry.default_names())
-    # A solver that is driven by a step has no place on an axis of tolerances.
+    # A solver with a fixed step has no tolerance.
     solvers = tuple(s for s in names if not (fixed_step(s) if isinstance(s, str) else s.fixed_step))
     if not found or not solvers:
         return Made(None)
@@ -155,7 +158,7 @@ def solvers_of(rows: Sequence[RunRow]) -> list[str]:
 
 
 def count_table(rows: Sequence[RunRow]) -> Table:
-    """How often each solver is right, wrong in each way, and wrong by its own fault."""
+    """Table of the number of runs of each solver by outcome and by the cause of errors (:data:`BLAME`)."""
     lines = []
     for solver in solvers_of(rows):
         own = [row for row in rows if row.solver == solver and outcome_of(row) is not None]
@@ -167,7 +170,7 @@ def count_table(rows: Sequence[RunRow]) -> Table:
 
 
 def draw_atlas(family: Family, rows: Sequence[RunRow], solvers: Sequence[str]) -> Figure:
-    """Tolerance against distance: a panel a solver, in their order; a run a reading, solver and tolerance."""
+    """Draw tolerance against distance in one panel per solver; each cell is a run."""
     tolerances = sorted({number(row.rtol) for row in rows}, reverse=True)
     cells = {(row.solver, row.reading, number(row.rtol)): outcome_of(row) for row in rows}
     lines = math.ceil(len(solvers) / COLUMNS)
@@ -197,7 +200,7 @@ def draw_atlas(family: Family, rows: Sequence[RunRow], solvers: Sequence[str]) -
 
 
 def _description(family: Family, cells: Mapping[tuple[str, str, float], Outcome | None], solvers: Sequence[str]) -> str:
-    """What the panels show, and how many runs of each solver are right."""
+    """Describe the panels in words, with the number of right runs of each solver."""
     counts = []
     for solver in solvers:
         own = [outcome for key, outcome in cells.items() if key[0] == solver and outcome is not None]
@@ -209,11 +212,12 @@ def _description(family: Family, cells: Mapping[tuple[str, str, float], Outcome 
 
 
 def _draw_panel(axes: Axes, solver: str, outcomes: Sequence[Sequence[Outcome | None]]) -> None:
-    """One solver's outcomes, a row a tolerance."""
+    """Draw one solver's outcomes, one row per tolerance."""
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path
 
-    # Neighbours of one outcome as one box, all boxes of an outcome as one path: a figure of cells is ten times as long.
+    # Adjacent cells of an outcome are one box, and all its boxes one path; single cells would make a file ten times as
+    # long.
     boxes: dict[Outcome, list[Path]] = {}
     for j, line in enumerate(outcomes):
         begin = 0
@@ -239,7 +243,7 @@ def _draw_panel(axes: Axes, solver: str, outcomes: Sequence[Sequence[Outcome | N
 
 
 def _draw_limits(axes: Axes, distances: Sequence[float], tolerances: Sequence[float]) -> None:
-    """The staircase within which the tolerance is larger than the distance."""
+    """Draw the staircase between the cells whose tolerance is larger than the distance and the other cells."""
     ends = [(0, 0)]
     for tolerance in tolerances:
         within = [i for i, distance in enumerate(distances) if distance <= tolerance * (1 + 1e-9)]
@@ -252,7 +256,7 @@ def _draw_limits(axes: Axes, distances: Sequence[float], tolerances: Sequence[fl
 
 
 def _label(figure: Figure, family: Family, tolerances: Sequence[float], count: int) -> None:
-    """Ticks of the lowest panel of each column, and what the axes are."""
+    """Label the axes, and the ticks of the lowest panel of each column."""
     distances, shared = list(family.distances.values()), figure.axes[0]
     ticks = _ticks(distances)
     shared.set_xticks([i + 0.5 for i in ticks], [_distance(distances[i]) for i in ticks])
@@ -267,7 +271,7 @@ def _label(figure: Figure, family: Family, tolerances: Sequence[float], count: i
 
 
 def _ticks(distances: Sequence[float]) -> list[int]:
-    """Positions that are labelled: both ends, the graze itself, and one between."""
+    """Positions of the labels: both ends, the graze itself, and positions between them."""
     last = len(distances) - 1
     if min(distances) < 0:
         middle = next(i for i, distance in enumerate(distances) if distance >= 0)

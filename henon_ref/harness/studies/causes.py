@@ -1,4 +1,4 @@
-"""The page of causes: what each library does by itself, shown by a run of it made while the page is written."""
+"""Page of causes: the check of each cause is run while the page is written."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from henon_ref.harness.studies.study import Asked, Made
 
 
 def run_causes(asked: Asked) -> Made:
-    """Run every cause's check and write what was seen."""
+    """Run the check of every cause and write the results."""
     shown = [{"cause": cause, "version": _version(cause.package), "seen": _seen(cause)} for cause in CAUSES.values()]
     return Made(write(asked.folder, "causes", {"causes": shown}))
 
@@ -26,7 +26,7 @@ def _version(package: str) -> str | None:
 
 
 def _seen(cause: Cause) -> str:
-    """What the check saw; said so where the library does not behave as claimed, or is not there."""
+    """Result of the check, or a note that the library is not installed or does not behave as claimed."""
     if _version(cause.package) is None:
         return "not installed here: not checked"
     try:

@@ -1,4 +1,4 @@
-"""What studies share: the runs that they are made of, and one writer for their files of numbers, figures and pages."""
+"""Functions that studies share: running cases, and writing tables, figures and pages."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ NONE: Mapping[str, Any] = MappingProxyType({})
 
 
 def rows_of(cases: Sequence[Case], options: Options, observer: Observer) -> dict[str, list[RunRow]]:
-    """Run the cases; the rows of each one's runs (columns of ``runs.csv``) by its name, in the order of the cases."""
+    """Run the cases; return the rows of ``runs.csv`` by the name of the case, in the order of the cases."""
     found: dict[str, list[RunRow]] = {case.name: [] for case in cases}
 
     def deliver(comparison: Comparison) -> None:
@@ -40,12 +40,11 @@ def rows_of(cases: Sequence[Case], options: Options, observer: Observer) -> dict
 
 
 def shipped_problem(case: str, reading: str = "default") -> Problem:
-    """The problem of a reading of a shipped case."""
     return load_case(shipped_folder() / f"{case}.yaml").reading(reading).problem
 
 
 def largest_time_difference(one: Trajectory, other: Trajectory) -> float:
-    """Greatest difference of a transition's time in two runs [s]; infinite where their sequences differ."""
+    """Largest difference of the transition times of two runs [s]; infinite if their sequences differ."""
     if [t.to_mode for t in one.transitions] != [t.to_mode for t in other.transitions]:
         return math.inf
     return max((abs(a.time - b.time) for a, b in zip(one.transitions, other.transitions, strict=True)), default=0.0)
@@ -58,20 +57,20 @@ def write(
     tables: Mapping[str, str] = NONE,
     figures: Mapping[str, Figure] = NONE,
 ) -> Path:
-    """Write a study's files, and then the page that links to them; each is replaced as a whole.
+    """Write a study's files, then the page that links to them; each file is replaced atomically.
 
     Parameters
     ----------
     folder : Path
-        The study's own; made if it is not there.
+        Folder of the study; created if it does not exist.
     template : str
-        Name of the page's template, without its ending.
+        Name of the page's template, without its suffix.
     context : mapping
-        What the template shows; ``origin``, a Provenance, where it says how the page was made.
+        Values of the template, among them ``origin``, a Provenance.
     tables : mapping of str
         CSV text by file name.
     figures : mapping of Figure
-        By file name; written as SVG.
+        Figures by file name; written as SVG.
 
     Returns
     -------
@@ -81,7 +80,7 @@ def write(
     Raises
     ------
     OSError
-        Where the folder cannot be written.
+        If the folder cannot be written.
     """
     folder.mkdir(parents=True, exist_ok=True)
     for name, text in tables.items():

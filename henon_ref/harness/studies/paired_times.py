@@ -1,4 +1,4 @@
-"""Paired timing over a folder of reports: ``henon`` against the cheapest other solvers of every reading."""
+"""Paired times over a folder of reports: ``henon`` against the cheapest other solvers of every reading."""
 
 from __future__ import annotations
 
@@ -30,21 +30,20 @@ from henon_ref.harness.table import digits as shown_digits
 from henon_ref.text import code, markdown
 
 SECONDS = 1.0
-"""Time that the runs of a reading may take in all."""
+"""Time that all runs of a reading may take together [s]."""
 RATIOS = "ratios.csv"
 OTHERS, FROM_C = "the cheapest other", "CVODE from C"
-"""What the reference is set against on every reading beside the next best: whichever of all others is the cheapest, and
-the library that is called without Python in its way."""
+"""Rivals of the reference in addition to :data:`SECOND`: the cheapest of all others, and CVODE without Python."""
 CVODE_FROM_C = ("cvode-c-adams", "cvode-c-bdf")
 
 
 def run_paired_times(asked: Asked) -> Made:
-    """Time the reference and its rivals in turn on every reading whose report is there, and write the page.
+    """Time the reference and its rivals in interleaved runs on every reading, and write the page.
 
     Raises
     ------
     CaseError
-        Where a case has no report.
+        If a case has no report.
     """
     files = {case.name: (asked.rows or asked.folder.parent) / case.name / RUNS for case in asked.cases}
     for file in files.values():
@@ -72,7 +71,7 @@ def run_paired_times(asked: Asked) -> Made:
 
 
 def timings_of(case: Case, rows: Sequence[RunRow], deadline: float) -> Iterator[PairedTiming]:
-    """What is to be timed on a case's readings, by the rows of its report; ``deadline``: of one run [s]."""
+    """Yield the timings of a case's readings, from the rows of its report; ``deadline`` is that of one run [s]."""
     by_reading = readings_of(rows)
     for reading in case.readings:
         own = by_reading.get((case.name, reading.name), [])
@@ -83,7 +82,7 @@ def timings_of(case: Case, rows: Sequence[RunRow], deadline: float) -> Iterator[
 
 
 def left_out(rows: Sequence[RunRow]) -> dict[str, list[str]]:
-    """Links to the readings without a pair, by the solver that has no right run to the fewest digits of a level."""
+    """Links to the readings without a pair, by the solver that has no right run with the lowest level of digits."""
     found: dict[str, list[str]] = {}
     for (case, reading), own in readings_of(rows).items():
         able = {row.solver for _, level in able_rows(own, LEVELS) for row in level if row.wall_s}
@@ -95,7 +94,7 @@ def left_out(rows: Sequence[RunRow]) -> dict[str, list[str]]:
 
 
 def spread_table(rows: Sequence[PairRow]) -> Table:
-    """How many times as long as ``henon`` the others take over the readings; and in how many they take less."""
+    """Table of the distribution over readings of a rival's time divided by ``henon``'s, and of the faster readings."""
     lines = []
     for label, against, times in (
         (code(SECOND), SECOND, "times_as_long"),
@@ -118,9 +117,9 @@ def spread_table(rows: Sequence[PairRow]) -> Table:
 
 
 def slower_table(rows: Sequence[PairRow], runs: Sequence[RunRow]) -> Table:
-    """Readings in which another solver is faster, at the digits at which it is so most: times, and what either gets.
+    """Table of the readings in which another solver is faster, at the level of digits with the largest ratio.
 
-    ``runs``, the rows of the reports, know how many digits and steps a setting has.
+    ``runs`` are the rows of the reports, which contain the digits and steps of each setting.
     """
     known = {run.key: run for run in runs}
     slower: dict[tuple[str, str], list[PairRow]] = {}
@@ -147,6 +146,6 @@ def slower_table(rows: Sequence[PairRow], runs: Sequence[RunRow]) -> Table:
 
 
 def link(case: str, reading: str) -> str:
-    """A reading as a link to its report, which lies beside the study's folder."""
+    """Link to the report of a reading, whose folder is next to the study's."""
     text, anchor = (case, "") if reading == "default" else (f"{case}, {reading}", f"#{quote(reading)}")
     return f"[{markdown(text)}](../{quote(case)}/{REPORT}{anchor})"

@@ -1,7 +1,7 @@
-"""Pairs of ``henon`` and another solver for the same digits, their runs interleaved by one worker.
+"""Paired times of ``henon`` and another solver for the same number of digits, with interleaved runs in one worker.
 
-Of heyoka its own calls of ``propagate_until`` are clocked as well, without the mode switches in Python: a program that
-switches modes in compiled code pays these and next to nothing else.
+heyoka's calls of ``propagate_until`` are also timed separately, without the mode switches in Python: they are nearly
+the whole time of a program that switches modes in compiled code.
 """
 
 from __future__ import annotations
@@ -31,30 +31,30 @@ from henon_ref.workers.pool import Jobs, WorkerPool
 from henon_ref.workers.worker import Failure, Job, WorkerState
 
 FIRST = "henon"
-"""The solver that all others are set against."""
+"""The solver with which all other solvers are compared."""
 SECOND = "heyoka"
-"""The next best."""
+"""The next best solver."""
 CANDIDATES = 3
-"""Settings of a side that are timed: the cheapest by the rows. The cheapest in turn is among them, or next to it."""
+"""Number of settings per solver that are timed, the cheapest by the rows. Timing may change their order."""
 FEWEST, MOST = 9, 200
-"""How often each setting is run."""
+"""Bounds of the number of runs of each setting."""
 TURN = 1e-3
-"""Seconds for which a short run is repeated when it is its turn."""
+"""A short run is repeated for this time in its turn [s]."""
 PREPARE_SECONDS = 300.0
-"""Processor time that the preparation of all settings may take [s]: compiled callbacks take some seconds each."""
+"""Processor time that the preparation of all settings may take [s]; compiled callbacks take some seconds each."""
 OWN_ROUNDS = 20
-"""Rounds at most in which a library's own calls are clocked."""
+"""Largest number of rounds in which a library's own calls are timed."""
 _LOG = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
 class PairRow(Row):
-    """The reference and another solver at settings with the same digits, their runs interleaved."""
+    """Times of the reference and another solver at settings with the same digits, from interleaved runs."""
 
     case: str
     reading: str
     digits: int | None
-    """None where there is no transition."""
+    """None if there is no transition."""
     against: str
     rtol: float | None
     rival: str
@@ -64,28 +64,26 @@ class PairRow(Row):
     """Median [s]."""
     rival_wall_s: float
     ratio: float
-    """The reference's time over the other one's."""
+    """Time of the reference divided by that of the rival."""
     ratio_low: float
-    """Lower end of its 95 % bootstrap interval."""
+    """Lower end of the 95 % bootstrap interval of the ratio."""
     ratio_high: float
     rounds: int
     rival_own_s: float | None = None
-    """What of the rival's time its library takes itself, without the mode switches in Python that a compiled program
-    does not pay [s]; heyoka's alone is known."""
+    """Time of the rival library's own calls, without mode switches in Python [s]; None if the rival is not heyoka."""
 
     @property
     def problem(self) -> tuple[str, str]:
-        """Case and reading."""
         return self.case, self.reading
 
     @property
     def times_as_long(self) -> float:
-        """Time of the rival over the reference's."""
+        """Time of the rival divided by that of the reference."""
         return 1.0 / self.ratio
 
     @property
     def own_times_as_long(self) -> float | None:
-        """Time of the rival's own library over the reference's whole run; None where it is not known."""
+        """Time of the rival library's own calls divided by that of the reference's run; None if it is unknown."""
         return None if self.rival_own_s is None else self.rival_own_s / self.wall_s
 
 
@@ -94,26 +92,26 @@ class TimedPair(PairRow):
     """A pair with the times of every round."""
 
     samples_s: tuple[float, ...] = ()
-    """The reference's [s]."""
+    """Times of the reference [s]."""
     rival_samples_s: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
 class Pair:
-    """The reference against a rival, for the same digits; each side the rows of its cheapest settings."""
+    """The reference and a rival for the same digits, each with the rows of its cheapest settings."""
 
     digits: int | None
-    """Digits that every setting of both reaches; None where there is no transition to time."""
+    """Digits that every setting of both solvers reaches; None if the reading has no transition."""
     against: str
-    """The other side: a solver's name, or that of a group whose cheapest is taken."""
+    """Name of the rival, or of a group of solvers whose cheapest is taken."""
     own: tuple[RunRow, ...]
     rival: tuple[RunRow, ...]
 
 
 def pairs_of(rows: Sequence[RunRow], rivals: Mapping[str, Collection[str]], levels: Sequence[int]) -> Iterator[Pair]:
-    """The pairs of one reading's rows, for every level of digits; ``rivals``: of which solvers each is the cheapest.
+    """Yield the pairs of one reading's rows for every level of digits.
 
-    Where there is no transition to time, right rows are set against each other once.
+    ``rivals`` maps the name of a rival to its solvers. A reading without transitions has one pair, of its right rows.
     """
     for level, able in able_rows(rows, levels):
         own = _cheapest(able, (FIRST,))
@@ -124,7 +122,7 @@ def pairs_of(rows: Sequence[RunRow], rivals: Mapping[str, Collection[str]], leve
 
 
 def able_rows(rows: Sequence[RunRow], levels: Sequence[int]) -> Iterator[tuple[int | None, list[RunRow]]]:
-    """Rows that reach so many digits; once, and with None, those that are right where there is no transition."""
+    """Yield each level with the rows that reach it; for a reading without transitions, None with its right rows."""
     idle = [row for row in rows if row.verdict == "right" and row.reference_transitions == 0 and row.wall_s]
     if idle:
         yield None, idle
@@ -138,7 +136,7 @@ def _cheapest(rows: Sequence[RunRow], solvers: Collection[str]) -> tuple[RunRow,
 
 
 class _WithOwn:
-    """An object of heyoka's with one function of ours; all else is passed on."""
+    """Proxy of an object of heyoka in which some functions are replaced."""
 
     def __init__(self, theirs: Any, **ours: Callable[..., Any]) -> None:
         object.__setattr__(self, "_theirs", theirs)
@@ -153,13 +151,13 @@ class _WithOwn:
 
 @dataclass(frozen=True)
 class ClockedHeyoka(HeyokaTaylor):
-    """heyoka, its own calls clocked."""
+    """heyoka with timed calls of ``propagate_until``."""
 
     spent_s: list[float] = field(default_factory=list, kw_only=True)
     """Time of each call [s]."""
 
     def load(self) -> Any:
-        """The module, with integrators whose calls of ``propagate_until`` are clocked."""
+        """Return the module with integrators whose calls of ``propagate_until`` are timed."""
         module = super().load()
 
         def taylor_adaptive(*args: Any, **options: Any) -> _WithOwn:
@@ -177,14 +175,14 @@ class ClockedHeyoka(HeyokaTaylor):
 
 
 def clocked(solver: Solver) -> ClockedHeyoka | None:
-    """The same solver with its calls clocked; None where it is not heyoka."""
+    """Return a copy of the solver with timed calls; None if the solver is not heyoka."""
     if not isinstance(solver, HeyokaTaylor):
         return None
     return ClockedHeyoka(**{own.name: getattr(solver, own.name) for own in fields(solver)})
 
 
 def own_part(solver: str, run: Run, prepare: Callable[[Any], Run], *, rounds: int) -> float | None:
-    """Time of the library's own calls over that of a whole run, median over rounds of one of each; None where unknown.
+    """Median over rounds of the time of the library's own calls divided by that of a whole run; None if unknown.
 
     Parameters
     ----------
@@ -205,36 +203,36 @@ def own_part(solver: str, run: Run, prepare: Callable[[Any], Run], *, rounds: in
         own.spent_s.clear()
         clocked_run()
         parts.append(sum(own.spent_s) / whole)
-    return median(parts[1:]) or None  # an integrator that all modes share was made without the clock
+    return median(parts[1:]) or None  # an integrator shared by all modes was made without timing
 
 
 @dataclass(frozen=True)
 class PairedTiming(Job):
-    """Time the settings of pairs on one reading, interleaved; a row a pair with the ratio of its cheapest settings."""
+    """Time the settings of pairs on one reading in interleaved runs; make a row per pair for its cheapest settings."""
 
     case: str
     reading: str
     problem: Problem
     pairs: tuple[Pair, ...]
     spend: float
-    """Seconds that the runs may take in all; each is made :attr:`fewest` times at least."""
+    """Time that all runs may take together [s]; each is made at least :attr:`fewest` times."""
     deadline: float
-    """Seconds that one run may take."""
+    """Time that one run may take [s]."""
     fewest: int = FEWEST
 
     @property
     def candidates(self) -> dict[Key, RunRow]:
-        """The settings that run."""
+        """Settings to run, by key."""
         return {row.key: row for pair in self.pairs for row in (*pair.own, *pair.rival)}
 
     @property
     def round_s(self) -> float:
-        """Time of one round, by the rows [s]."""
+        """Estimated time of one round, from the rows [s]."""
         return sum(max(number(row.wall_s), TURN) for row in self.candidates.values())
 
     @property
     def rounds(self) -> int:
-        """How often each setting is run."""
+        """Number of runs of each setting."""
         return min(max(int(self.spend / self.round_s), self.fewest), MOST)
 
     @property
@@ -242,7 +240,6 @@ class PairedTiming(Job):
         return PREPARE_SECONDS + 10.0 * (self.rounds + 1) * self.round_s
 
     def run(self, state: WorkerState) -> list[TimedPair]:
-        """Rows of all pairs."""
         runs = {key: self._prepared(row, registry.solver(row.solver)) for key, row in self.candidates.items()}
         times = interleaved(runs, rounds=self.rounds, turn=TURN)
         own_parts: dict[Key, float | None] = {}
@@ -284,7 +281,7 @@ class PairedTiming(Job):
 def time_pairs(
     timings: Mapping[str, Sequence[PairedTiming]], options: Options, observer: Observer
 ) -> tuple[list[TimedPair], list[str]]:
-    """Time pairs by case, those of each job by one worker; their rows, and what could not be timed, a sentence each."""
+    """Time pairs by case, each job in one worker; return the rows, and a sentence for each that cannot be timed."""
     rows: list[TimedPair] = []
     failed: list[str] = []
 
@@ -306,7 +303,7 @@ def time_pairs(
 
 
 def own_words(rows: Sequence[PairRow]) -> str:
-    """In a sentence, what of heyoka's times is heyoka's; empty where that is not known."""
+    """Sentence on the part of heyoka's own calls in its times; empty if that is unknown."""
     found = [row for row in rows if row.against == SECOND and row.rival_own_s is not None]
     if not found:
         return ""
@@ -321,5 +318,5 @@ def own_words(rows: Sequence[PairRow]) -> str:
 
 
 def bound(digits: int | None) -> str:
-    """Digits to be reached, as the cell of a table."""
+    """Format a level of digits for a table."""
     return "no transition" if digits is None else f"{digits:g}"

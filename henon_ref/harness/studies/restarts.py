@@ -1,6 +1,6 @@
-"""How libraries are restarted: each in each of its restarts over the suite, and with options of its event location.
+"""Study of restarts: each library with each restart policy over the suite, and with options of its event location.
 
-The runs are a campaign's. The page says which default is beaten by another restart of its library.
+The page reports each library whose default restart is beaten by another one.
 """
 
 from __future__ import annotations
@@ -27,70 +27,70 @@ from henon_ref.text import code, markdown
 
 SUITE, OPTIONS = "suite.csv", "options.csv"
 MOST = LEVELS[-1]
-"""Digits that are counted: more are rounding."""
+"""Largest number of digits that counts; more digits are rounding."""
 QUICKER = 0.8
-"""Of as many right runs with as many digits those are better that take less than this part of the time: what the
-machine does meanwhile changes times by less."""
+"""At equal right runs and digits, a restart is better if it takes less than this part of the time. Other work on the
+machine changes times by less."""
 TIGHTEST = 1e-300
-"""Absolute tolerance of a root's time that leaves the relative one, 4 eps, alone [s]."""
+"""Absolute tolerance of a root's time [s], so small that only the relative tolerance, 4 eps, has an effect."""
 Ending = Literal["right", "wrong", "ended_early", "failed"]
 ENDINGS = get_args(Ending)
-"""How a run may end: with the exact run's transitions, with others, before its time, or not at all."""
+"""Kinds of a run's end: transitions of the exact run, other transitions, before the horizon, or failed."""
 COUNTED = (*ENDINGS, "missed", "spurious", "elsewhere")
 
 
 @dataclass(frozen=True)
 class SuiteRow(Row):
-    """A library and restart on a case, over its readings and tolerances."""
+    """Results of a library with a restart on a case, summed over its readings and tolerances."""
 
     case: str
     solver: str
     restart: str
     runs: int
-    """Those that were made; then how many ended in each way (:data:`ENDINGS`)."""
+    """Number of runs; the next four fields are the numbers of each kind of end (:data:`ENDINGS`)."""
     right: int
     wrong: int
     ended_early: int
     failed: int
     missed: int
-    """Transitions, in all runs."""
+    """Missed transitions of all runs."""
     spurious: int
     elsewhere: int
-    """Runs that are not right though another restart of the library is, on the same reading and tolerance."""
+    """Runs that are not right although another restart of the library is, on the same reading and tolerance."""
     digits: float
-    """Of the right runs, each counted up to MOST, in all."""
+    """Sum of the digits of the right runs, each at most MOST."""
     wall_s: float
-    """Of the right runs, in all [s]."""
+    """Sum of the times of the right runs [s]."""
 
 
 @dataclass(frozen=True)
 class OptionRow(Row):
-    """An option of a library: what its runs without and with it come to."""
+    """Results of a library without and with an option."""
 
     solver: str
     option: str
     runs: int
-    """Made without and with it."""
+    """Number of runs that were made both without and with the option."""
     right_without: int
     right_with: int
     without_alone: int
-    """Runs that are right without it alone."""
+    """Runs that are right only without the option."""
     with_alone: int
     digits_without: float
-    """Of those that are right both ways, in all."""
+    """Sum of the digits, over the runs that are right both without and with the option."""
     digits_with: float
 
 
 @dataclass(frozen=True)
 class Merit:
-    """What the runs of one restart come to; a greater one is better."""
+    """Result of all runs of one restart, for comparison."""
 
     right: int
     digits: float
     wall_s: float
 
     def beats(self, other: Merit) -> bool:
-        """Whether it is right more often; else, as often, to more digits; else to as many in clearly less time."""
+        """Check whether this result is better: more right runs, or then more digits, or then clearly less time."""
         if self.right != other.right:
             return self.right > other.right
         if round(self.digits) != round(other.digits):
@@ -99,9 +99,9 @@ class Merit:
 
 
 def options_of(libraries: Sequence[str]) -> list[tuple[str, str, Adapter]]:
-    """What somebody who knows a library might set of its event handling: the library, what is set, the library with it.
+    """Options of the libraries' event location: name of the library, description, solver with the option.
 
-    SUNDIALS has no option beside the direction, which two of the restarts differ in.
+    SUNDIALS has no such option except the direction, in which two of the restarts differ.
     """
     cooldown = replace(HEYOKA, name="heyoka (cooldown)", cooldown="automatic")
     found: list[tuple[str, str, Adapter]] = [("heyoka", "`cooldown`: heyoka's own", cooldown)]
@@ -112,9 +112,9 @@ def options_of(libraries: Sequence[str]) -> list[tuple[str, str, Adapter]]:
 
 
 def run_restarts(asked: Asked) -> Made:
-    """Run the study on all readings that have a stored truth, and write its page; it tells defaults that are beaten.
+    """Run the study on all readings with a stored truth, and write its page; the remarks name the beaten defaults.
 
-    Of cases and libraries that have not run the earlier rows are kept, so that the study can be made case by case.
+    Earlier rows of other cases and libraries are kept, so that the study can be made case by case.
     """
     names = registry.expanded(asked.options.solvers or registry.default_names())
     libraries = list(
@@ -152,7 +152,7 @@ def run_restarts(asked: Asked) -> Made:
 
 
 def _with_truths(case: Case, libraries: Sequence[str]) -> Case:
-    """The readings with a stored truth that one of the libraries is meant for."""
+    """Return the case with those readings that have a stored truth and are open to one of the libraries."""
     readings = [
         reading
         for reading in case.readings
@@ -164,13 +164,13 @@ def _with_truths(case: Case, libraries: Sequence[str]) -> Case:
 
 
 def _place(solver: str) -> int:
-    """Place of a library in the registry's order."""
+    """Index of a library in the registry's order."""
     names = registry.names()
     return names.index(solver) if solver in names else len(names)
 
 
 def suite_rows(runs: Iterable[RunRow]) -> list[SuiteRow]:
-    """Rows of the suite from rows of runs, whose solvers are named with their restarts."""
+    """Sum rows of runs, whose solver names include their restarts, to rows of the suite."""
     own: dict[tuple[str, str, str], list[RunRow]] = {}
     solved: set[tuple[object, ...]] = set()
     for row in runs:
@@ -202,12 +202,12 @@ def suite_rows(runs: Iterable[RunRow]) -> list[SuiteRow]:
 
 
 def _problem(row: RunRow) -> tuple[object, ...]:
-    """What a library is to solve: reading and tolerance."""
+    """Key of the problem that a row's library solves: reading and tolerance."""
     return row.case, row.reading, row.rtol, registry.base_name(row.solver)
 
 
 def ending(row: RunRow) -> Ending:
-    """How a run that was made ended."""
+    """Kind of the end of a run."""
     if row.verdict == "right":
         return "right"
     if row.status in ("failed", "timeout") or row.missed is None:
@@ -216,20 +216,20 @@ def ending(row: RunRow) -> Ending:
 
 
 def merged(fresh: Sequence[SuiteRow], earlier: Sequence[SuiteRow]) -> list[SuiteRow]:
-    """Fresh rows and, of cases and libraries that have none, earlier ones, by case and library."""
+    """Fresh rows, and earlier rows of cases and libraries without fresh ones, sorted by case and library."""
     present = {(row.case, row.solver) for row in fresh}
     rows = [*fresh, *(row for row in earlier if (row.case, row.solver) not in present)]
     return sorted(rows, key=lambda row: (row.case, _place(row.solver)))
 
 
 def libraries_of(rows: Sequence[SuiteRow]) -> list[str]:
-    """Libraries of some rows, in the registry's order."""
+    """Libraries of the rows, in the registry's order."""
     present = {row.solver for row in rows}
     return [library for library in registry.names() if library in present]
 
 
 def merits(rows: Sequence[SuiteRow], library: str) -> dict[str, Merit]:
-    """What each restart of a library comes to over some rows of the suite, the default first."""
+    """Result of each restart of a library over the rows of the suite, the default first."""
     found = {}
     for restart in sorted(registry.RESTARTS, key=lambda restart: restart != registry.restart_of(library)):
         own = [row for row in rows if (row.solver, row.restart) == (library, restart)]
@@ -240,32 +240,32 @@ def merits(rows: Sequence[SuiteRow], library: str) -> dict[str, Merit]:
 
 
 def best_restart(found: dict[str, Merit]) -> str:
-    """The first restart that no other one beats."""
+    """First restart that no other restart beats."""
     return next(restart for restart, own in found.items() if not any(one.beats(own) for one in found.values()))
 
 
 def wrong_defaults(rows: Sequence[SuiteRow]) -> list[str]:
-    """A sentence for each library whose default is beaten over the suite by another of its restarts."""
+    """One sentence for each library whose default is beaten over the suite by another restart."""
     found = []
     for library in libraries_of(rows):
         own, default = merits(rows, library), registry.restart_of(library)
         if any(default not in own or merit.beats(own[default]) for merit in own.values()):
             best = best_restart(own)
             found.append(
-                f"{library}: its default is {default or 'none at all'} ({_said(own.get(default))}), "
-                f"better is {best} ({_said(own[best])})"
+                f"{library}: its default is {default or 'none at all'} ({_described(own.get(default))}), "
+                f"better is {best} ({_described(own[best])})"
             )
     return found
 
 
-def _said(merit: Merit | None) -> str:
+def _described(merit: Merit | None) -> str:
     return "not run" if merit is None else f"right in {merit.right}, {merit.digits:.1f} digits, {merit.wall_s:.3g} s"
 
 
 def summary_table(suite: Sequence[SuiteRow]) -> Table:
-    """Library and restart: how their runs ended, each in one column, and the transitions missed and spurious in them.
+    """Table of each library and restart: runs by their kind of end, and missed and spurious transitions.
 
-    The last column counts the runs that are not right although another way of restarting the library is.
+    The last column counts the runs that are not right although another restart of the library is.
     """
     lines = []
     for library in libraries_of(suite):
@@ -280,7 +280,7 @@ def summary_table(suite: Sequence[SuiteRow]) -> Table:
 
 
 def default_table(suite: Sequence[SuiteRow]) -> Table:
-    """Cases of each library, its default and its best other restart: right runs, digits and time of these."""
+    """Table of each library's default and best other restart, with right runs, digits and time."""
     lines = []
     for library in libraries_of(suite):
         found, own = merits(suite, library), registry.restart_of(library)
@@ -296,7 +296,7 @@ def default_table(suite: Sequence[SuiteRow]) -> Table:
 
 
 def beaten_table(rows: Sequence[SuiteRow]) -> Table:
-    """Cases in which another restart is right more often than a library's default: both side by side."""
+    """Table of the cases in which another restart is right more often than a library's default."""
     cases: dict[str, list[SuiteRow]] = {}
     for row in rows:
         cases.setdefault(row.case, []).append(row)
@@ -313,7 +313,7 @@ def beaten_table(rows: Sequence[SuiteRow]) -> Table:
 
 
 def _beaten(rows: Sequence[SuiteRow], library: str) -> tuple[str, ...] | None:
-    """Default and best in one case, where they differ in how many runs they get right."""
+    """Cells on a library's default and best restart in one case; None if the default has as many right runs."""
     found, default = merits(rows, library), registry.restart_of(library)
     most = max(merit.right for merit in found.values())
     if default not in found or found[default].right == most:
@@ -326,7 +326,7 @@ def _beaten(rows: Sequence[SuiteRow], library: str) -> tuple[str, ...] | None:
 
 
 def option_rows(options: Sequence[tuple[str, str, Adapter]], runs: Sequence[RunRow]) -> list[OptionRow]:
-    """What each option comes to, from the runs of its library without (in its default restart) and with it."""
+    """Compare the runs of each library with its default restart, without and with an option."""
     found = []
     for library, words, solver in options:
         default = registry.with_restart(library, registry.restart_of(library))
@@ -354,7 +354,7 @@ def option_rows(options: Sequence[tuple[str, str, Adapter]], runs: Sequence[RunR
 
 
 def option_table(rows: Sequence[OptionRow]) -> Table:
-    """The same as a table."""
+    """Table of the options."""
     headings = (
         "library", "option", "runs", "right without", "right with", "right without alone", "right with alone",
         "digits where both are right, without", "with",

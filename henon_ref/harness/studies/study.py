@@ -1,4 +1,4 @@
-"""One frame for all studies: what is asked for, what each study takes of it, and the page that it makes."""
+"""Common interface of all studies: request, options that each study accepts, and resulting page."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:  # the command's help imports this module, and nothing that computes
+if TYPE_CHECKING:  # the command's help imports this module and must start quickly
     from henon_ref.casefile.case import Case
     from henon_ref.harness.campaign.options import Options
     from henon_ref.harness.campaign.progress import Observer
@@ -23,31 +23,31 @@ def _silent() -> Observer:
 
 @dataclass(frozen=True)
 class Asked:
-    """What a study is asked for; each takes of it what its entry in :data:`STUDIES` says."""
+    """Request for a study; the entry of the study in :data:`STUDIES` lists the options that it uses."""
 
     cases: Sequence[Case]
     options: Options
-    """Solvers (None: the study's own), deadline, processes, resuming."""
+    """Solvers (None: the study's default), deadline, processes, resuming."""
     origin: Provenance
     folder: Path
-    """The study's own, in a folder of reports."""
+    """Folder of the study, in a folder of reports."""
     observer: Observer = field(default_factory=_silent)
     rows: Path | None = None
-    """Folder of the reports whose rows a study starts from; None: that of the study's own folder."""
+    """Folder of the reports whose rows the study reads; None: the folder that contains ``folder``."""
     tell: Callable[[str], None] = lambda words: None
-    """Told what a study without runs is at."""
+    """Called with the progress of a study without runs."""
 
 
 @dataclass(frozen=True)
 class Made:
-    """What came of a study."""
+    """Result of a study."""
 
     page: Path | None
-    """None where there was nothing to study."""
+    """None if there was nothing to study."""
     remarks: Sequence[str] = ()
-    """What is said beside the page, a sentence each."""
+    """Sentences that the command prints in addition to the page."""
     holds: bool = True
-    """Whether everything that the page claims passes its check."""
+    """Whether all checked claims of the page hold."""
 
 
 @dataclass(frozen=True)
@@ -55,27 +55,26 @@ class Study:
     """One study."""
 
     folder: str
-    """Where its page lies in a folder of reports."""
+    """Name of the study's folder in a folder of reports."""
     target: str
-    """``module:function`` below :mod:`henon_ref.harness.studies`: a function of :class:`Asked` that returns
-    :class:`Made`."""
+    """``module:function`` in :mod:`henon_ref.harness.studies`; the function maps :class:`Asked` to :class:`Made`."""
     summary: str
     takes: tuple[str, ...] = ()
-    """What may be asked for, beside the folder."""
+    """Options of the command that the study accepts, in addition to the folder."""
     jobs: int = 2
-    """Runs at work at once, where nothing is asked for: one where times are compared."""
+    """Default number of simultaneous runs; one if the study compares times."""
     nothing: str = ""
-    """Said where there is no page."""
+    """Message if there is no page."""
     every_run: tuple[str, ...] = ()
-    """Files beside the page that hold every run behind it: too long to be kept in a repository."""
+    """Files of all runs, which are too long for a repository."""
 
     def make(self, asked: Asked) -> Made:
-        """Import it, and make its page.
+        """Import the study's module and make its page.
 
         Raises
         ------
         OSError
-            Where its folder cannot be written.
+            If the folder cannot be written.
         """
         module, _, function = self.target.partition(":")
         made: Made = getattr(import_module(f"henon_ref.harness.studies.{module}"), function)(asked)
@@ -106,4 +105,4 @@ STUDIES = {
     "causes": Study("causes", "causes:run_causes", "What libraries do by themselves, shown by each library alone."),
     "paper": Study("paper", "paper.page:run_paper", "Everything that the paper computes, set against the paper."),
 }  # fmt: skip
-"""Name -> study."""
+"""Studies by name."""

@@ -1,1 +1,1 @@
-"""The paper, section by section: every number and equation computed again and set against what is printed."""
+"""Study of the paper, section by section: every number and equation is computed again and compared with the print."""

@@ -1,7 +1,7 @@
-"""The appendix: an audit of Listing 1, what each of its mistakes does, alone and together.
+"""Audit of the appendix, Listing 1: effect of each of its mistakes, alone and together.
 
-The paper's program is run with any set of its mistakes switched on, from the method done right to the appendix as
-printed, and measured against the truth of the system that the set converges to.
+The paper's program is run with sets of its mistakes switched on, from the correct method to the appendix as printed.
+Each set is compared with the truth of the system to which it converges.
 """
 
 from __future__ import annotations
@@ -38,63 +38,63 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 SMALL_STEP = 1e-5
-"""A step ten times smaller than the listing's, to see which way the durations go [s]."""
+"""A step ten times smaller than the listing's, which shows the trend of the durations [s]."""
 STEPS = tuple(1e-3 / 10 ** (k / 6) for k in range(13))
 """Steps at which the listing as printed is drawn [s]."""
 ORDER_STEPS = tuple(0.03 / 1.3**k for k in range(20))
-"""Steps over which orders are fitted [s]; their ratios are no whole numbers, so no grid repeats."""
+"""Steps over which orders are fitted [s]; their ratios are not integers, so that no grid contains another one."""
 FITTED = 10
-"""The fit takes this many of the smallest errors that are not rounding."""
+"""Number of the smallest errors above rounding to which an order is fitted."""
 ORDER_TRANSITIONS = 14
-"""First transitions that orders are fitted to."""
+"""Number of first transitions to which orders are fitted."""
 ROUNDING = 1e-11
-"""Errors below it [s] are rounding and are left out of the fit."""
+"""Errors below this [s] are rounding and are left out of the fit."""
 CROSSING_START = (-0.0541, -1.0667)
-"""Position and velocity at t = 0 on the orbit of Eq. (18) that only crosses, to four digits."""
+"""Position and velocity at t = 0 on the orbit of Eq. (18) that has crossings only, to four digits."""
 SETTLED = 40.0
-"""Sticks that start later [s] are on the attractor."""
+"""Sticks that start later than this [s] are on the attractor."""
 SLIVER = 0.1
-"""Sticks shorter than this [s] are not counted among the sticks of an orbit."""
+"""Sticks shorter than this [s] are slivers; they do not count as sticks of an orbit."""
 EVERY = 80
-"""Of the steps of a run so many are one that is drawn."""
+"""One step in this number of steps is drawn."""
 KINDS = (("longer stick", style.VERMILLION, "o", True), ("shorter stick", style.BLUE, "s", False))
 
 ADDED = (
     "aliased_steps", "one_sided_release", "quantised_release", "frozen_forcing", "frozen_tangent",
     "rounded_sixth", "landing_sign", "exit_side",
 )  # fmt: skip
-"""The order in which the mistakes are added up: first the two that make the orbit."""
+"""Order in which the mistakes are added; the first two determine the orbit."""
 
 
 @dataclass(frozen=True)
 class AuditRow(Row):
-    """The program with a set of its mistakes, run from the paper's start to t = 70 s."""
+    """Results of the program with a set of its mistakes, from the paper's start to t = 70 s."""
 
     set: str
     """correct, alone, added, left out."""
     defect: str
-    """The mistake that the row is about."""
+    """The mistake that is alone, added or left out."""
     limit: str
-    """What the set converges to for h -> 0."""
+    """System to which the set converges for h -> 0."""
     status: str
     """ok, chatters, diverged."""
     transitions: int | None
-    """At h = 1e-4, as what follows."""
+    """Number of transitions at h = 1e-4; the next fields are for this step, too."""
     sticks: int | None
-    """On the attractor, slivers apart."""
+    """Number of sticks on the attractor, without slivers."""
     slivers: int | None
     long_s: float
-    """Mean durations of the two kinds of stick; NaN where there is none."""
+    """Mean duration of the longer kind of stick; NaN if there is none."""
     short_s: float
     long_s_small: float
-    """The same at h = 1e-5."""
+    """Mean duration of the longer kind of stick at h = 1e-5."""
     short_s_small: float
     rms_error_s: float
-    """Of all transitions against the limit's truth; NaN where the sequence is another."""
+    """Root-mean-square error of all transition times; NaN if the sequence differs from that of the limit."""
     order: float
-    """Of the transition times in h from the paper's start."""
+    """Order in h of the transition times from the paper's start."""
     order_crossings: float
-    """The same from a start after which nothing sticks."""
+    """Order in h of the transition times from :data:`CROSSING_START`."""
 
 
 @dataclass(frozen=True)
@@ -104,12 +104,12 @@ class Truth:
     times: Floats
     modes: NDArray[np.int64]
     skip: int
-    """First changes of mode of the program that are none here: the paper's start is a tangent point, which
-    Filippov's rule leaves at once, and the program by a release."""
+    """Number of the program's first changes of mode that the truth does not have. The paper's start is a tangent point:
+    Filippov's rule leaves it at once, and the program by a release."""
 
 
 def limit_of(defects: Collection[str]) -> str:
-    """What the program with these mistakes converges to for h -> 0."""
+    """Name of the system to which the program with these mistakes converges for h -> 0."""
     if "aliased_steps" in defects:
         return "3 f, one-sided" if "one_sided_release" in defects else "none"
     return "f, one-sided" if "one_sided_release" in defects else "equations"
@@ -117,7 +117,7 @@ def limit_of(defects: Collection[str]) -> str:
 
 @cache
 def truth_of(limit: str, start: tuple[float, float] | None = None) -> Truth:
-    """Transitions of a limit system from the paper's start, or from another one in slip."""
+    """Transitions of a limit system from the paper's start, or from a given start in slip."""
     problem = fig8_equations() if limit == "equations" else fig8_listing_limit()
     if limit == "f, one-sided":
         system = problem.system
@@ -131,7 +131,7 @@ def truth_of(limit: str, start: tuple[float, float] | None = None) -> Truth:
 
 
 def matched(run: VariantRun, truth: Truth, count: int | None = None) -> Floats | None:
-    """Errors of the first ``count`` transitions (all without it), or None where the sequences differ."""
+    """Errors of the first ``count`` transitions (default: all); None if the sequences differ."""
     times, modes = run.times[truth.skip :], run.modes[truth.skip :]
     want = len(truth.times) if count is None else min(count, len(truth.times))
     if run.status != "ok" or len(times) < want or (count is None and len(times) > want):
@@ -142,14 +142,14 @@ def matched(run: VariantRun, truth: Truth, count: int | None = None) -> Floats |
 
 
 def rms(errors: Floats | None) -> float:
-    """Root-mean-square error; NaN where there is none."""
+    """Root mean square of errors; NaN if ``errors`` is None."""
     return float("nan") if errors is None else float(np.sqrt(np.mean(errors**2)))
 
 
 def order_of(defects: Collection[str], start: tuple[float, float] | None = None) -> float:
-    """Order in h of the first transition times, fitted to their rms error against the limit's truth.
+    """Order in h of the first transition times, fitted to their root-mean-square errors.
 
-    NaN where there is no limit, or where too few steps have the limit's sequence of modes.
+    NaN if the set has no limit, or too few steps give the limit's sequence of modes.
     """
     limit = limit_of(defects)
     if limit == "none":
@@ -163,14 +163,14 @@ def order_of(defects: Collection[str], start: tuple[float, float] | None = None)
 
 
 def durations(run: VariantRun) -> Floats:
-    """Durations of the sticks on the attractor, slivers left out [s]; none of a run that did not end well."""
+    """Durations of the sticks on the attractor, without slivers [s]; empty if the run chatters or diverges."""
     lasting = np.diff(run.times)
     found = lasting[(run.modes[:-1] == 0) & (run.times[:-1] > SETTLED) & (lasting > SLIVER)]
     return np.asarray(found if run.status == "ok" else found[:0])
 
 
 def long_and_short(found: Floats) -> tuple[float, float]:
-    """Mean duration of the longer and of the shorter kind of stick; NaN where there is none."""
+    """Mean durations of the longer and of the shorter kind of stick; NaN if there is none."""
     if not found.size:
         return float("nan"), float("nan")
     long = found > found.mean()
@@ -180,7 +180,7 @@ def long_and_short(found: Floats) -> tuple[float, float]:
 
 
 def sets() -> Iterator[tuple[str, str, tuple[str, ...]]]:
-    """Every row of the audit: which family, which defect it is about, and all that are switched on."""
+    """Yield each row of the audit as (set, defect, all defects that are switched on)."""
     yield "correct", "", ()
     for name in DEFECTS:
         yield "alone", name, (name,)
@@ -191,7 +191,7 @@ def sets() -> Iterator[tuple[str, str, tuple[str, ...]]]:
 
 
 def audit_row(family: str, name: str, defects: Collection[str]) -> AuditRow:
-    """Run one of the :func:`sets`; floats to 10 digits, as the file has them."""
+    """Run one of the :func:`sets`; floats are rounded to 10 digits."""
     run, limit = run_variant(defects), limit_of(defects)
     ended = run.status == "ok"
     small = run_variant(defects, step=SMALL_STEP) if ended else run
@@ -206,7 +206,7 @@ def audit_row(family: str, name: str, defects: Collection[str]) -> AuditRow:
 
 
 def section() -> Findings:
-    """The audit: tables, figure and claims."""
+    """Make the audit: tables, figure and claims."""
     rows = [audit_row(*own) for own in sets()]
     correct, last = rows[0], next(row for row in reversed(rows) if row.set == "added")
     frozen = next(row.order_crossings for row in rows if (row.set, row.defect) == ("alone", "frozen_forcing"))
@@ -237,7 +237,7 @@ def section() -> Findings:
 
 
 def audit_table(rows: Iterable[AuditRow], beginning: str = "") -> Table:
-    """Rows of the audit; how a mistake's name begins."""
+    """Table of rows of the audit; ``beginning`` is the prefix of the mistakes' names."""
     lines = []
     for row in rows:
         numbers = [(row.long_s, ".5f"), (row.short_s, ".5f"), (row.long_s_small, ".5f"), (row.short_s_small, ".5f")]
@@ -254,7 +254,7 @@ def audit_table(rows: Iterable[AuditRow], beginning: str = "") -> Table:
 
 
 def draw_audit() -> Figure:
-    """Portraits as the mistakes add up, durations as they add up, and durations over the step."""
+    """Draw phase portraits and durations as mistakes are added, and durations over the step."""
     stages = {
         "a   done right": (),
         "b   aliased": ADDED[:1],
@@ -280,7 +280,7 @@ def draw_audit() -> Figure:
 
 
 def _shifts(runs: Sequence[VariantRun], *, long: bool) -> list[Floats]:
-    """Durations of a kind of stick less that of the limit's [ms]."""
+    """Durations of a kind of stick minus that of the limit [ms]."""
     limit = limit_sticks()[0 if long else 1].duration
     found = [durations(run) for run in runs]
     return [1e3 * (own[(own > own.mean()) == long] - limit) for own in found]

@@ -1,4 +1,4 @@
-"""Section 4.2: Fig. 8 in its three readings, and where its numbers come from."""
+"""Section 4.2: Fig. 8 in its three readings, and the origin of its numbers."""
 
 from __future__ import annotations
 
@@ -38,17 +38,17 @@ if TYPE_CHECKING:
 PUBLISHED_DURATIONS = (1.1746, 0.4161)
 PUBLISHED_LENGTHS = (0.4697, 0.1663)
 HALF_DIGIT = 0.5e-4
-"""Half a unit of the last digit printed."""
+"""Half a unit of the last printed digit."""
 BELT, T = float(FIG8_VALUES[VP]), float(PERIOD)
 LATE = 34 * T + 2.8
-"""The two periods that are drawn start here [s], between two sticks of the limit's orbit."""
+"""Start of the two periods that are drawn [s], between two sticks of the limit's orbit."""
 REPEATS = 40
-"""Two-period turns after which a run counts as on its orbit."""
+"""Number of orbits (two periods each) after which a run counts as periodic."""
 
 
 @dataclass(frozen=True)
 class Stick:
-    """One stick of a run."""
+    """One stick of a run: start and duration [s], length [m]."""
 
     start: float
     duration: float
@@ -56,7 +56,7 @@ class Stick:
 
 
 def sticks(transitions: Iterable[Transition], after: float = 60.0) -> list[Stick]:
-    """Sticks that end later than ``after``, longest first, without those cut off."""
+    """Complete sticks that end later than ``after``, longest first."""
     found = [
         Stick(a.time, b.time - a.time, b.state[0] - a.state[0])
         for a, b in pairwise(transitions)
@@ -66,12 +66,12 @@ def sticks(transitions: Iterable[Transition], after: float = 60.0) -> list[Stick
 
 
 def listing_run(problem: Problem) -> tuple[Transition, ...]:
-    """Transitions of the appendix as printed, to 70 s."""
+    """Transitions of the appendix as printed."""
     return tuple(LISTING.prepare(problem, step=PRINTED_STEP)().transitions)
 
 
 def on_orbit(problem: Problem) -> tuple[Transition, ...]:
-    """Transitions of a run's last six periods of the forcing, when it repeats itself."""
+    """Transitions of a run's last six periods of the forcing, when the run is periodic."""
     end = 2 * REPEATS * PERIOD
     return tuple(
         t for t in reference(replace(problem, until=end)).transitions if float(end) - 6 * T < t.time < float(end)
@@ -80,7 +80,7 @@ def on_orbit(problem: Problem) -> tuple[Transition, ...]:
 
 @cache
 def limit_sticks() -> tuple[Stick, Stick]:
-    """The longer and the shorter stick of the listing's limit for small steps."""
+    """Longest and shortest stick of the listing's limit for small steps."""
     found = sticks(on_orbit(fig8_listing_limit()))
     return found[0], found[-1]
 
@@ -91,7 +91,7 @@ def base(t: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def section() -> Findings:
-    """The numbers of Sec. 4.2, and Fig. 8."""
+    """Check the numbers of Sec. 4.2, and Fig. 8."""
     listing, equations = listing_run(fig8_listing_limit()), on_orbit(fig8_equations())
     every, limit = sticks(listing), limit_sticks()
     printed = every[0], every[-1]
@@ -134,7 +134,7 @@ def section() -> Findings:
 
 
 def draw_fig8(limit: Motion, lowest: int, overload: float) -> Figure:
-    """Phase portraits of the three readings, and the stretch of the spring in the limit."""
+    """Draw the phase portraits of the three readings, and the stretch of the spring in the limit."""
     window = LATE, LATE + 2 * T
     with style.figure(6.2) as figure:
         grid = figure.add_gridspec(2, 3, height_ratios=(1, 1))

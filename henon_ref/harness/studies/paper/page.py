@@ -1,6 +1,6 @@
-"""The page: every section computed, its claims checked, and the table of all claims in front.
+"""Page of the paper: the table of all checked claims, followed by the sections.
 
-What the page says is in ``paper.yaml``, what it rests on is computed by the functions of :data:`SECTIONS`.
+``paper.yaml`` has the text of the page; the functions of :data:`SECTIONS` compute its numbers and checks.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ SECTIONS: Mapping[str, Callable[[], Findings]] = {
     "section_5": section5.section,
     "appendix": audit.section,
 }
-"""What computes the sections of ``paper.yaml``."""
+"""Functions that compute the sections of ``paper.yaml``."""
 
 Verdict = Literal["reproduced", "corrected", "not reproducible", "fails"]
 VERDICTS: tuple[Verdict, ...] = ("reproduced", "corrected", "not reproducible", "fails")
@@ -36,23 +36,23 @@ VERDICTS: tuple[Verdict, ...] = ("reproduced", "corrected", "not reproducible", 
 
 @dataclass(frozen=True)
 class Claim:
-    """One number, equation, figure or statement of the paper, and what became of it."""
+    """A number, equation, figure or statement of the paper, with our verdict."""
 
     where: str
     says: str
     verdict: Verdict
-    """``fails`` where the check does not hold, whatever it should be."""
+    """``fails`` if the check does not hold, otherwise the verdict of ``paper.yaml``."""
     how: str
 
 
 def read_sections() -> list[dict[str, Any]]:
-    """The sections of ``paper.yaml``."""
+    """Read the sections of ``paper.yaml``."""
     sections: list[dict[str, Any]] = YAML(typ="safe").load(Path(__file__).with_name("paper.yaml"))
     return sections
 
 
 def claims_of(section: Mapping[str, Any], found: Findings) -> Iterator[Claim]:
-    """The claims of a section, checked; KeyError for a check that was not made, or a value that is not known."""
+    """Yield the checked claims of a section; raise KeyError if a check or a value of ``paper.yaml`` is missing."""
     for claim in section["claims"]:
         verdict: Verdict = claim.get("verdict", "reproduced")
         holds = "check" not in claim or found.holds[claim["check"]]
@@ -60,7 +60,7 @@ def claims_of(section: Mapping[str, Any], found: Findings) -> Iterator[Claim]:
 
 
 def text_of(section: Mapping[str, Any], found: Findings) -> str:
-    """The text of a section, with its figures."""
+    """Return the text of a section, with its figures."""
     captions = section.get("captions", {})
     pictures = {name: f"![{captions[name]}]({name}.svg)\n\n*{captions[name]}*" for name in found.figures}
     return str(section["text"].format_map({**found.values, **pictures}))

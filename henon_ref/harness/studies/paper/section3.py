@@ -38,43 +38,43 @@ if TYPE_CHECKING:
 
 BELT = float(FIG4_VALUES[VP])
 OFFSETS = (sp.Rational(-1, 5), sp.Rational(1, 5))
-"""How far from the belt's speed each start lies; the paper's starts are lost."""
+"""Differences of the starts from the belt's speed [m/s]; the paper does not print its starts."""
 HORIZON = 60
-"""The fan is run this long [s]."""
+"""Horizon of the fan's runs [s]."""
 DRAWN = 25
-"""Its runs are drawn this long [s], and then the orbit they end on."""
+"""Time up to which the runs are drawn, in addition to their final orbit [s]."""
 
 
 @dataclass(frozen=True)
 class Fan:
-    """Runs of Eq. (5), a start below and one above every tangent point."""
+    """Runs of Eq. (5) that start below and above every tangent point."""
 
     analysis: TangentAnalysis
     runs: tuple[Trajectory, ...]
     motions: tuple[Motion, ...]
 
     def sticking(self) -> int:
-        """Runs that stick at least once."""
+        """Number of runs that stick at least once."""
         return sum(any(t.kind == "stick" for t in run.transitions) for run in self.runs)
 
     def last_stick(self) -> float:
-        """When the last stick of any run ends [s]."""
+        """End of the last stick of any run [s]."""
         return max(t.time for run in self.runs for t in run.transitions if t.kind == "release")
 
     def orbit(self) -> tuple[float, float, float]:
-        """Period of the orbit all runs end on [s], and the positions at which it crosses down and up."""
+        """Period of the final orbit of all runs [s], and the positions at which it crosses down and up."""
         last = self.runs[0].transitions[-3:]
         down, up = sorted(last[:2], key=lambda t: t.to_mode)
         return last[2].time - last[0].time, down.state[0], up.state[0]
 
     def one_orbit(self) -> bool:
-        """Whether all runs end on the same orbit."""
+        """Check whether all runs end on the same orbit."""
         ends = [sorted(t.state[0] for t in run.transitions[-2:]) for run in self.runs]
         return bool(np.allclose(ends, ends[0], atol=1e-4))
 
 
 def fan() -> Fan:
-    """The fan of Fig. 4."""
+    """Compute the fan of Fig. 4."""
     analysis = TangentAnalysis(section_2(FIG4_VALUES), POSITION)
     starts = [(p.position, FIG4_VALUES[VP] + offset) for p in analysis.tangent_points() for offset in OFFSETS]
     problems = [Problem(analysis.system, sp.Integer(0), start, sp.Integer(HORIZON)) for start in starts]
@@ -83,7 +83,7 @@ def fan() -> Fan:
 
 
 def rk4_order(problem: Problem) -> float:
-    """Order in h of the transition times of ``henon-rk4`` up to t = 12 s, against the Taylor reference."""
+    """Order in h of the errors of the transition times of ``henon-rk4`` up to t = 12 s."""
     problem = replace(problem, until=sp.Integer(12))
     truth = np.array([t.time for t in reference(problem).transitions])
     found = []
@@ -95,7 +95,7 @@ def rk4_order(problem: Problem) -> float:
 
 
 def section() -> Findings:
-    """Equations (14)-(16), Figs. 2-4."""
+    """Check Eqs. (14)-(16) and Figs. 2-4."""
     orders = {
         "limit": rk4_order(fig8_listing_limit()),
         "equations": rk4_order(fig8_equations()),
@@ -109,7 +109,7 @@ def section() -> Findings:
 
 
 def fan_findings(made: Fan) -> Findings:
-    """Eqs. (15) and (16) at the tangent points of the fan, and what Fig. 4 says."""
+    """Check Eqs. (15) and (16) at the tangent points of the fan, and the statements of Fig. 4."""
     analysis, points = made.analysis, made.analysis.tangent_points()
     period, down, up = made.orbit()
     third = float(printed_points()[2])
@@ -138,7 +138,7 @@ def fan_findings(made: Fan) -> Findings:
 
 
 def draw_fig4(made: Fan) -> Figure:
-    """Phase portrait of the fan, and its part near the belt's speed."""
+    """Draw the phase portrait of the fan, and its part near the belt's speed."""
     colours = (style.BLUE, style.VERMILLION, style.GREEN, style.ORANGE, style.PURPLE, style.SKY)
     plane = plane_of(made.analysis.system, 0, 1)
     last = made.motions[0]

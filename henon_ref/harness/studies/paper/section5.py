@@ -1,4 +1,4 @@
-"""Section 5: the rig of Fig. 9 and its Lyapunov exponents, from the equations and from samples. Section 6: a belt."""
+"""Section 5: the rig of Fig. 9 and its Lyapunov exponents, by the equations and by samples. Section 6: moving belt."""
 
 from __future__ import annotations
 
@@ -29,44 +29,45 @@ SETS = {
     "quasi-periodic": ("rig_quasiperiodic", "fast"),
     "chaotic": ("rig_chaotic",),
 }
-"""The paper's three kinds of motion, and our cases of them: the speed of the belt makes the difference."""
+"""The paper's three kinds of motion, and our cases of them, which differ in the speed of the belt."""
 SINCE, SPAN, SAMPLES = 3000, 9000, 45001
-"""The paper's samples: from 3 to 12 thousand units of time, 0.2 apart."""
+"""The paper's samples: from t = 3000 to t = 12000, 0.2 apart."""
 INTERVAL = SPAN / (SAMPLES - 1)
 LONG = 10_000.0
-"""Time that the variational exponents are averaged over."""
+"""Time over which the variational exponents are averaged."""
 SETTINGS = Settings(radius=0.05, delay=5)
 ZERO = 5e-4
-"""An exponent below this over ``LONG`` counts as zero."""
+"""An exponent whose average over ``LONG`` is below this counts as zero."""
 SIGNIFICANT = 5.0
-"""Standard errors that a positive exponent is above zero (a chaotic orbit's own digits are one machine's)."""
+"""Number of standard errors by which a positive exponent must exceed zero. (The digits of a chaotic orbit depend on the
+machine.)"""
 LOWEST = -60.0
 """Bottom of the figure's axis of exponents [1/s]."""
 PERIOD = 8.8604442
-"""Of the rig at vp = 0.40."""
+"""Period of the rig at vp = 0.40."""
 SETTLED = 30
-"""The moving belt's motion is looked at after so many times the case's horizon."""
+"""Horizon of the moving belt's run, as a multiple of the case's horizon."""
 
 
 @dataclass(frozen=True)
 class Measured:
-    """One set of parameters, measured both ways."""
+    """Exponents of one set of parameters, by the equations and by samples."""
 
     speed: str
-    """Of the belt, on which the block starts."""
+    """Speed of the belt, on which the block starts."""
     spectrum: Spectrum
     samples: NDArray[np.float64]
-    """(45001, 4)."""
+    """States, shape (45001, 4)."""
     series: TimeSeriesSpectrum
 
     @property
     def zeros(self) -> int:
-        """Exponents that count as zero."""
+        """Number of exponents that count as zero."""
         return sum(abs(e) < ZERO for e in self.spectrum.exponents)
 
 
 def measured(kind: str) -> Measured:
-    """The exponents of one kind of motion, from the equations and from the paper's number of samples."""
+    """Compute the exponents of one kind of motion, by the equations and by the paper's number of samples."""
     problem = shipped_problem(*SETS[kind])
     spectrum = lyapunov_spectrum(problem, discard=1000.0, span=LONG)
     times = np.linspace(SINCE, SINCE + SPAN, SAMPLES)
@@ -78,7 +79,7 @@ def measured(kind: str) -> Measured:
 
 
 def section() -> Findings:
-    """Text, claims and figures of Sections 5 and 6."""
+    """Check the claims of Sections 5 and 6, and draw their figures."""
     sets = {kind: measured(kind) for kind in SETS}
     periodic, quasi_periodic, chaotic = sets.values()
     largest, estimate = chaotic.spectrum.exponents[0], max(chaotic.series.exponents)
@@ -119,7 +120,7 @@ def section() -> Findings:
 
 
 def _periods() -> list[float]:
-    """The period at vp = 0.40 by two solvers; NaN where there is none."""
+    """Period at vp = 0.40 by two solvers; NaN if there is none."""
     found = []
     for name in ("henon", "heyoka"):
         problem = replace(shipped_problem("rig_periodic"), until=sp.Integer(3200))
@@ -130,7 +131,7 @@ def _periods() -> list[float]:
 
 
 def _equations() -> Findings:
-    """Eqs. (27) and (28), and what becomes of the rig with the signs as printed, the block at rest."""
+    """Check Eqs. (27) and (28), and the motion of the rig with the signs as printed from a block at rest."""
     at_rest = shipped_problem("rig_printed", "at_rest")
     printed, corrected = at_rest.system, shipped_problem("rig_periodic").system
     both = all(
@@ -146,7 +147,7 @@ def _equations() -> Findings:
 
 
 def exponent_table(sets: dict[str, Measured]) -> Table:
-    """Exponents from the equations and from the samples."""
+    """Table of the exponents by the equations and by the samples."""
     lines = []
     for kind, found in sets.items():
         own, series = found.spectrum, found.series
@@ -159,10 +160,10 @@ def exponent_table(sets: dict[str, Measured]) -> Table:
 
 
 def draw_motions(sets: dict[str, Measured]) -> Figure:
-    """Phase plane of the block in the three motions."""
+    """Draw the phase plane of the block in the three motions."""
     with style.figure(2.9) as figure:
         for ax, (kind, own) in zip(figure.subplots(1, 3), sets.items(), strict=True):
-            # Far more samples than a page can tell apart would only make the file large.
+            # More samples would make the file large without a visible difference.
             ax.plot(*own.samples[:3000, :2].T, color=style.BLUE, lw=0.5)
             ax.axhline(float(own.speed), color=style.VERMILLION, lw=0.8, label="belt")
             ax.set_title(f"{kind}, $v_p$ = {own.speed}")
@@ -173,7 +174,7 @@ def draw_motions(sets: dict[str, Measured]) -> Figure:
 
 
 def draw_estimate(chaotic: Measured) -> Figure:
-    """The estimate for the chaotic motion over radius, delay and number of samples."""
+    """Draw the estimate for the chaotic motion over radius, delay and number of samples."""
     every, radii, delays = chaotic.samples, (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4), (1, 2, 5, 10, 20, 50, 100)
     lengths = (1500, 3000, 6000, 12000, 24000, SAMPLES)
     sweeps: dict[str, dict[float, tuple[NDArray[np.float64], Settings]]] = {
@@ -206,16 +207,16 @@ def _draw_sweep(upper: Axes, lower: Axes, values: Sequence[float], spectra: Sequ
 
 
 def eq27(system: FilippovSystem, *, printed: bool) -> tuple[sp.Expr, ...]:
-    """Eq. (27) with the friction of Eq. (28) in slip, written out by hand, in the states and sign of a rig.
+    """Eq. (27) with the friction of Eq. (28) in slip, written explicitly in the states and the sign of a rig.
 
-    xi1 ... xi7 are as the paper defines them, in the rig's own parameters.
+    xi1 ... xi7 are those of the paper, in the rig's parameters.
 
     Parameters
     ----------
     system : FilippovSystem
         A rig.
     printed : bool
-        The signs as printed, or ``x2' = -x1 - xi1 (xi2 (x2 + x4) + x3 + T)``.
+        Whether to use the signs as printed, or ``x2' = -x1 - xi1 (xi2 (x2 + x4) + x3 + T)``.
     """
     m, k1, k2, k3, c1, c2, mu0, delta, a, b, r, vp = sp.symbols("m k1 k2 k3 c1 c2 mu0 delta a b r vp", real=True)
     (x1, x2, x3, x4), (s,) = system.states, system.signs
@@ -235,7 +236,7 @@ def eq27(system: FilippovSystem, *, printed: bool) -> tuple[sp.Expr, ...]:
 
 
 def frictionless_eigenvalues(system: FilippovSystem) -> NDArray[np.complex128]:
-    """Eigenvalues of the rig with the friction taken away, largest growth rate first."""
+    """Eigenvalues of the rig without friction, largest growth rate first."""
     quiet = {system.signs[0]: sp.Integer(0)}
     linear = sp.Matrix([system.numeric(f.xreplace(quiet)) for f in system.field]).jacobian(system.states)
     values = np.linalg.eigvals(np.array(linear.evalf(30), dtype=float)).astype(complex)
@@ -243,7 +244,7 @@ def frictionless_eigenvalues(system: FilippovSystem) -> NDArray[np.complex128]:
 
 
 def moving_belt() -> Findings:
-    """Run the block on the moving belt with ``henon`` and ``heyoka``."""
+    """Run the block on the moving belt with ``henon`` and ``heyoka``, and compare the runs."""
     problem = shipped_problem("moving_belt")
     problem = replace(problem, until=SETTLED * problem.until)
     times = np.linspace(0.0, float(problem.until), 40001)[:-1]

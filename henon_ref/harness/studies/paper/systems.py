@@ -1,6 +1,6 @@
-"""What the sections share: the paper's one-degree-of-freedom systems in exact numbers, runs of them, and findings.
+"""The paper's systems with one degree of freedom in exact numbers, runs of them, and the findings of a section.
 
-What Fig. 8 is run with are the readings of ``cases/fig8.yaml``; a test holds the systems here against them.
+Runs of Fig. 8 use the readings of ``cases/fig8.yaml``; a test compares the systems here with these readings.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 RTOL = 1e-13
-"""Of all reference runs."""
+"""Relative tolerance of all reference runs."""
 X1, X2, S, Z = sp.symbols("x1 x2 s z", real=True)
 M, K1, K2, MU0, VP, A, W, DELTA = sp.symbols("m k1 k2 mu0 vp A w delta", real=True)
 V = X2 - VP
 BASE = A * sp.sin(W * TIME)
 POSITION = SurfaceCoordinate(Z, X1)
-"""Sec. 2: the place on the surface is x1 itself."""
+"""Sec. 2: the coordinate on the surface is x1."""
 STRETCH = SurfaceCoordinate(Z, X1 - BASE)
-"""Sec. 4: it is z, the spring's stretch."""
+"""Sec. 4: the coordinate on the surface is z, the spring's stretch."""
 
 Values = Mapping[sp.Symbol, sp.Expr]
 FIG4_VALUES: Values = {MU0: 1 / (3 * sp.sqrt(3)), VP: sp.Integer(1), DELTA: sp.Integer(1)}
@@ -56,19 +56,19 @@ INNER = 2 * sp.sqrt(3) / 3 * sp.sin(sp.pi / 18)
 
 @dataclass(frozen=True)
 class Findings:
-    """What becomes of a section when it is computed again, by the names that ``paper.yaml`` has for it."""
+    """Results of the computation of a section, by their names in ``paper.yaml``."""
 
     holds: Mapping[str, object]
-    """Check -> whether it holds."""
+    """Whether each check holds."""
     values: Mapping[str, Any] = field(default_factory=dict)
-    """What stands in braces in the section's text and evidence: numbers, and tables as markdown."""
+    """Values for the names in braces in the section's text and evidence: numbers, and tables as markdown."""
     figures: Mapping[str, Figure] = field(default_factory=dict)
     files: Mapping[str, str] = field(default_factory=dict)
-    """Tables in full: CSV text by file name."""
+    """Complete tables: CSV text by file name."""
 
 
 def printed_points() -> tuple[sp.Expr, ...]:
-    """Eqs. (16) and (24), highest first."""
+    """Tangent points of Eqs. (16) and (24), highest first."""
     c = sp.pi / 9
     upper = [2 / sp.sqrt(3) * v for v in (sp.cos(c), sp.cos(2 * c), sp.sin(c / 2))]
     return (*upper, *(-v for v in reversed(upper)))
@@ -85,7 +85,7 @@ def belt_oscillator(force: sp.Expr, mass: sp.Expr, values: Values | None = None)
 
 
 def section_2(values: Values | None = None) -> FilippovSystem:
-    """Eqs. (4) and (5): m = k1 = k2 = 1, the spring's force as Eq. (1) has it."""
+    """Eqs. (4) and (5): m = k1 = k2 = 1, with the spring's force of Eq. (1)."""
     return belt_oscillator(X1 - X1**3 - stribeck(V), sp.Integer(1), values)
 
 
@@ -109,31 +109,31 @@ _POSITIVE = {symbol: sp.Symbol(symbol.name, positive=True) for symbol in (M, K1,
 
 
 def same(one: sp.Expr, other: sp.Expr) -> bool:
-    """Whether two expressions are equal as mathematics, masses, stiffnesses and friction being positive."""
+    """Check whether two expressions are mathematically equal for positive masses, stiffnesses and friction."""
     difference = sp.simplify((sp.sympify(one) - other).xreplace(_POSITIVE))
-    # Cosines of parts of pi: SymPy proves these by their minimal polynomial.
+    # SymPy proves equalities of cosines of parts of pi by the minimal polynomial.
     return bool(difference == 0 or (not difference.free_symbols and difference.equals(0)))
 
 
 def same_all(found: Sequence[sp.Expr], printed: Sequence[sp.Expr]) -> bool:
-    """Whether expressions are equal one by one."""
+    """Check whether expressions are equal one by one."""
     return len(found) == len(printed) and all(map(same, found, printed))
 
 
 def same_set(found: Collection[sp.Expr], printed: Collection[sp.Expr]) -> bool:
-    """Whether two sets of expressions are equal."""
+    """Check whether two sets of expressions are equal."""
     return len(found) == len(printed) and all(any(same(a, b) for a in found) for b in printed)
 
 
 def reference(problem: Problem) -> Trajectory:
-    """The run by the Taylor reference."""
+    """Run a problem with the Taylor reference."""
     return HENON_SOLVER.prepare(problem, rtol=RTOL)()
 
 
 def sampled(
     problem: Problem, after: float, until: float, prepare: Callable[..., Run] = HENON_SOLVER.prepare, **setting: float
 ) -> tuple[Trajectory, Motion]:
-    """A run, by the Taylor reference or by another solver at its setting, and its motion between two times."""
+    """Run a problem with the Taylor reference or another solver; return the run and its motion between two times."""
     wanted = np.linspace(after, until, 800)
     run = prepare(problem, sample_times=wanted, **(setting or {"rtol": RTOL}))()
     assert run.samples is not None
@@ -143,5 +143,5 @@ def sampled(
 
 
 def fitted_order(steps: Sequence[float], errors: Sequence[float]) -> float:
-    """Order of a method: slope of its errors over the steps, both in logarithms."""
+    """Order of a method: slope of the logarithms of its errors over those of the steps."""
     return float(np.polyfit(np.log(steps), np.log(errors), 1)[0])

@@ -1,4 +1,4 @@
-"""Sections 2 and 4.1: the transition function and its tangent points, by SymPy; friction law, Figs. 6 and 7."""
+"""Sections 2 and 4.1: transition function and tangent points by SymPy; friction law, Figs. 6 and 7."""
 
 from __future__ import annotations
 
@@ -48,13 +48,13 @@ ONE = sp.Integer(1)
 EDGE = 2 / (3 * sp.sqrt(3))
 """Upper boundary value of mu0 for k1 = k2 = 1."""
 INNER, OUTER = 1 / sp.sqrt(3), 2 / sp.sqrt(3)
-"""Where the stick zones meet at it, and where they end."""
+"""Positions at which the stick zones meet and end if mu0 is the boundary value."""
 MOST = 4 * sp.sqrt(3) / 9
 """Right edge of Fig. 7c."""
 
 
 def section_2() -> Findings:
-    """Every equation of Sec. 2, set against what the system's own normal velocities give."""
+    """Compare every equation of Sec. 2 with the normal velocities of the system."""
     analysis = TangentAnalysis(systems.section_2(), POSITION)
     normals, boundary = analysis.normals, analysis.boundary_values(MU0)
     acceleration = analysis.system.field[1]
@@ -82,7 +82,7 @@ def section_2() -> Findings:
 
 
 def section_4() -> Findings:
-    """Equations (17)-(24), Figs. 6 and 7."""
+    """Check Eqs. (17)-(24), Figs. 6 and 7."""
     analysis = TangentAnalysis(systems.section_4(), STRETCH)
     z = X1 - BASE
     fields = (analysis.system.field[1].subs({S: s, DELTA: 1}) - MU0 / (VP - X2 - s) / M for s in (-1, 1))
@@ -128,13 +128,13 @@ def section_4() -> Findings:
 
 
 def moving_backward() -> float:
-    """Share of the forcing period in which the base moves faster than the belt, so that a stick's z falls."""
+    """Part of the forcing period in which the base moves faster than the belt, so that z falls in a stick."""
     speed = float((BASE.diff(TIME)).subs(FIG8_VALUES).subs(TIME, 0))
     return float(np.arccos(float(FIG8_VALUES[VP]) / speed) / np.pi)
 
 
 def draw_fig6() -> Figure:
-    """The friction law."""
+    """Draw the friction law."""
     mu0 = float(FIG8_VALUES[MU0])
     v = np.linspace(0, 2, 200)
     with style.figure(2.2) as figure:
@@ -149,7 +149,7 @@ def draw_fig6() -> Figure:
 
 
 def draw_fig7() -> Figure:
-    """Transition function, oscillating stick zones, tangent points over mu0."""
+    """Draw the transition function, the oscillating stick zones, and the tangent points over mu0."""
     with style.figure(6.6) as figure:
         grid = figure.add_gridspec(2, 2)
         _draw_sigma(figure.add_subplot(grid[0, 0]))
@@ -189,7 +189,7 @@ def _draw_zones(ax: Axes) -> None:
 
 
 def _draw_bifurcation(ax: Axes) -> None:
-    # On a tangent point mu0 = abs(K(z)): the curve needs no root finding.
+    # At a tangent point mu0 = abs(K(z)), so that the curve requires no root finding.
     z, edge, inner, outer = np.linspace(-1.35, 1.35, 2001), float(EDGE), float(INNER), float(OUTER)
     mu0 = np.abs(z**3 - z)
     for sign, colour, label in (

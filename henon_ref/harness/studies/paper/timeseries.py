@@ -1,14 +1,15 @@
 """Lyapunov exponents from samples of a trajectory: Eqs. (25) and (26) of the paper (Sano and Sawada 1985).
 
-Around every d-th sample the neighbours in a ball are followed for d samples; the linear map that takes their
-distances from one to the other in the sense of least squares, ``A_j = (sum y_{k+d} y_k^T)(sum y_k y_k^T)^-1``
-(Eq. 25), stands for the derivative of the flow, and the exponents are the mean logarithmic rates at which
-the product of the A_j stretches an orthonormal basis (Eq. 26, with QR for Gram and Schmidt).
+Around every d-th sample the method follows the neighbours in a ball for d samples. The least-squares linear map from
+their initial to their final distances, ``A_j = (sum y_{k+d} y_k^T)(sum y_k y_k^T)^-1`` (Eq. 25), approximates the
+derivative of the flow. The exponents are the mean logarithmic rates at which the product of the A_j stretches an
+orthonormal basis (Eq. 26, with QR instead of Gram and Schmidt).
 
-The samples lie on the attractor, so they only say how directions *along* it stretch. Where it is thinner than
-space (a curve, a torus) the second sum has no inverse: its small eigenvalues measure the curvature of the
-attractor, not a direction of its own. Eigenvectors below a cutoff are left out; what the method then returns
-for the missing directions is rounding noise, and :attr:`TimeSeriesSpectrum.directions` says how many are real.
+The samples lie on the attractor and therefore contain the stretching of directions *along* it only. If the dimension
+of the attractor is below that of the state space (a curve, a torus), the second sum has no inverse: its small
+eigenvalues measure the curvature of the attractor, not another direction. Eigenvectors below a cutoff are left out.
+The exponents of the missing directions are then rounding noise; :attr:`TimeSeriesSpectrum.directions` is the number of
+directions in the samples.
 """
 
 from __future__ import annotations
@@ -23,23 +24,24 @@ from henon_ref.errors import ModelError
 
 Matrix = NDArray[np.float64]
 _CHUNK = 2048
-"""Reference points looked up at once (bounds the memory that their neighbours take)."""
+"""Number of reference points that are processed together; it bounds the memory of their neighbours."""
 
 
 @dataclass(frozen=True)
 class Settings:
-    """What the estimate depends on; there is no value that is right for all samples."""
+    """Settings of the estimate; no values are right for all samples."""
 
     radius: float
-    """Radius of the ball, in units of the set's size: the root-mean-square distance from its mean."""
+    """Radius of the ball, relative to the size of the set (root-mean-square distance from the mean)."""
     delay: int
-    """d: samples between a distance and its image, and between two reference points."""
+    """Number d of samples between a distance and its image, and between two reference points."""
     least: int = 12
-    """Neighbours wanted; where the ball holds fewer, it is widened to this many."""
+    """Smallest number of neighbours; a ball with fewer is widened."""
     theiler: int = 25
-    """Samples within this distance in time are no neighbours (Theiler 1986): they lie on the same piece of orbit."""
+    """Samples within this number of samples in time are not neighbours (Theiler 1986): they are on the same piece of
+    orbit."""
     cutoff: float = 0.02
-    """Directions in which the neighbours spread less than this share of their largest spread are left out."""
+    """A direction is left out if the neighbours' spread in it is below this part of their largest spread."""
 
 
 @dataclass(frozen=True)
@@ -47,13 +49,13 @@ class TimeSeriesSpectrum:
     """An estimate of all Lyapunov exponents from samples."""
 
     exponents: tuple[float, ...]
-    """n of them [1/s], in the order of the basis vectors (largest first up to statistical noise)."""
+    """The n exponents [1/s], in the order of the basis vectors (largest first, up to statistical noise)."""
     directions: float
-    """Mean number of directions that the neighbours span: how many exponents the samples can say anything about."""
+    """Mean number of directions that the neighbours span; the samples determine only this number of exponents."""
 
 
 def time_series_spectrum(samples: Matrix, interval: float, settings: Settings) -> TimeSeriesSpectrum:
-    """Estimate the Lyapunov exponents of the flow that samples come from.
+    """Estimate the Lyapunov exponents of a flow from samples.
 
     Parameters
     ----------
@@ -66,7 +68,7 @@ def time_series_spectrum(samples: Matrix, interval: float, settings: Settings) -
     Raises
     ------
     ModelError
-        For samples that are not finite, or too few for the settings.
+        If samples are not finite, or too few for the settings.
     """
     samples = np.ascontiguousarray(samples, dtype=float)
     if not np.isfinite(samples).all():
@@ -84,7 +86,7 @@ def time_series_spectrum(samples: Matrix, interval: float, settings: Settings) -
 
 
 def _growth(maps: Matrix) -> Matrix:
-    """Mean logarithm of how much each basis vector grows a map (Eq. 26), shape (n,)."""
+    """Mean logarithm of the growth of each basis vector per map (Eq. 26), shape (n,)."""
     basis = np.eye(maps.shape[-1])
     diagonals = np.empty(maps.shape[:2])
     for j, matrix in enumerate(maps):
@@ -95,7 +97,7 @@ def _growth(maps: Matrix) -> Matrix:
 
 
 def _moments(samples: Matrix, settings: Settings) -> tuple[Matrix, Matrix]:
-    """Both sums of Eq. (25), sum y_k y_k^T and sum y_{k+d} y_k^T, for every reference point, each (r, n, n)."""
+    """Compute both sums of Eq. (25), sum y_k y_k^T and sum y_{k+d} y_k^T, at every reference point, shape (r, n, n)."""
     radius = settings.radius * float(np.sqrt(((samples - samples.mean(axis=0)) ** 2).sum(axis=1).mean()))
     last = len(samples) - settings.delay
     references = np.arange(0, last, settings.delay)
@@ -118,6 +120,6 @@ def _moments(samples: Matrix, settings: Settings) -> tuple[Matrix, Matrix]:
 
 
 def _separated_in_time(found: list[int] | NDArray[np.intp], at: int, settings: Settings) -> NDArray[np.int64]:
-    """Of some samples those that are not close in time to a reference point."""
+    """Return the samples that are not close in time to a reference point."""
     index = np.asarray(found, dtype=np.int64)
     return index[np.abs(index - at) > settings.theiler]

@@ -1,4 +1,4 @@
-"""Preparation times (imports, derivatives, compiling) in a new process, and the runs that make up for them."""
+"""Preparation times (imports, derivatives, compiling) in a new process, and number of runs that compensate them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from henon_ref.modes.problem import Problem
 from henon_ref.text import code
 
 DIGITS = 9
-"""Digits of the worst transition for which runs are counted."""
+"""Digits of the worst transition at which runs are compared."""
 AGAINST = {
     FIRST: ("heyoka", "scipy-dop853"),
     "heyoka": ("scipy-dop853",),
@@ -29,35 +29,36 @@ AGAINST = {
     "diffsol-tsit45": ("scipy-dop853",),
     "diffsol-bdf": ("scipy-radau",),
 }
-"""Solvers that compile, and those that each is set against: quicker to prepare, slower to run."""
+"""Solvers that compile, and the solvers with which each is compared: quicker to prepare, slower to run."""
 WARM_RUNS = 3
-"""Runs after the first one; the shortest is what a run takes."""
+"""Number of runs after the first one; the shortest is the time of a run."""
 
 
 @dataclass(frozen=True)
 class Ready(Row):
-    """One solver on one reading."""
+    """Preparation times of one solver on one reading."""
 
     case: str
     reading: str
     solver: str
     rtol: float
     wall_s: float
-    """Time of a run, in turn with the others' [s]."""
+    """Time of a run, interleaved with those of the other solvers [s]."""
     cold_s: float
-    """Time from a new process to its first run's end, less the time of a run, with nothing compiled on disk [s]."""
+    """Time from the start of a process to the end of its first run, minus the time of a run, without compiled code on
+    disk [s]."""
     kept_s: float
-    """The same with the compiled code that the first process left on disk [s]."""
+    """The same time with the compiled code of the first process on disk [s]."""
 
     def paid_after(self, other: Ready) -> str:
-        """Runs after which it has taken less time in all than one ready sooner: with nothing / with code on disk."""
+        """Number of runs after which the total time is below that of ``other``: without / with code on disk."""
         gain = other.wall_s - self.wall_s
         extra = self.cold_s - other.cold_s, self.kept_s - other.kept_s
         return " / ".join("never" if gain <= 0 else significant(max(math.ceil(own / gain), 0), 2) for own in extra)
 
 
 def readiness(cases: Sequence[Case], pairs: Iterable[PairRow]) -> list[Ready]:
-    """Measure it on every reading, at the settings that the pairs were timed at for :data:`DIGITS` digits."""
+    """Measure preparation times on every reading, at the settings of the pairs with :data:`DIGITS` digits."""
     problems = {(case.name, reading.name): reading.problem for case in cases for reading in case.readings}
     named = {*AGAINST, *(other for others in AGAINST.values() for other in others)}
     settings: dict[tuple[str, str, str], tuple[float, float]] = {}
@@ -75,7 +76,7 @@ def readiness(cases: Sequence[Case], pairs: Iterable[PairRow]) -> list[Ready]:
 
 
 def getting_ready(problem: Problem, solver: str, rtol: float) -> float:
-    """Time to the end of a first run, less the time of a later one [s]."""
+    """Time to the end of the first run, minus the time of a later run [s]."""
     began = time.perf_counter()
     run = registry.solver(solver).prepare(problem, rtol=rtol, atol=rtol, deadline=TIMEOUT)
     run()
@@ -89,7 +90,7 @@ def getting_ready(problem: Problem, solver: str, rtol: float) -> float:
 
 
 def ready_table(found: Sequence[Ready]) -> Table:
-    """Preparation times, and the runs after which they are made up for."""
+    """Table of the preparation times and the number of runs that compensate them."""
     lines: list[tuple[str, ...]] = []
     for own in found:
         others = {o.solver: o for o in found if (o.case, o.reading) == (own.case, own.reading)}

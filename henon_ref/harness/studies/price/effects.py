@@ -1,4 +1,4 @@
-"""Cost of each effect of a scene: operations and time a step with it, and with it compiled in at zero."""
+"""Cost of each effect of a scene: operations and time per step with the effect, and with all others at zero."""
 
 from __future__ import annotations
 
@@ -17,37 +17,37 @@ from henon_ref.taylor.tape import build_tape
 
 RTOL = 1e-12
 ROUNDS = 60
-"""Rounds run in turn: medians of 60 tell apart steps that differ by some percent."""
+"""Number of interleaved rounds; medians of 60 distinguish steps that differ by some percent."""
 UNTIL = 600
 """Horizon of all runs [s]."""
 FAST, SLOW = 9, 0.3
-"""Velocity of a belt that the block never sticks to, and of one that it does [m/s]."""
+"""Velocities of a belt on which the block never sticks, and of a belt on which it sticks [m/s]."""
 Values = Mapping[str, str]
-"""Effect -> its coefficient: a number, or a parameter that happens to be zero, with which it does nothing."""
+"""Coefficient of each effect: a number, or a parameter whose value is zero, so that the effect has no influence."""
 
 
 @dataclass(frozen=True)
 class Body:
-    """Bodies between which effects are added one by one."""
+    """A scene to which effects are added one by one."""
 
     name: str
     scene: Callable[[Values, float], Problem]
-    """Of the effects and the belt's velocity [m/s]."""
+    """Makes the problem from the effects and the belt's velocity [m/s]."""
     first: str
-    """What no scene can do without."""
+    """Effects that the scene always has."""
     added: Mapping[str, tuple[str, str]]
-    """Effect -> its coefficient, and that of an effect that does nothing."""
+    """Coefficient of each effect, and the coefficient with which it has no influence."""
     stuck: tuple[str, ...]
     """Effects of a motion that sticks."""
 
     def with_effects(self, effects: Sequence[str], *, carried: bool = False, belt: float = FAST) -> Problem:
-        """The scene with some effects; ``carried``: with all others compiled in, doing nothing."""
+        """Make the scene with some effects; with ``carried`` all others are compiled in at zero."""
         values = {name: value if name in effects else zero for name, (value, zero) in self.added.items()}
         return self.scene({name: own for name, own in values.items() if carried or name in effects}, belt)
 
 
 def oscillator(values: Values, velocity: float) -> Problem:
-    """A block on a belt and a spring."""
+    """Make a block on a belt with a spring."""
     scene = Scene(parameters={"m": 1, "z": 0})
     block, belt = scene.body("block", "m", ["x1", "x2"]), scene.prescribed("belt", velocity=velocity)
     scene.spring(block, scene.wall, stiffness=1, cubic=values.get("cubic spring"))
@@ -61,7 +61,7 @@ def oscillator(values: Values, velocity: float) -> Problem:
 
 
 def two_blocks(values: Values, velocity: float) -> Problem:
-    """A block on a belt and a spring, with falling friction, and another one that follows it."""
+    """Make a block on a belt with a spring and falling friction, and a second block that follows the first."""
     scene = Scene(parameters={"m": 1, "M": 2, "k": 0.5, "kf": 2, "c": 0.01, "z": 0, "y": 0, "w": 0})
     block, follower = scene.body("block", "m", ["x1", "x2"]), scene.body("follower", "M", ["x3", "x4"])
     scene.spring(block, scene.wall, stiffness=1)
@@ -104,13 +104,13 @@ BODIES = (
 
 @dataclass(frozen=True)
 class Step(Row):
-    """A scene with the effects up to one of them."""
+    """Measurement of a scene with the effects up to one of them."""
 
     body: str
     effect: str
-    """The effect that was added last; empty for the motion that sticks."""
+    """The last added effect; empty for the motion that sticks."""
     operations: int
-    """Operations on the slip tape."""
+    """Number of operations on the tape in slip."""
     carried: int | None
     """Operations with all other effects compiled in at zero; None for the motion that sticks."""
     transitions: int
@@ -118,11 +118,11 @@ class Step(Row):
     """Wall time of one Taylor step of a whole run [s]."""
     carried_per_step_s: float | None
     to_carried: float | None
-    """Time of a run over that with all other effects at zero, median over the rounds."""
+    """Time of a run divided by that with all other effects at zero, median over the rounds."""
 
 
 def additions(body: Body) -> Iterator[tuple[str, Problem, Problem | None]]:
-    """Effect added; the scene up to it, and with all others carried at zero; last a motion that sticks."""
+    """Yield each added effect with the scene up to it, without and with all others at zero; last a stick motion."""
     for count, effect in enumerate((body.first, *body.added)):
         effects = tuple(body.added)[:count]
         yield effect, body.with_effects(effects), body.with_effects(effects, carried=True)
@@ -130,14 +130,14 @@ def additions(body: Body) -> Iterator[tuple[str, Problem, Problem | None]]:
 
 
 def operations(system: FilippovSystem) -> int:
-    """Operations on the tape of a system's slip modes, without what is only read."""
+    """Number of operations on the tape of a system's slip modes, without reads of states and constants."""
     equations = system.shared_equations(frozenset())
     tape = build_tape(system.states, equations.field, [guard.expression for guard in equations.guards])
     return sum(number for name, number in tape.counts.items() if name not in ("state", "constant"))
 
 
 def effect_costs() -> list[Step]:
-    """Add one effect after the other, for both bodies; time all ways in turn."""
+    """Add the effects one by one for both bodies, and measure each scene."""
     return [_timed(body.name, *own) for body in BODIES for own in additions(body)]
 
 
@@ -161,7 +161,7 @@ def _timed(body: str, effect: str, own: Problem, carried: Problem | None) -> Ste
 
 
 def effect_table(steps: Sequence[Step]) -> Table:
-    """Operations and times of every effect, and of the scene with all others compiled in at zero."""
+    """Table of the operations and times of every effect, and of the scene with all others at zero."""
     headings = (
         "body", "effect added", "operations", "time a step", "more than before", "operations, all carried",
         "time a step, all carried", "run over one with all carried",

@@ -1,4 +1,4 @@
-"""Long runs: wall time a transition, growth of memory and error of the last sticks over horizons up to 1e6 s."""
+"""Long runs: wall time per transition, growth of memory and error of the last sticks for horizons up to 1e6 s."""
 
 from __future__ import annotations
 
@@ -31,41 +31,41 @@ HORIZONS: Mapping[str, tuple[float, ...]] = {
     "heyoka": (1e2, 1e3, 1e4, 1e5),
     "scipy-dop853": (1e2, 1e3, 1e4),
 }
-"""Horizons of each solver [s]: as far as a minute leads."""
+"""Horizons of each solver [s]; the longest run takes up to a minute."""
 TOLERANCE = 1e-13
 STICKS = (1.17430046762285, 0.41641643691198)
-"""Sticks of the periodic orbit of Fig. 8's `listing_limit` [s], certified by Krawczyk's test."""
+"""Durations of the sticks of the periodic orbit of Fig. 8's `listing_limit` [s], certified by Krawczyk's test."""
 SETTLED = 500.0
-"""From this time on [s] what is left of the start is below a double's rounding (its multiplier is 0.4 a period)."""
+"""Time after which the influence of the start is below rounding [s] (the orbit's multiplier is 0.4 per period)."""
 SHORT = 5.0
-"""Runs below this [s] are made three times."""
+"""Runs shorter than this wall time [s] are made three times."""
 LONG = 1e3
-"""The power of the growth is fitted from this horizon on [s]."""
+"""Smallest horizon at which the power of the growth is fitted [s]."""
 BOUND = 1e-11
-"""Error of a stick [s] that a run of a million seconds must not exceed."""
+"""Largest allowed error of a stick in a run of a million seconds [s]."""
 LAST = 20
-"""The last sticks that are compared with the certified ones."""
+"""Number of last sticks that are compared with the certified ones."""
 SEEN = 400
-"""The last transitions that these are taken from."""
+"""Number of last transitions among which these sticks are found."""
 _STICK, _RELEASE = 0, 1
 _Transition = tuple[tuple[float, float], int | None]
-"""Time, in two parts [s], and kind."""
+"""Time in two parts [s], and kind, of a transition."""
 
 
 @dataclass(frozen=True)
 class Horizon(Row):
-    """One solver's run."""
+    """Measurement of one run of one solver."""
 
     solver: str
     until: float
     """Horizon [s]."""
     transitions: int
     wall_s: float
-    """Median of three runs, or the one that was made [s]."""
+    """Median wall time of three runs, or the time of the only one [s]."""
     grown: float
     """Growth of the process's peak resident memory by the run [MiB]."""
     stick_error_s: float
-    """Worst error of the last sticks against the certified ones [s]; NaN before the motion has settled."""
+    """Largest error of the last sticks [s]; NaN if the horizon is before :data:`SETTLED`."""
 
     @property
     def per_transition_s(self) -> float:
@@ -74,19 +74,19 @@ class Horizon(Row):
 
 
 def horizons(problem: Problem, wanted: Mapping[str, Sequence[float]] = HORIZONS) -> list[Horizon]:
-    """Run Fig. 8's periodic motion over each horizon, each solver in a process of its own."""
+    """Run Fig. 8's periodic motion over each horizon, each solver in a new process."""
     return [own for solver, until in wanted.items() for own in in_fresh_process(horizons_of, solver, problem, until)]
 
 
 def horizons_of(solver: str, problem: Problem, horizons: Sequence[float]) -> list[Horizon]:
-    """A solver's runs, the shortest first; those of ``henon`` stream their transitions."""
+    """Measure a solver's runs, in the order of ``horizons``; those of ``henon`` stream their transitions."""
     prepare = _streamed(problem) if solver == "henon" else _whole(solver, problem)
     prepare(10.0)()
     return [_measured(solver, until, prepare(until)) for until in horizons]
 
 
 def _measured(solver: str, until: float, run: Callable[[], tuple[int, Iterable[_Transition]]]) -> Horizon:
-    """Of a run that returns how many transitions there were, and the last of them."""
+    """Measure a run that returns the number of transitions and the last of them."""
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     ends: list[tuple[int, Iterable[_Transition]]] = []
     times: list[float] = []
@@ -106,7 +106,7 @@ def _measured(solver: str, until: float, run: Callable[[], tuple[int, Iterable[_
 
 
 def _streamed(problem: Problem) -> Callable[[float], Callable[[], tuple[int, Iterable[_Transition]]]]:
-    """Runs of the reference, by its stream of transitions."""
+    """Prepare runs of the reference that stream their transitions."""
     integrator = Integrator(problem.system, order_for(TOLERANCE))
     start = integrator.start(problem, tolerance=TOLERANCE, landing=HENON)
 
@@ -121,7 +121,7 @@ def _streamed(problem: Problem) -> Callable[[float], Callable[[], tuple[int, Ite
 
 
 def _whole(solver: str, problem: Problem) -> Callable[[float], Callable[[], tuple[int, Iterable[_Transition]]]]:
-    """Runs of a solver that returns all transitions at its end."""
+    """Prepare runs of a solver that returns all transitions at the end."""
     codes = {"stick": _STICK, "release": _RELEASE}
 
     def prepare(until: float) -> Callable[[], tuple[int, Iterable[_Transition]]]:
@@ -138,7 +138,7 @@ def _whole(solver: str, problem: Problem) -> Callable[[float], Callable[[], tupl
 
 
 def growth_table(found: Sequence[Horizon]) -> Table:
-    """Cost, memory and accuracy over the horizon."""
+    """Table of cost, memory and accuracy over the horizon."""
     lines: list[tuple[str, ...]] = [
         (
             code(own.solver),
@@ -158,7 +158,7 @@ def growth_table(found: Sequence[Horizon]) -> Table:
 
 
 def draw_growth(found: Sequence[Horizon]) -> Figure:
-    """Time of a transition and error of the last sticks over the horizon, for every solver."""
+    """Draw the time per transition and the error of the last sticks over the horizon, for every solver."""
     solvers = dict.fromkeys(own.solver for own in found)
     powers = {solver: fitted(found, solver, "until", "wall_s", LONG) for solver in solvers}
     with style.figure(3.0) as figure:

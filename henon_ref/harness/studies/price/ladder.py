@@ -1,4 +1,4 @@
-"""Every solver at every tolerance, 1e-3 to 1e-15; then the cheapest for so many digits in turn: rows and prices."""
+"""Ladder: every solver at every tolerance from 1e-3 to 1e-15, followed by paired times of the cheapest settings."""
 
 from __future__ import annotations
 
@@ -28,37 +28,37 @@ LISTED = (
     SECOND, "cvode-c-adams", "cvode-adams", "scipy-dop853", "diffrax-dopri8", "diffrax-kvaerno5", "diffsol-tsit45",
     "diffsol-bdf",
 )  # fmt: skip
-"""Rivals whose pairs are shown reading by reading, where they ran; those of all are in the file."""
+"""Rivals whose pairs the page shows for each reading; the file contains the pairs of all rivals."""
 SECONDS, FEWEST = 4.0, 3
-"""Time that the runs of a pair may take [s]; rounds at least, so that a median is taken of three even of slow ones."""
+"""Time that the runs of a pair may take [s], and smallest number of rounds, so that slow runs have a median, too."""
 LADDER = tuple(10.0**-k for k in range(3, 16))
-"""Relative tolerances. A library that refuses one says so, and the row with it."""
+"""Relative tolerances. If a library refuses a tolerance, the row has its message."""
 TIMEOUT = 4.0
-"""Seconds that one run may take: a slower one is never the cheapest where any other gets there."""
+"""Time that one run may take [s]; a slower run is never the cheapest if another solver reaches the digits."""
 WHEN_NAMED = ("cvode-c-adams", "cvode-c-bdf", "octave-ode45")
-"""Solvers that run when named elsewhere, which belong here all the same."""
+"""Solvers that other commands run only if they are named, but that the ladder always includes."""
 ALONE = f"{code(SECOND)}, its own calls alone"
 COUNTS = {
     "wall_s": "wall time of one run, median",
     "rhs_evaluations": "right-hand sides (of henon and heyoka: whole Taylor expansions)",
     "steps": "steps",
 }
-"""What may stand on the axis of cost."""
+"""Columns for the axis of cost, with their labels."""
 
 
 def solvers(chosen: Sequence[str] = ()) -> tuple[str, ...]:
-    """Names of the solvers; those of a fixed step run at the steps that the case names.
+    """Names of the ladder's solvers. Solvers with a fixed step use the steps of the case.
 
     Parameters
     ----------
     chosen : sequence of str
-        Those asked for, to which the reference is added that prices are multiples of. None: those that run by default
-        and :data:`WHEN_NAMED`; with ``all`` the peers that are installed as well.
+        Requested solvers; the reference is added. Empty: the default solvers and :data:`WHEN_NAMED`. ``all`` includes
+        the installed peers.
 
     Raises
     ------
     CaseError
-        For an unknown name.
+        If a name is unknown.
     """
     named = [registry.check(name) for name in chosen if name != registry.ALL]
     if registry.ALL in chosen:
@@ -69,9 +69,9 @@ def solvers(chosen: Sequence[str] = ()) -> tuple[str, ...]:
 
 
 def run_ladder(cases: Sequence[Case], options: Options, observer: Observer) -> list[RunRow]:
-    """Rows of the ladder on the cases' readings, but for those tied to a solver of their own (Listing 1 as printed).
+    """Run the ladder on the cases' readings, except those for certain solvers only (Listing 1 as printed).
 
-    Tolerances and deadline are its own.
+    The ladder uses its own tolerances and deadline.
     """
     changed = replace(options, tolerances=LADDER, timeout=TIMEOUT)
     open_to_all = [replace(case, readings=tuple(r for r in case.readings if r.solvers is None)) for case in cases]
@@ -81,7 +81,7 @@ def run_ladder(cases: Sequence[Case], options: Options, observer: Observer) -> l
 def time_ladder_pairs(
     cases: Sequence[Case], rows: Sequence[RunRow], options: Options, observer: Observer, seconds: float = SECONDS
 ) -> tuple[list[TimedPair], list[str]]:
-    """Time the pairs on every reading that both solve, by the ladder's rows; what could not be timed beside them."""
+    """Time the pairs on every reading that both solvers solve; return the rows, and sentences on failed timings."""
     by_reading = readings_of(rows)
     rivals = [solver for solver in by_solver(rows) if solver != FIRST]
     timings = {
@@ -98,7 +98,7 @@ def time_ladder_pairs(
 
 @dataclass(frozen=True)
 class SampleRow(Row):
-    """The raw samples of one side of a pair."""
+    """Raw samples of one solver of a pair."""
 
     case: str
     reading: str
@@ -108,11 +108,11 @@ class SampleRow(Row):
     rtol: float | None
     step_s: float | None
     samples_us: str
-    """In their order, with blanks between them."""
+    """Times in their order, separated by blanks [µs]."""
 
 
 def samples_of(found: Sequence[TimedPair]) -> list[SampleRow]:
-    """The raw samples behind the pairs' ratios: two rows a pair."""
+    """Raw samples of the pairs' ratios, two rows per pair."""
     rows = []
     for row in found:
         pair = (*row.problem, row.against, row.digits)
@@ -125,10 +125,10 @@ def samples_of(found: Sequence[TimedPair]) -> list[SampleRow]:
 
 
 def mean_costs(found: Sequence[PairRow], digits: int) -> dict[str, float]:
-    """Geometric mean of each solver's time over that of ``henon``, for so many digits.
+    """Geometric mean of each solver's time divided by that of ``henon``, at a level of digits.
 
-    Over all readings that another solver gets to so many digits, too; solvers that do not get there in every one are
-    left out. heyoka's own calls, where they are known in all, are one more entry, :data:`ALONE`.
+    The mean is over all readings in which some other solver reaches the level. Solvers that do not reach it in each
+    of these are left out. The entry :data:`ALONE` is for heyoka's own calls, if they are known in all readings.
     """
     own = [row for row in found if row.digits == digits]
     readings = {row.problem for row in own}
@@ -141,7 +141,7 @@ def mean_costs(found: Sequence[PairRow], digits: int) -> dict[str, float]:
 
 
 def whole_table(rows: Sequence[RunRow], pairs: Sequence[PairRow]) -> Table:
-    """Solvers by their geometric mean cost over all readings, for every level."""
+    """Table of the solvers by their geometric mean cost over all readings, for every level."""
     means = {level: mean_costs(pairs, level) for level in LEVELS}
     solvers = sorted(by_solver(rows), key=lambda solver: min(own.get(solver, math.inf) for own in means.values()))
     lines = []
@@ -157,7 +157,7 @@ def whole_table(rows: Sequence[RunRow], pairs: Sequence[PairRow]) -> Table:
 
 
 def why_not(rows: Sequence[RunRow], solver: str, digits: int) -> str:
-    """Why a solver has no mean cost for so many digits: what keeps it from them in the first reading where it fails."""
+    """Reason why a solver has no mean cost at a level, from the first reading in which it does not reach the level."""
     for own in readings_of(rows).values():
         ladder = [row for row in own if row.solver == solver]
         if reaching([row for row in own if row.solver != solver], digits) and not reaching(ladder, digits):
@@ -169,7 +169,7 @@ def why_not(rows: Sequence[RunRow], solver: str, digits: int) -> str:
 
 
 def own_times(pairs: Sequence[PairRow]) -> str:
-    """Geometric mean time of the reference's runs, for every level."""
+    """Text of the geometric mean time of the reference's runs, for every level."""
     cells = []
     for level in LEVELS:
         times = {row.problem: row.wall_s for row in pairs if row.digits == level}
@@ -179,7 +179,7 @@ def own_times(pairs: Sequence[PairRow]) -> str:
 
 
 def rival_table(found: Sequence[PairRow]) -> Table:
-    """How many times as long as `henon` others take, for the same digits, by reading, and heyoka's own calls."""
+    """Table of the rivals' times divided by ``henon``'s at equal digits, by reading, with heyoka's own calls."""
     ran = {row.rival for row in found}
     listed = [rival for rival in LISTED if rival == SECOND or rival in ran]
     columns = [SECOND, ALONE, *listed[1:]]
@@ -187,7 +187,7 @@ def rival_table(found: Sequence[PairRow]) -> Table:
     for row in found:
         if row.rival in listed:
             own = cells.setdefault((title(*row.problem), bound(row.digits)), {})
-            # A row has henon's time over the other's: the ends of its interval change places.
+            # The row has henon's time divided by the rival's; in the inverse the ends of the interval are swapped.
             times, low, high = (significant(1.0 / ratio, 2) for ratio in (row.ratio, row.ratio_high, row.ratio_low))
             own[row.rival] = f"{times} ({low} to {high})"
             if row.rival == SECOND and row.own_times_as_long is not None:
@@ -198,7 +198,7 @@ def rival_table(found: Sequence[PairRow]) -> Table:
 
 
 def scatter(rows: Sequence[RunRow]) -> dict[str, int]:
-    """How many times of a reading there are, how many scatter by more than a tenth, and how many have no range."""
+    """Number of times of a reading, of those that scatter by more than a tenth, and of those without a range."""
     timed = [row for row in rows if row.wall_s is not None]
     return {
         "times": len(timed),
@@ -208,9 +208,9 @@ def scatter(rows: Sequence[RunRow]) -> dict[str, int]:
 
 
 def draw_ladder(rows: Sequence[RunRow], count: str) -> Figure:
-    """Worst error of a transition's time against a cost, one line a solver, for one reading.
+    """Draw the largest error of a transition time against a cost, one line per solver, for one reading.
 
-    Times have bars, the 95 % intervals of the medians.
+    Bars of times are the 95 % intervals of the medians.
     """
     is_time = count == "wall_s"
     ladders = by_solver(row for row in right(rows) if row.max_time_error_s is not None and getattr(row, count))

@@ -1,4 +1,4 @@
-"""Hénon's landing (the swap of variables) against Newton's and Brent's on one integrator: work, times, errors."""
+"""Comparison of Hénon's landing (swap of variables) with Newton's and Brent's in one integrator: work, time, error."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from henon_ref.simulation.system import System
 from henon_ref.text import code
 
 GRAZES = ("1", "1e-1", "1e-3", "1e-5", "1e-7", "1e-9")
-"""Depths of a crossing below the crest it goes through: 1 is half way up."""
+"""Depths of a crossing below the crest of the motion; 1 is half way up."""
 SOLVERS = (HENON_SOLVER, HENON_NEWTON, HENON_BRENT)
 RTOL = 1e-13
 ROUNDS = 40
@@ -31,19 +31,19 @@ ROUNDS = 40
 
 @dataclass(frozen=True)
 class Landed(Row):
-    """One landing on one reading."""
+    """Measurement of one landing on one reading."""
 
     case: str
     reading: str
     solver: str
     transitions: int
     evaluations: float
-    """Evaluations of the guard's polynomial, a transition."""
+    """Evaluations of the guard's polynomial per transition."""
     wall_s: float
     to_bracketing: float
-    """Time of the run over that with bracketing alone, median over the rounds."""
+    """Time of the run divided by that with bracketing (Brent), median over the rounds."""
     error_s: float
-    """Worst error of a transition's time; NaN where the sequence is not the truth's."""
+    """Largest error of a transition time [s]; NaN if the sequence of modes is wrong."""
 
 
 def landings(cases: Sequence[Case]) -> list[Landed]:
@@ -59,7 +59,7 @@ def landings(cases: Sequence[Case]) -> list[Landed]:
 
 
 def crest_crossings(depths: Sequence[str] = GRAZES) -> list[Landed]:
-    """Run them on ``sin(t) = 1 - g/2`` for ever smaller depths g below the crest; its roots are closed forms."""
+    """Run the three landings on ``sin(t) = 1 - g/2`` for decreasing depths g; its roots are closed forms."""
     found = []
     for depth in depths:
         crest = System(["x", "v", "y"], {"g": depth}, {"s": "1 - g/2 - x"}, ["v", "-x", "s"])
@@ -70,7 +70,7 @@ def crest_crossings(depths: Sequence[str] = GRAZES) -> list[Landed]:
 
 
 def _three(case: str, reading: str, problem: Problem, exact: Sequence[tuple[Mode, str]]) -> list[Landed]:
-    """The three on a problem whose transitions have these modes and times."""
+    """Measure the three landings on a problem with known modes and times of its transitions."""
     runs = {s.name: s.prepare(problem, rtol=RTOL, deadline=20.0) for s in SOLVERS}
     times = interleaved(runs, rounds=ROUNDS)
     lines = []
@@ -89,7 +89,7 @@ def _three(case: str, reading: str, problem: Problem, exact: Sequence[tuple[Mode
 
 
 def landing_table(found: Sequence[Landed]) -> Table:
-    """Evaluations, time and error of the three landings, and the time with Hénon's over that with bracketing."""
+    """Table of evaluations, time and error of the landings, and the time with Hénon's divided by that with Brent's."""
     solvers = list(dict.fromkeys(one.solver for one in found))
     lines = []
     for case, reading in dict.fromkeys((own.case, own.reading) for own in found):

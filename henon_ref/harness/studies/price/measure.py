@@ -1,4 +1,4 @@
-"""What the measurements of the price list share: new interpreters, systems from Python, fitted powers, drawing."""
+"""Functions shared by the measurements of the price study: new interpreters, problems, fitted powers, drawing."""
 
 from __future__ import annotations
 
@@ -28,25 +28,25 @@ T = TypeVar("T")
 
 
 def orbit_problem() -> Problem:
-    """The problem whose motion is periodic: Fig. 8's `listing_limit`."""
+    """Return the problem with a periodic motion, Fig. 8's `listing_limit`."""
     return shipped_problem("fig8", "listing_limit")
 
 
 def problem_of(system: System, initial: Mapping[str, float | str], until: float | str) -> Problem:
-    """The problem of a system from Python, from t = 0; numbers as decimals."""
+    """Make a problem of a system that starts at t = 0; numbers are decimals."""
     start = tuple(system.number(initial[name]) for name in system.state)
     return Problem(system.model, sp.Integer(0), start, system.number(until))
 
 
 def in_fresh_process(function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
-    """What a function returns in a new interpreter: earlier measurements have imported and compiled nothing there."""
+    """Call a function in a new interpreter, in which nothing has been imported or compiled before."""
     with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
         return pool.submit(function, *args, **kwargs).result()
 
 
 @contextmanager
 def caches_in(folder: str) -> Iterator[None]:
-    """Processes begun here keep compiled code in a folder."""
+    """Let processes that are started inside keep compiled code in ``folder``."""
     before = os.environ.get(VARIABLE)
     os.environ[VARIABLE] = folder
     try:
@@ -58,12 +58,12 @@ def caches_in(folder: str) -> Iterator[None]:
 
 @dataclass(frozen=True)
 class Fit:
-    """y ~ x^power."""
+    """Fitted power law y ~ x^power."""
 
     power: float
-    """NaN where there are fewer than two points."""
+    """NaN if there are fewer than two points."""
     error: float
-    """Standard error of the power; NaN where there are fewer than three points."""
+    """Standard error of the power; NaN if there are fewer than three points."""
 
     def __str__(self) -> str:
         if math.isnan(self.power):
@@ -72,7 +72,7 @@ class Fit:
 
 
 def power(x: Sequence[float], y: Sequence[float]) -> Fit:
-    """Fit a power of positive numbers by least squares on their logarithms, every point alike.
+    """Fit a power law to positive numbers by least squares of their logarithms with equal weights.
 
     Examples
     --------
@@ -88,18 +88,18 @@ def power(x: Sequence[float], y: Sequence[float]) -> Fit:
 
 
 def fitted(rows: Sequence[Any], solver: str, x: str, y: str, since: float) -> Fit:
-    """The power in a solver's rows: column y ~ (column x)^power, from an x on."""
+    """Fit column y ~ (column x)^power to a solver's rows with x >= ``since``."""
     own = [row for row in rows if row.solver == solver and getattr(row, x) >= since]
     return power([getattr(row, x) for row in own], [getattr(row, y) for row in own])
 
 
 def title(case: str, reading: str) -> str:
-    """What a reading is called."""
+    """Name of a reading on the page."""
     return case if reading == "default" else f"{case}, {reading}"
 
 
 def draw_line(axes: Axes, look: style.Line, points: Sequence[tuple[float, float]], label: str, **more: float) -> None:
-    """A solver's points on logarithmic axes."""
+    """Draw a solver's points on logarithmic axes."""
     axes.loglog(
         [x for x, _ in points], [y for _, y in points], ls=look.dashes, marker=look.marker, color=look.colour,
         lw=look.width, label=label, **more,
@@ -107,7 +107,7 @@ def draw_line(axes: Axes, look: style.Line, points: Sequence[tuple[float, float]
 
 
 def finish(figure: Figure, heading: str, words: str, with_legend: Iterable[Axes]) -> None:
-    """Legends above axes, the layout, and what the figure shows."""
+    """Add legends above axes, the layout, and the description of the figure."""
     for axes in with_legend:
         axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
     figure.set_layout_engine("constrained")

@@ -1,4 +1,4 @@
-"""Floating-point operations of a run, counted in its LLVM code, and their rate over that of a matrix product."""
+"""Floating-point operations of a run, counted in its LLVM code, and their rate relative to that of a matrix product."""
 
 from __future__ import annotations
 
@@ -22,43 +22,43 @@ from henon_ref.trajectory import Trajectory
 RTOL = 1e-12
 ROUNDS = 60
 SIZE, PRODUCTS = 60, 20
-"""Rows of the square matrices whose product measures the peak rate: three of them stay within the first cache level.
-Products that are timed together."""
+"""Rows of the square matrices whose product measures the peak rate (three matrices fit into the first cache level), and
+number of products that are timed together."""
 
 
 @dataclass(frozen=True)
 class Work(Row):
-    """A run's arithmetic."""
+    """Operations and time of a run."""
 
     expansion: int
     """Operations of one Taylor expansion in slip."""
     stick: int
-    """The same in stick."""
+    """Operations of one Taylor expansion in stick."""
     closing: int
-    """Operations of ending a step."""
+    """Operations at the end of a step."""
     steps: int
     expansions: int
     in_stick: int
     """Expansions made while the motion sticks."""
     landed: int
-    """Evaluations of a guard's polynomial while a transition is put on its surface."""
+    """Evaluations of a guard's polynomial in landings."""
     order: int
-    """Degree of these polynomials."""
+    """Degree of the polynomials."""
     wall_s: float
     """Median time of the run [s]."""
     peak: float
-    """Operations a second of a matrix product on one core [1/s]."""
+    """Rate of operations of a matrix product on one core [1/s]."""
 
     @property
     def total(self) -> int:
-        """Operations of the run: expansions by mode, ends of steps, polynomials (a product and a sum a degree)."""
+        """Operations of the run: expansions, ends of steps, polynomials (a product and a sum per degree)."""
         slip = self.expansions - self.in_stick
         landing = 2 * self.order * self.landed
         return slip * self.expansion + self.in_stick * self.stick + self.steps * self.closing + landing
 
     @property
     def rate(self) -> float:
-        """Operations a second [1/s]."""
+        """Rate of operations [1/s]."""
         return self.total / self.wall_s
 
 

@@ -1,4 +1,4 @@
-"""The price list: ladder and pairs in worker processes, then what needs an idle machine, then the page."""
+"""Price study: ladder and pairs in worker processes, followed by measurements on an idle machine, and the page."""
 
 from __future__ import annotations
 
@@ -48,12 +48,12 @@ PARTS: Mapping[str, tuple[str, type[Row], Callable[[Any], Table]]] = {
     "sizes": ("states.csv", Size, size_table),
     "contacts": ("contacts.csv", ManyContacts, contact_table),
 }
-"""Measurement -> its file, the rows of it, and their table."""
+"""File, type of the rows, and table of each measurement."""
 
 
 @dataclass(frozen=True)
 class Prices:
-    """Everything that was measured."""
+    """Results of all measurements."""
 
     rows: Sequence[RunRow]
     pairs: Sequence[TimedPair]
@@ -69,7 +69,7 @@ class Prices:
 
 
 def run_price(asked: Asked) -> Made:
-    """Measure everything and write the page; with ``all`` among the solvers of the ladder the peers, too."""
+    """Measure everything and write the page; the ladder includes the peers if ``all`` is among the solvers."""
     named = asked.options.solvers or ()
     options = replace(asked.options, solvers=solvers([str(name) for name in named]), folder=asked.folder)
     rows = run_ladder(asked.cases, options, asked.observer)
@@ -98,7 +98,7 @@ def write_page(found: Prices, origin: Provenance, folder: Path) -> Path:
     Raises
     ------
     OSError
-        Where the folder cannot be written.
+        If the folder cannot be written.
     """
     sections, figures = [], {"growth.svg": draw_growth(found.growth), "states.svg": draw_sizes(found.sizes)}
     for (case, reading), rows in readings_of(found.rows).items():

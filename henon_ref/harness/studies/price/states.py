@@ -1,4 +1,4 @@
-"""Growth in the number of states: chains of 1 to 64 blocks on a belt, one surface a block."""
+"""Times over the number of states: chains of 1 to 64 blocks on a belt, one surface per block."""
 
 from __future__ import annotations
 
@@ -29,39 +29,39 @@ SOLVERS = ("henon", "heyoka", "scipy-dop853")
 RTOL = 1e-12
 ROUNDS = 20
 AGREED = 1e-9
-"""Largest distance of two solvers' transition times [s] and last states at which their times are taken down."""
+"""Largest difference of two solvers' transition times [s] and end states at which their times are compared."""
 GOLDEN = (math.sqrt(5) - 1) / 2
-"""Its multiples modulo 1 spread the blocks' initial positions evenly, no two alike."""
+"""The multiples of this number modulo 1 spread the blocks' initial positions evenly, without repetition."""
 MANY = 16
-"""Powers are fitted from so many states on."""
+"""Smallest number of states at which powers are fitted."""
 BELT, FAST = 0.2, 5.0
-"""Velocity of the belt [m/s], and one that no block reaches."""
+"""Velocity of the belt, and a velocity that no block reaches [m/s]."""
 SMOOTH_S = 20.0
 """Horizon of the runs without a transition [s]."""
 
 
 @dataclass(frozen=True)
 class Size(Row):
-    """One solver on the chains of one length."""
+    """Times of one solver on the chains of one length."""
 
     states: int
     solver: str
     transitions: int
     ready_s: float
-    """Wall time of making it ready for the run with transitions, all modes that it visits included [s]."""
+    """Wall time of preparing the run with transitions and all modes that it visits [s]."""
     wall_s: float
     """Wall time of a run with transitions [s]."""
     ratio: float
-    """The first solver's time over its own, median over the rounds."""
+    """Time of the first solver divided by that of this solver, median over the rounds."""
     steps: int
     """Steps of the run without a transition."""
     smooth_s: float
     """Wall time of a run without a transition [s]."""
     smooth_ratio: float
     agrees: bool
-    """Whether its transitions and last states are those of the first solver."""
+    """Whether transitions and end states agree with those of the first solver."""
     own_s: float | None = None
-    """What of the run with transitions its library's own calls take [s]; None where that is not known."""
+    """Time of the library's own calls in the run with transitions [s]; None if it is unknown."""
 
     @property
     def per_second(self) -> float:
@@ -70,10 +70,10 @@ class Size(Row):
 
 
 def chain(blocks: int, belt: float) -> System:
-    """Blocks in a row, each on a spring to the wall, joined by springs, with falling friction on a belt.
+    """Make a chain of blocks joined by springs, each with a spring to the wall and falling friction on a belt.
 
     ``xi'' + xi + kc (2 xi - xi-1 - xi+1) = -F sgn(vi) / (1 + delta abs(vi))`` after Burridge and Knopoff, Bull.
-    Seismol. Soc. Am. 57 (1967) 341-371; ``belt``: its velocity [m/s].
+    Seismol. Soc. Am. 57 (1967) 341-371; ``belt`` is the belt's velocity [m/s].
     """
     numbers = range(1, blocks + 1)
     pulls = {i: "".join(f" - kc*(x{i} - x{j})" for j in (i - 1, i + 1) if j in numbers) for i in numbers}
@@ -86,9 +86,9 @@ def chain(blocks: int, belt: float) -> System:
 
 
 def chain_problem(blocks: int, *, belt: float = BELT, until: float | None = None) -> Problem:
-    """A chain that starts at rest at places that never repeat.
+    """Make the problem of a chain that starts at rest, with all initial positions different.
 
-    ``until``: its horizon [s]; if left out one with seven to sixteen transitions, each leading to a mode of its own.
+    ``until`` is the horizon [s]. The default horizon has seven to sixteen transitions, each to a new mode.
     """
     initial = {name: value for i in range(1, blocks + 1) for name, value in ((f"x{i}", i * GOLDEN % 1), (f"v{i}", 0))}
     horizon = 40.0 * blocks**-1.4 if until is None else until
@@ -96,12 +96,12 @@ def chain_problem(blocks: int, *, belt: float = BELT, until: float | None = None
 
 
 def sizes(blocks: Sequence[int] = BLOCKS, solvers: Sequence[str] = SOLVERS) -> list[Size]:
-    """Run every solver on every chain, with and without transitions, timed in turn."""
+    """Time every solver on every chain, with and without transitions, in interleaved runs."""
     found = []
     for problem in (
         orbit_problem(),
         chain_problem(3),
-    ):  # what chains of all lengths share is imported and compiled here
+    ):  # import and compile everything that chains of all lengths share
         for name in solvers:
             registry.solver(name).prepare(problem, rtol=RTOL)()
     first = solvers[0]
@@ -137,13 +137,13 @@ def _prepared(solver: Solver, problem: Problem) -> Run:
 
 
 def _timed(problem: Problem, solvers: Sequence[str]) -> tuple[dict[str, float], dict[str, Run], Turns[str]]:
-    """Each solver's preparation time [s], its run, and its times in interleaved runs."""
+    """Return each solver's preparation time [s], its run, and its times in interleaved runs."""
     runs: dict[str, Run] = {}
     ready: dict[str, float] = {}
     for name in solvers:
         began = time.perf_counter()
         runs[name] = _prepared(registry.solver(name), problem)
-        runs[name]()  # modes are made ready where they are first met
+        runs[name]()  # modes are prepared at their first visit
         ready[name] = time.perf_counter() - began
     return ready, runs, interleaved(runs, rounds=ROUNDS)
 
@@ -154,7 +154,7 @@ def _agree(first: Trajectory, other: Trajectory) -> bool:
 
 
 def size_table(found: Sequence[Size]) -> Table:
-    """Time of a run with and without transitions, and of getting ready, over the number of states."""
+    """Table of the times of runs with and without transitions, and of preparation, over the number of states."""
     solvers = list(dict.fromkeys(size.solver for size in found))
     lines: list[tuple[str, ...]] = []
     for states in dict.fromkeys(own.states for own in found):
@@ -179,7 +179,7 @@ def size_table(found: Sequence[Size]) -> Table:
 
 
 def draw_sizes(found: Sequence[Size]) -> Figure:
-    """Time of a simulated second and of getting ready over the number of states, for every solver."""
+    """Draw the times of a simulated second and of preparation over the number of states, for every solver."""
     columns = {
         "per_second": (1e3, "wall time of a simulated second [ms]"),
         "ready_s": (1.0, "wall time of making ready [s]"),
