@@ -191,11 +191,12 @@ class ModeTable:
         return np.cumsum(list(map(len, own)), dtype=np.int64), np.concatenate(places)
 
     @cached_property
-    def sizes(self) -> tuple[int, int, int, int]:
-        """Guards of the largest mode, order, contacts, and numbers in the constants of a mode of contacts (0 where it
-        is a row, or none has equations)."""
+    def sizes(self) -> tuple[int, int, int, int, int]:
+        """States, guards of the largest mode, order, contacts, and numbers in the constants of a mode of contacts (0 if
+        it is a row, or none has equations)."""
         there = self.contacts and self.row(self._uniform[0]) is not None
-        return self.most_guards, self.order, self.contacts, self.compiled.sources[0].size if there else 0
+        numbers = self.compiled.sources[0].size if there else 0
+        return len(self.system.states), self.most_guards, self.order, self.contacts, numbers
 
     @cached_property
     def normals(self) -> NormalVelocities | None:

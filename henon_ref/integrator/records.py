@@ -77,7 +77,7 @@ class Workspace:
     state: NDArray[np.float64]
     """A view: the run's scalars and vectors."""
     memory: memoryview
-    """The same as bytes are packed into it."""
+    """The same as bytes."""
     band: NDArray[np.float64]
     """A view: coefficients of the last expansion, a row a state, then a guard."""
     transitions: NDArray[np.float64]
@@ -100,7 +100,7 @@ class Workspace:
             block,
             ffi.cast("struct run *", doubles(block)),
             block[: own.end_of_state],
-            block[: own.end_of_state].data,
+            block[: own.end_of_state].data.cast("B"),
             block[own.band : own.room].reshape(-1, own.width),
             block[own.records :].reshape(CHUNK, -1),
         )

@@ -245,7 +245,7 @@ def test_a_mode_is_put_together_as_it_would_be_written_out() -> None:
     given = tuple(values[symbol.name] for symbol in integrator.parameters)
     begin = integrator.begin(given, [*start(5, 1).values()], until=UNTIL, tolerance=1e-10, landing=HENON)
     own, table = Run(integrator, begin, block=1), integrator.mode_table
-    at = kernel.places_of(10, *table.sizes)
+    at = kernel.places_of(*table.sizes)
     seen = 0
     while isinstance(own.next_event(), Transition):
         seen += 1
