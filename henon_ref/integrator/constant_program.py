@@ -97,7 +97,7 @@ class ConstantProgram:
     def compiled(self, sources: Sequence[int] | NDArray[np.int64] = ()) -> CompiledProgram | None:
         """Prepare the program for compiled code; None if it contains functions.
 
-        ``sources``: result to store at each place. See ``point_tables`` and ``point_signs`` of ``kernel.h``.
+        ``sources``: result to store at each place. See ``point_tables`` and ``start_run`` of ``kernel.h``.
         """
         if any(other for other, _ in self._stages):
             return None
@@ -111,23 +111,15 @@ class ConstantProgram:
         return CompiledProgram(made, Struct(f"{2 * self.inputs}d").pack, room, arrays)
 
     @cached_property
-    def _alone(self) -> CompiledProgram | None:
+    def alone(self) -> CompiledProgram | None:
+        """:meth:`compiled` without places."""
         return self.compiled()
 
-    def clear_signs(self, *point: float) -> list[int]:
-        """Return the signs of the expressions at a point: 0 if exactly zero, UNCLEAR_SIGN if not decided.
-
-        ``point``: a pair of doubles for each input.
-        """
-        if self._alone is None:
-            found: list[int] = self.signs_at(np.array(point).reshape(1, -1, 2))[0].tolist()
-            return found
-        program, pack, room, _ = self._alone
-        block = ffi.new(_DOUBLES, room)
-        return ffi.unpack(kernel.point_signs(program, pack(*point), block), len(self.outputs))
-
     def signs_at(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Return the signs at points, shape (points, inputs, 2), as in :meth:`clear_signs`."""
+        """Return the signs of the expressions at points, shape (points, inputs, 2).
+
+        0 if exactly zero, UNCLEAR_SIGN if not decided.
+        """
         registers, signs = self.registers(points), np.empty((len(points), len(self.outputs)), dtype=np.int64)
         width, count = registers.shape[1], len(self.outputs)
         kernel.signs_of(doubles(registers), width, len(points), integers(self.places), count, integers(signs))

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
+from struct import Struct
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -121,8 +122,9 @@ class ParameterPrograms:
         self.table, self.system = mode_table, mode_table.system
         self.parameters = parameters_in(self.system)
         """Symbols that stand in the system's expressions, by name: the order of all values."""
-        self.no_zeros = (0,) * mode_table.most_guards
-        """Known zeros of the guards, as many as the largest mode has, where a start is off every surface."""
+        self.surfaces = len(self.system.surfaces)
+        self.pack = Struct(f"{2 * (2 + len(self.system.states) + len(self.parameters))}d").pack
+        """Makes the numbers of a start of pairs: horizon, initial time, states, parameters."""
         self._writer = ProgramWriter(self.parameters)
         self._loop: LoopProgram | None = None
 
@@ -165,17 +167,16 @@ class ModeConstants:
     """A system's compiled modes at given parameter values."""
 
     programs: ParameterPrograms
-    values: tuple[Pair, ...]
-    """Of the programs' parameters, in their order."""
+    values: tuple[float, ...]
+    """Of the programs' parameters, in their order: of each a pair."""
     exact: Callable[[], Sequence[sp.Expr]]
-    """Gives them as exact numbers, for what double-double does not decide."""
+    """Returns the values as exact numbers; called only if double-double does not decide."""
 
     def __post_init__(self) -> None:
-        self.table, self.no_zeros = self.programs.table, self.programs.no_zeros
-        self._flat = tuple(chain.from_iterable(self.values))
+        self.table = self.programs.table
         self.latest, self.is_finite = self._made()
-        """For the modes that were compiled when it was last asked for, replaced as a whole by :meth:`update`; whether
-        the constants of those that were compiled first are finite."""
+        """For the modes that were compiled at the last :meth:`update`, which replaces it as a whole; whether the
+        constants of the modes that were compiled first are finite."""
 
     def update(self) -> LoopData:
         """Take in modes that have been compiled since."""
@@ -186,15 +187,33 @@ class ModeConstants:
 
     def _made(self) -> tuple[LoopData, bool]:
         program = self.programs.loop()
-        made = program.at(self._flat)
+        made = program.at(self.values)
         if made is not None:
             return made, True
-        numbers = program.numbers(np.array(self._flat).reshape(1, -1, 2), lambda _: self.exact())
+        numbers = program.numbers(np.array(self.values).reshape(1, -1, 2), lambda _: self.exact())
         return program.of(numbers), bool(np.isfinite(numbers).all())
 
-    def signs(self, t: Pair, x: Sequence[Pair]) -> Sequence[int]:
-        """Signs of the surfaces, then of the ``valid`` expressions, at a point; UNCLEAR_SIGN where one is not clear."""
-        return self.programs.start.clear_signs(*t, *chain.from_iterable(x), *self._flat)
+    def start(self, run: Any, template: Any, until: Pair, t: Pair, x: Sequence[Pair]) -> list[int] | None:
+        """Write a start into a run's block (``start_run`` of ``kernel/start.c``).
+
+        Returns
+        -------
+        list of int or None
+            None if the start is clearly off all surfaces and the run is in its mode. Otherwise the signs of the
+            surfaces, then of the ``valid`` expressions; UNCLEAR_SIGN for one that double-double does not decide.
+        """
+        programs, compiled = self.programs, self.programs.start.alone
+        program, room = (compiled.program, compiled.room) if compiled else (ffi.NULL, 0)
+        numbers, memory = programs.pack(*until, *t, *chain.from_iterable(x), *self.values), ffi.new(_BLOCK, room)
+        if kernel.start_run(run, template, self.latest.tables, program, programs.surfaces, numbers, memory):
+            return None
+        return ffi.unpack(ffi.cast("int64_t *", memory), len(programs.start.outputs)) if compiled else self.signs(t, x)
+
+    def signs(self, t: Pair, x: Sequence[Pair]) -> list[int]:
+        """Signs of the surfaces, then of the ``valid`` expressions, at a point, as :meth:`start` returns them."""
+        point = np.array([*t, *chain.from_iterable(x), *self.values]).reshape(1, -1, 2)
+        found: list[int] = self.programs.start.signs_at(point)[0].tolist()
+        return found
 
     def exact_signs(self, point: Sequence[Any]) -> list[int | None]:
         """The same at a point of exact numbers; None where there is no value (see :meth:`ConstantProgram.signs`)."""
@@ -203,7 +222,7 @@ class ModeConstants:
     @cached_property
     def in_doubles(self) -> ModeEvaluation:
         """The modes in double precision."""
-        return self.programs.shared_tapes.in_doubles(self._flat[::2])
+        return self.programs.shared_tapes.in_doubles(self.values[::2])
 
     @cached_property
     def precise(self) -> PreciseModes:

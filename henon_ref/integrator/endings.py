@@ -100,12 +100,12 @@ def range_ending(run: State) -> tuple[Status, str] | None:
     with working_precision(BITS):
         unit, state = arb(float(scalars.unit)), [arb(x) for x in run.x.tolist()]
         theta, precise = arb(float(scalars.step_length)) / unit, run.start.constants.precise
-        states, outputs = precise.motion(run.mode, run.exact_time, state, unit, run.start.order)
+        states, outputs = precise.motion(run.mode, run.exact_time, state, unit, scalars.order)
         exact = [*states, *(outputs[place] if place >= 0 else None for place in places)]
         level, band = max(float(scalars.tolerance), ROUNDING), run.workspace.band
-        rounding = band[n + len(run.start.zeros) + 1 :].ravel()
+        rounding = band[n + scalars.guards + 1 :].ravel()
         for r, own in enumerate(exact):
-            found = band[r, : run.start.order + 1].tolist()
+            found = band[r, : scalars.order + 1].tolist()
             off = float(rounding[r]) * (float(scalars.step_length) if r < n else 1.0)
             if own is not None and not _same(found, own, theta, level, off if off < math.inf else 0.0, guard=r >= n):
                 why = "an operation's result is no double, which changes it by more than the tolerance"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property, lru_cache
+from itertools import chain
 from typing import Any
 
 import sympy as sp
@@ -13,7 +14,7 @@ from henon_ref.integrator.constants import ModeConstants, ParameterPrograms
 from henon_ref.integrator.mode_table import ModeTable
 from henon_ref.integrator.pairs import exact_expression, pair_of_exact
 from henon_ref.integrator.records import Workspace
-from henon_ref.integrator.start import Start, begin
+from henon_ref.integrator.start import Start, begin, run_template
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem
 
@@ -62,7 +63,7 @@ class Integrator:
         try:
             return self.free.pop()
         except IndexError:
-            return Workspace.of(len(self.system.states), *self.mode_table.sizes)
+            return Workspace.of(*self.mode_table.sizes)
 
     @property
     def parameters(self) -> tuple[sp.Symbol, ...]:
@@ -78,7 +79,7 @@ class Integrator:
         own, exact = self.system.parameters, list(map(exact_expression, values))
         if own and exact != [own[symbol] for symbol in self.parameters]:
             raise ModelError("an integrator of a system with values of its parameters runs that system alone")
-        return ModeConstants(self.programs, tuple(map(pair_of_exact, values)), lambda: exact)
+        return ModeConstants(self.programs, tuple(chain.from_iterable(map(pair_of_exact, values))), lambda: exact)
 
     def start(self, problem: Problem, **settings: Any) -> Start:
         """:meth:`begin` from a problem of this system, in exact numbers, with values of all parameters."""
@@ -112,7 +113,7 @@ class Integrator:
         mode : mapping, optional
             Surface -> -1, 0 or +1, for a start on a surface that the fields leave open.
         **settings
-            ``tolerance``, ``landing``, and what else :class:`Start` is to have.
+            ``tolerance``, ``landing`` and others of :func:`henon_ref.integrator.start.run_template`.
 
         Raises
         ------
@@ -120,5 +121,6 @@ class Integrator:
             Where the system has other values of its parameters, or an expression in them that no program evaluates.
         """
         time, end, *x = map(pair_of_exact, (start, until, *initial))
-        constants, point = self.constants(values), (start, *initial)
-        return begin(constants, time, end, x, lambda: list(map(exact_expression, point)), mode or {}, **settings)
+        block, point = run_template(self.mode_table.sizes, **settings), (start, *initial)
+        exact = lambda: list(map(exact_expression, point))  # noqa: E731
+        return begin(self, self.constants(values), block, time, end, tuple(x), exact, mode or {})

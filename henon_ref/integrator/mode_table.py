@@ -193,11 +193,12 @@ class ModeTable:
         return np.cumsum(list(map(len, own)), dtype=np.int64), np.concatenate(places)
 
     @cached_property
-    def sizes(self) -> tuple[int, int, int, int]:
-        """Largest number of guards, order, contacts, and number of constants of a mode identified by a number (0 if
-        modes are rows, or no mode has equations)."""
+    def sizes(self) -> tuple[int, int, int, int, int]:
+        """States, largest number of guards, order, contacts, and number of constants of a mode identified by a number
+        (0 if modes are rows, or no mode has equations)."""
         there = self.contacts and self.row(self._uniform[0]) is not None
-        return self.most_guards, self.order, self.contacts, self.compiled.sources[0].size if there else 0
+        numbers = self.compiled.sources[0].size if there else 0
+        return len(self.system.states), self.most_guards, self.order, self.contacts, numbers
 
     @cached_property
     def normals(self) -> NormalVelocities | None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,7 +22,7 @@ from henon_ref.integrator.records import (
     written,
 )
 from henon_ref.integrator.run import Run
-from henon_ref.integrator.start import Start, out_of_steps, row_at_start
+from henon_ref.integrator.start import Start, out_of_steps, row_at_start, run_template
 from henon_ref.integrator.transition_array import numbered_rows
 from henon_ref.kernel.shared import doubles, ffi, integers, kernel, record_dtype
 from henon_ref.modes.mode import Mode
@@ -96,7 +95,7 @@ class PointRuns:
         The exact numbers of a point, by its number: values, state, initial time, horizon. By default those that the
         doubles are printed as.
     **settings
-        ``tolerance``, and what else :class:`henon_ref.integrator.start.Start` is to have.
+        Of :func:`henon_ref.integrator.start.run_template`.
 
     Doubles stand for the decimal numbers that they are printed as; with a last axis of length 2 they are pairs (see
     :mod:`henon_ref.integrator.pairs`).
@@ -127,7 +126,7 @@ class PointRuns:
         if integrator.system.parameters:
             raise ModelError("an integrator of a system with values of its parameters runs that system alone")
         self.integrator, self.keep, self.given_mode, self._exact = integrator, keep, mode, exact
-        self._settings = {**settings, "mode": mode}
+        self.settings = settings
         self.values = _pairs(values, 2)
         self.initial = _pairs(initial, 2)
         points, n = self.initial.shape[:2]
@@ -173,7 +172,7 @@ class PointRuns:
     def start(self, point: int) -> Start:
         """Where the run of a point starts, as :class:`Run` takes it."""
         values, initial, begin, until = self.exact(point)
-        return self.integrator.begin(values, initial, start=begin, until=until, **self._settings)
+        return self.integrator.begin(values, initial, start=begin, until=until, mode=self.given_mode, **self.settings)
 
     def __iter__(self) -> Iterator[NDArray[Any]]:
         first, points = 0, len(self.initial)
@@ -191,6 +190,7 @@ class _Part:
         self.runs, self.first, self.part = runs, first, slice(first, last)
         n, surfaces = runs.states.shape[1], len(runs.integrator.system.surfaces)
         self.values = runs.values[self.part] if len(runs.values) > 1 else runs.values
+        self.numbers = np.concatenate([runs.times[self.part, ::-1], runs.initial[self.part]], axis=1)
         self.words = words_of(runs.integrator.mode_table.contacts)
         width = 1 + TRANSITION_PLACES + n + 2 * self.words
         self.kept, self.pending = np.empty((BUFFER, width)), np.zeros((surfaces, width))
@@ -214,12 +214,9 @@ class _Part:
     def _compiled(self, workspace: Workspace) -> Iterator[NDArray[Any]]:
         runs, progress, table = self.runs, self.progress, self.runs.integrator.mode_table
         rows, surfaces = self._rows()
-        times = runs.times[self.part].reshape(-1, 4)
-        initial = np.ascontiguousarray(runs.initial[self.part].transpose(0, 2, 1)).reshape(len(times), -1)
-        template = replace(runs.start(self.first), zeros=runs.integrator.programs.no_zeros).keep()
-        points = ffi.new("struct points *")
-        points.count, points.block, points.start = len(times), doubles(workspace.block), doubles(template)
-        points.times, points.initial = doubles(times), doubles(initial)
+        points, template = ffi.new("struct points *"), run_template(table.sizes, **runs.settings)
+        points.count, points.block, points.start = len(rows), doubles(workspace.block), template
+        points.numbers = doubles(self.numbers)
         points.rows, points.surfaces = integers(rows), integers(surfaces)
         points.ends = ffi.cast("struct end *", ffi.from_buffer(runs.ends[self.part]))
         points.states = doubles(runs.states[self.part])
@@ -270,11 +267,10 @@ class _Part:
         Where it is on one, the row is that of the mode below it; -1 where the start is not clear.
         """
         runs, integrator = self.runs, self.runs.integrator
-        points = np.concatenate([runs.times[self.part, :1], runs.initial[self.part]], axis=1)
-        values = np.broadcast_to(self.values, (len(points), *self.values.shape[1:]))
-        signs = integrator.programs.start.signs_at(np.concatenate([points, values], axis=1))
+        values = np.broadcast_to(self.values, (len(self.numbers), *self.values.shape[1:]))
+        signs = integrator.programs.start.signs_at(np.concatenate([self.numbers[:, 1:], values], axis=1))
         contacts = integrator.mode_table.contacts
-        rows, surfaces = np.full((len(points), max(self.words, 1)), -1), np.full(len(points), -1)
+        rows, surfaces = np.full((len(signs), max(self.words, 1)), -1), np.full(len(signs), -1)
         if runs.given_mode:
             return rows, surfaces
         modes, places = np.unique(signs, axis=0, return_inverse=True)

@@ -66,7 +66,6 @@ def prepared_run(
     integrator = Integrator(problem.system, order_for(error))
     # A deadline bounds it, not a number of steps.
     start = integrator.start(problem, tolerance=error, landing=landing, most_steps=NO_LIMIT)
-    start.keep()
 
     def run() -> Trajectory:
         return Run(integrator, start, sample_times, deadline).to_horizon()

@@ -77,7 +77,7 @@ class Workspace:
     state: NDArray[np.float64]
     """View: scalars and vectors of the run."""
     memory: memoryview
-    """Memoryview of ``state``, for packing bytes."""
+    """Memoryview of ``state``."""
     band: NDArray[np.float64]
     """View: coefficients of the last expansion, one row per state, then per guard."""
     transitions: NDArray[np.float64]
@@ -97,7 +97,7 @@ class Workspace:
             block,
             ffi.cast("struct run *", doubles(block)),
             block[: own.end_of_state],
-            block[: own.end_of_state].data,
+            block[: own.end_of_state].data.cast("B"),
             block[own.band : own.room].reshape(-1, own.width),
             block[own.records :].reshape(CHUNK, -1),
         )

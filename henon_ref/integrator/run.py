@@ -87,7 +87,7 @@ class Run(State):
         self.workspace = workspace = integrator.workspace()
         self.integrator, self.start, self.deadline = integrator, start, deadline
         self.scalars, self.state = workspace.run, workspace.state
-        start.write(self.state, workspace.memory)
+        workspace.memory[:] = start.block
         if block != CHUNK:
             self.scalars.transition_capacity = block
         self.samples, self._sampled = _NO_SAMPLES, ffi.NULL
@@ -99,7 +99,7 @@ class Run(State):
         self.passed_at, self.motion, self.decisions = -1, None, _NO_DECISIONS
         self.ended: Trajectory | None = None
         if dense:
-            self._steps = np.empty((dense, STEP_PLACES + len(start.x) * (start.order + 1)))
+            self._steps = np.empty((dense, STEP_PLACES + len(start.x) * (self.scalars.order + 1)))
             self.scalars.dense, self.scalars.dense_capacity = doubles(self._steps), dense
 
     def __del__(self) -> None:
@@ -112,7 +112,7 @@ class Run(State):
         A step holds from its time up to its length, where the next one begins; one that ends in an event ends there.
         """
         kept = self.step_blocks if self._steps is None else [*self.step_blocks, self._steps[: self.scalars.dense_steps]]
-        kind = step_dtype(len(self.start.x), self.start.order)
+        kind = step_dtype(len(self.start.x), self.scalars.order)
         return np.concatenate(kept).view(kind)[:, 0] if kept else np.zeros(0, dtype=kind)
 
     def go_back(self, state: NDArray[np.float64]) -> None:
@@ -181,8 +181,8 @@ class Run(State):
             self.close_block()
         elif code == kernel.STEPS_FULL:
             self.close_steps()
-        elif code == kernel.BUDGET_SPENT and self.scalars.steps >= self.start.most_steps:
-            return self._end("failed", out_of_steps(self.start.most_steps, self.time))
+        elif code == kernel.BUDGET_SPENT and self.scalars.steps >= self.scalars.most_steps:
+            return self._end("failed", out_of_steps(self.scalars.most_steps, self.time))
         elif code not in (kernel.BLOCK_FULL, kernel.BUDGET_SPENT):
             from henon_ref.integrator.mode_changes import answered  # most runs have no use for it
 

@@ -78,7 +78,7 @@ class State:
     @property
     def _entries(self) -> NDArray[np.int64]:
         """Words of the mode's entries, where it is no row: a view."""
-        last = len(self.state) - len(self.start.zeros)
+        last = len(self.state) - self.scalars.guards
         return self.state[last - words_of(self.integrator.mode_table.contacts) : last].view(np.int64)
 
     @property
@@ -110,7 +110,7 @@ class State:
         return self._vector(2)
 
     def _of_guards(self, k: int) -> NDArray[np.int64]:
-        first, count = STATE_PLACE + 3 * len(self.start.x), len(self.start.zeros)
+        first, count = STATE_PLACE + 3 * len(self.start.x), self.scalars.guards
         return self.state[first + k * count : first + (k + 1) * count].view(np.int64)
 
     @property
@@ -126,7 +126,7 @@ class State:
     @property
     def since(self) -> NDArray[np.float64]:
         """Since when each guard has been below its rounding [s] (``rounding_place`` of the kernel)."""
-        return self.state[len(self.state) - len(self.start.zeros) :]
+        return self.state[len(self.state) - self.scalars.guards :]
 
     @property
     def time(self) -> float:
@@ -175,7 +175,7 @@ class State:
 
         Returns its coefficients, a view; None where no step is kept.
         """
-        scalars, shape = self.scalars, (self.x.size, self.start.order + 1)
+        scalars, shape = self.scalars, (self.x.size, self.scalars.order + 1)
         if self._steps is None:
             return None
         if scalars.dense_steps >= scalars.dense_capacity:

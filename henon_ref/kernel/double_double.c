@@ -162,13 +162,20 @@ HENON_EXPORT void run_operations(const int64_t *operations, int64_t count, doubl
     }
 }
 
+/* A pair of some, one after the other. */
+static inline struct pair pair_in(const char *numbers, int64_t k)
+{
+    struct pair own;
+    memcpy(&own, numbers + k * (int64_t)sizeof own, sizeof own);
+    return own;
+}
+
 /* Run a program at one point. inputs: pairs; of one that is no double alone what it leaves is rounded. */
 static void run_at(const struct program *program, const char *inputs, struct bounded *registers)
 {
     memcpy(registers, program->registers, (size_t)program->width * sizeof(struct bounded));
     for (int64_t k = 0; k < program->inputs; k++) {
-        struct pair own;
-        memcpy(&own, inputs + k * (int64_t)sizeof own, sizeof own);
+        const struct pair own = pair_in(inputs, k);
         registers[k] = (struct bounded){own.high, own.low, own.low != 0.0 ? OPERATION_ERROR * fabs(own.high) : 0.0};
     }
     run_operations(program->operations, program->count, (double *)registers, program->width, 1);
@@ -222,15 +229,6 @@ HENON_EXPORT void signs_of(const double *registers, int64_t width, int64_t point
             signs[point * count + k] = sign;
         }
     }
-}
-
-/* The same of a program's expressions at one point. block: room for the registers, and for the signs behind them. */
-HENON_EXPORT int64_t *point_signs(const struct program *program, const char *inputs, double *block)
-{
-    int64_t *signs = (int64_t *)(block + 3 * program->width);
-    run_at(program, inputs, (struct bounded *)block);
-    signs_of(block, program->width, 1, program->outputs, program->results, signs);
-    return signs;
 }
 
 #endif

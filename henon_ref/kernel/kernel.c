@@ -31,7 +31,7 @@
 #include "near_zero.c"
 #include "close_event.c"
 #include "loop.c"
-#include "surface_start.c"
+#include "start.c"
 #include "points.c"
 #include "parts.c"
 

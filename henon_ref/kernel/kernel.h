@@ -317,8 +317,7 @@ struct points {
     int64_t count;
     double *block;           /* of a run, which must be the same until all points are done */
     const double *start;     /* what a run's block begins with, but for the point's own numbers */
-    const double *times;     /* (count, 4): initial time and horizon [s], each with what rounding lost of it */
-    const double *initial;   /* (count, 2 n): state at the start, and what rounding lost of it */
+    const double *numbers;   /* (count, 2 + n, 2): horizon, initial time [s] and states, each with what rounding lost */
     int64_t *rows;           /* row of the mode at the start, or the words of its entries, which those of the mode at
                                 the end overwrite; -1: the point is set aside */
     const int64_t *surfaces; /* surface on which the point starts, -1 where it is on none; "rows" then has the mode
@@ -363,8 +362,9 @@ HENON_EXPORT int64_t run_points(struct progress *progress, const struct points *
                                 const struct buffer *buffer);
 HENON_EXPORT void keep_transitions(struct progress *progress, const double *records, int64_t count,
                                    const struct buffer *buffer);
-HENON_EXPORT int64_t mode_on_surface(const struct tables *tables, int64_t row, int64_t surface, double t,
-                                     const double *x, int64_t states, int64_t guards, double *speeds, int64_t *zeros);
+HENON_EXPORT int64_t start_run(struct run *run, const double *template, const struct tables *tables,
+                               const struct program *program, int64_t surfaces, const char *numbers, double *room);
+HENON_EXPORT int64_t enter_at_start(struct run *run, const struct tables *tables, const int64_t *mode, int64_t surface);
 HENON_EXPORT int64_t events_accumulate(struct run *run);
 HENON_EXPORT int64_t rounding_place(int64_t valid, int64_t index, int64_t guards);
 
@@ -374,7 +374,6 @@ HENON_EXPORT struct tables *point_tables(const struct tables *template, const st
                                          const char *inputs, double *block);
 HENON_EXPORT void signs_of(const double *registers, int64_t width, int64_t points, const int64_t *sources,
                            int64_t count, int64_t *signs);
-HENON_EXPORT int64_t *point_signs(const struct program *program, const char *inputs, double *block);
 
 /* Parts that tests call by themselves: the functions of these names, without "test_". */
 HENON_EXPORT int64_t test_positive_by_bound(const double *q, const double *powers, int64_t degree);

@@ -42,12 +42,6 @@ HENON_EXPORT void keep_transitions(struct progress *progress, const double *reco
     }
 }
 
-/* Where the parts of a run's block stand. */
-static inline struct places places_of_run(const struct run *run)
-{
-    return places_of(run->states, run->guards, run->order, run->contacts, run->constants);
-}
-
 /* Mode of a point: its row, or words. */
 static inline int64_t *mode_of_point(const struct points *points, const struct run *run, int64_t point)
 {
@@ -55,33 +49,13 @@ static inline int64_t *mode_of_point(const struct points *points, const struct r
     return points->rows + point * (words ? words : 1);
 }
 
-/* Put a point's start into the run's block; false where its mode is not clear. */
+/* Start the run of a point; false if its mode is not clear. */
 static bool begin_point(const struct points *points, const struct tables *tables, int64_t point)
 {
     struct run *run = (struct run *)points->block;
     const struct run *template = (const struct run *)points->start;
-    const struct places p = places_of_run(template);
-    const double *times = points->times + 4 * point;
-    const int64_t *start = mode_of_point(points, template, point);
-    int64_t words = words_of(template->contacts), surface = points->surfaces[point], n = template->states;
-    memcpy(points->block, points->start, (size_t)p.end_of_state * sizeof(double));
-    memcpy(points->block + p.entries, start, (size_t)words * sizeof(double));
-    run->time = run->begin = times[0], run->time_low = times[1], run->mode = words ? 0 : start[0];
-    run->horizon = times[2], run->horizon_low = times[3];
-    run->unit = larger(remaining(run), SHORTEST_UNIT);
-    memcpy(points->block + p.state, points->initial + point * 2 * n, (size_t)(2 * n) * sizeof(double));
-    if (surface >= 0) {
-        struct work work = work_of(run, tables);
-        put_together(&work);
-        const double *constants = work.constants + tables->length;
-        int64_t zeros, row = row_on_surface(work.mode, constants, run->mode, surface, run->time, work.x, n, work.room,
-                                            &zeros);
-        if (row < 0)
-            return false;
-        go_over(&work, surface, row);
-        set_known_zeros(&work, work.mode, surface, zeros);
-    }
-    return true;
+    write_numbers(run, points->start, (const char *)(points->numbers + point * 2 * (2 + template->states)));
+    return enter_at_start(run, tables, mode_of_point(points, template, point), points->surfaces[point]);
 }
 
 /* Write down how a point's run ended. */

@@ -97,6 +97,12 @@ HENON_EXPORT struct places places_of(int64_t states, int64_t guards, int64_t ord
     return p;
 }
 
+/* Where the parts of a run's block stand. */
+static inline struct places places_of_run(const struct run *run)
+{
+    return places_of(run->states, run->guards, run->order, run->contacts, run->constants);
+}
+
 /* Record of the mode in a row of the tables. */
 static inline const struct mode *mode_in(const struct tables *tables, int64_t row, int64_t guards)
 {

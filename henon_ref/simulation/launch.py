@@ -58,6 +58,7 @@ class Launch(NamedTuple):
     base: System
     parameters: Mapping[Any, Any] | None
     """In place of the base's."""
+    stop: Mapping[Any, str] | None
     integrator: Integrator
     start: Start
 
@@ -66,7 +67,7 @@ class Launch(NamedTuple):
         if self.start.refused is not None:
             return trajectory._replace(end_mode=())
         found = trajectory.transitions
-        if (self.start.stop_falling or self.start.stop_rising) and trajectory.status == "ok":
+        if self.stop and trajectory.status == "ok":
             last = found[-1] if len(found) else None
             if last is not None and (last.time, last.time_low) != self.start.until and last.time == trajectory.end_time:
                 name = self.base.model.sign_names[last.surface]
@@ -103,7 +104,7 @@ def launch(
     tolerance = rtol if type(rtol) is float else tolerance_of(rtol)
     quick: QuickStart | None = system.prepared.get(tolerance)
     begin = None if quick is None else quick(initial, until, start, parameters, mode)
-    falling, rising = stop_of(system, stop) if stop else (0, 0)
+    stopping = stop_of(system, stop) if stop else (0, 0)
     if begin is not None and quick is not None:
         integrator = quick.integrator
     else:  # what is wrong is said before anything is compiled
@@ -117,10 +118,11 @@ def launch(
                 quick = _prepared(system, tolerance)
                 if quick is not None:  # its compiled functions are loaded now, not by the second run
                     quick(initial, until, start, parameters, mode)
-    if falling or rising or max_steps != MOST_STEPS:
-        steps = whole_number(max_steps, "max_steps")
-        begin = replace(begin, stop_falling=falling, stop_rising=rising, most_steps=min(steps, NO_LIMIT))
-    return Launch(system, parameters, integrator, begin)
+    if stop or max_steps != MOST_STEPS:
+        run = begin.scalars
+        run.stop_falling, run.stop_rising = stopping
+        run.most_steps = min(whole_number(max_steps, "max_steps"), NO_LIMIT)
+    return Launch(system, parameters, stop, integrator, begin)
 
 
 def _prepared(system: System, tolerance: float) -> QuickStart | None:

@@ -10,7 +10,8 @@ import math
 from collections.abc import Callable, Mapping
 from fractions import Fraction
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, Any
+from itertools import chain
+from typing import TYPE_CHECKING, Any, cast
 
 import sympy as sp
 
@@ -18,8 +19,7 @@ from henon_ref.errors import ModelError
 from henon_ref.integrator.constants import ModeConstants
 from henon_ref.integrator.integrator import Integrator
 from henon_ref.integrator.pairs import Pair, exact_expression, exact_number, pair_of
-from henon_ref.integrator.records import HENON
-from henon_ref.integrator.start import Start, begin
+from henon_ref.integrator.start import Start, begin, run_template
 from henon_ref.kernel.shared import kernel
 from henon_ref.modes.bounds import double_double
 from henon_ref.precision import one_at_a_time
@@ -32,8 +32,8 @@ KEPT = 64
 """Parameter values of which the constants are kept."""
 CLEARLY = 1e-9
 """What a condition on the parameters is above where rounding cannot have made it so."""
-Values = tuple[Pair, ...]
-"""Of the parameters that stand in the equations."""
+Values = tuple[float, ...]
+"""Of the parameters that stand in the equations, of each a pair."""
 Changes = tuple[tuple[str, float], ...]
 """Parameters, and the values that they have in place of the system's."""
 
@@ -42,10 +42,12 @@ class QuickStart:
     """Starts of one system, with the integrator of its structure, at one local error of a step."""
 
     def __init__(self, system: System, integrator: Integrator, tolerance: float) -> None:
-        self._system, self.integrator, self._tolerance = system, integrator, tolerance
+        self._system, self.integrator = system, integrator
+        self._template = run_template(integrator.mode_table.sizes, tolerance=tolerance)
         programs, self._own = integrator.programs, system.model.parameters
-        self._values: Values = tuple(double_double(self._own[symbol]) for symbol in programs.parameters)
-        self._places = {symbol.name: at for at, symbol in enumerate(programs.parameters)}
+        values = chain.from_iterable(double_double(self._own[symbol]) for symbol in programs.parameters)
+        self._values: Values = tuple(values)
+        self._places = {symbol.name: 2 * at for at, symbol in enumerate(programs.parameters)}
         self._dependents: dict[tuple[str, ...], dict[str, Number] | None] = {}
         self._floats = {symbol.name: float(value) for symbol, value in self._own.items()}
         # A kink may lie at the end of the range where it has a value, which decides whether it is open.
@@ -70,28 +72,22 @@ class QuickStart:
     ) -> Start | None:
         """Where a run starts; None where that is to be found in the exact way."""
         plain = type(initial) is dict and (parameters is None or type(parameters) is dict)
-        if not plain or not (mode is None or type(mode) is dict):
+        if not plain or not (mode is None or type(mode) is dict) or len(initial) != len(self._system.state):
             return None
-        values = self._values if not parameters else self._changed(parameters)
-        changes = tuple(parameters.items()) if parameters else ()
-        time, end = pair_of(start), pair_of(until)
-        names = self._system.state
-        if values is None or time is None or end is None or len(initial) != len(names):
+        point = start, *map(initial.get, self._system.state)
+        pairs = list(map(pair_of, (until, *point)))
+        if None in pairs:
             return None
-        x = []
-        for name in names:
-            pair = pair_of(initial.get(name))
-            if pair is None:
-                return None
-            x.append(pair)
-        constants, given = self._constants(values, changes), self._entries(mode) if mode else {}
-        if constants is None or given is None or not (end[0] - time[0]) + (end[1] - time[1]) > 0.0:
+        end, time, *x = cast(list[Pair], pairs)
+        if not (end[0] - time[0]) + (end[1] - time[1]) > 0.0:
             return None
-        point = (start, *(initial[name] for name in names))
+        constants, given = self._constants_of(parameters), self._entries(mode) if mode else {}
+        if constants is None or given is None:
+            return None
         if self._in_kinks and kernel.UNCLEAR_SIGN in constants.signs(time, x):
             return None
-        settings = {"tolerance": self._tolerance, "landing": HENON}
-        found = begin(constants, time, end, x, lambda: list(map(exact_number, point)), given, **settings)
+        exact = lambda: list(map(exact_number, point))  # noqa: E731
+        found = begin(self.integrator, constants, self._template, time, end, tuple(x), exact, given)
         wrong = found.refused is not None and (given or found.refused.status == "failed")
         return None if wrong else found  # the exact way has the words
 
@@ -101,6 +97,13 @@ class QuickStart:
         if any(name not in names or type(entry) is not int or entry not in (-1, 0, 1) for name, entry in mode.items()):
             return None
         return {names.index(name): entry for name, entry in mode.items()}
+
+    def _constants_of(self, parameters: Mapping[Any, Any] | None) -> ModeConstants | None:
+        """Constants at the system's values, or with some of them changed; None if the exact way has to find them."""
+        if not parameters:
+            return self._constants(self._values, ())
+        values = self._changed(parameters)
+        return None if values is None else self._constants(values, tuple(parameters.items()))
 
     def _changed(self, parameters: Mapping[Any, Any]) -> Values | None:
         """Values of the parameters, some of them others; None where they are not to be had like that.
@@ -124,7 +127,7 @@ class QuickStart:
                 return None
             place = self._places.get(name)
             if place is not None:  # else nothing depends on it
-                values[place] = pair
+                values[place : place + 2] = pair
         if self._conditions is not None and not self._clearly_allowed(
             {name: high for name, (high, _) in pairs.items()}
         ):

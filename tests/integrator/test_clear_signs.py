@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 
+import numpy as np
 import pytest
 import sympy as sp
 
@@ -15,9 +16,9 @@ X, V, B = sp.symbols("x v b", real=True)
 
 
 def signs(symbols: list[sp.Symbol], expressions: list[sp.Expr], *point: float) -> list[int]:
-    return constant_program(symbols, expressions).clear_signs(
-        *(half for value in point for half in pair_of_exact(value))
-    )
+    points = np.array([[pair_of_exact(value) for value in point]])
+    found: list[int] = constant_program(symbols, expressions).signs_at(points)[0].tolist()
+    return found
 
 
 def test_what_it_tells_is_the_exact_sign() -> None:

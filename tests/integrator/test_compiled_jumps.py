@@ -251,8 +251,8 @@ def test_points_have_the_bits_of_runs_alone() -> None:
 def test_a_run_may_end_on_a_surface_that_resets() -> None:
     problem = impact_oscillator(HALF, HALF, 30)
     integrator = Integrator(problem.system, 18)
-    start = integrator.start(problem, tolerance=1e-13, landing=HENON)
-    found = Run(integrator, replace(start, stop_falling=1)).to_horizon()
+    start = integrator.start(problem, tolerance=1e-13, landing=HENON, stop_falling=1)
+    found = Run(integrator, start).to_horizon()
     assert (found.status, [t.kind for t in found.transitions], found.end_time) == (
         "ok",
         ["reset"],

@@ -245,7 +245,7 @@ def test_a_mode_is_put_together_as_it_would_be_written_out() -> None:
     given = tuple(values[symbol.name] for symbol in integrator.parameters)
     begin = integrator.begin(given, [*start(5, 1).values()], until=UNTIL, tolerance=1e-10, landing=HENON)
     own, table = Run(integrator, begin, block=1), integrator.mode_table
-    at = kernel.places_of(10, *table.sizes)
+    at = kernel.places_of(*table.sizes)
     seen = 0
     while isinstance(own.next_event(), Transition):
         seen += 1
@@ -280,11 +280,9 @@ def test_any_corner_is_decided_as_in_python() -> None:
         if len(hit) < 2:
             continue
         x = [*(0.0 for _ in every), *map(float, numbers)]
-        begin = replace(
-            integrator.begin((), [1.0] * 18, until=1.0, tolerance=1e-6, landing=HENON),
-            until=(0.0, 0.0), x=tuple((v, 0.0) for v in x), row=table.row(mode) or 0,
-        )  # fmt: skip
+        begin = integrator.begin((), [1.0] * 18, until=1.0, tolerance=1e-6, landing=HENON)
         own = Run(integrator, begin)
+        own.until, own.x[:], own.row = (0.0, 0.0), x, table.row(mode) or 0
         own.hits[: len(table.guards(mode))] = [g.kind == "surface" and g.index in hit for g in table.guards(mode)]
         own.scalars.guard, own.scalars.event_pending = 2 * hit[0], 1
         code = kernel.advance(own.workspace.run, begin.constants.update().tables, ffi.NULL, 0)

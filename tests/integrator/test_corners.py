@@ -12,9 +12,7 @@ from often import daily
 from test_mode_selection import straight
 
 from henon_ref.integrator.integrator import Integrator
-from henon_ref.integrator.records import HENON
 from henon_ref.integrator.run import Run
-from henon_ref.integrator.start import Start
 from henon_ref.kernel.shared import kernel
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.selection import after_event
@@ -43,9 +41,8 @@ class Corner:
         self.integrator = Integrator(problem.system, 8)
         for mode in product((-1, 0, 1), repeat=surfaces):
             self.integrator.mode_table.row(mode)
-        self.constants = self.integrator.constants(
-            tuple(problem.system.parameters[p] for p in self.integrator.parameters)
-        )
+        self.start = self.integrator.start(problem, tolerance=1e-6)
+        self.constants = self.start.constants
 
     def both(self, numbers: Sequence[float], mode: Mode, hit: Sequence[int]) -> tuple[Mode | None, Any]:
         """What machine code makes of it (None: left to Python), and what Python does.
@@ -63,11 +60,8 @@ class Corner:
         at_zero = [g.kind == "surface" and g.index in hit for g in guards]
         hits = np.zeros(compiled.most_guards, dtype=np.int64)
         hits[: len(guards)] = at_zero
-        start = Start(
-            time=(0.0, 0.0), until=(1.0, 0.0), x=tuple((v, 0.0) for v in x), refused=None, row=row,
-            zeros=self.constants.no_zeros, order=8, tolerance=1e-6, landing=HENON, constants=self.constants,
-        )  # fmt: skip
-        run = Run(self.integrator, start)
+        run = Run(self.integrator, self.start)
+        run.x[:], run.row = x, row
         run.hits[: len(hits)] = hits
         found = kernel.test_select_mode(run.workspace.run, self.constants.update().tables)
         asked = [g for g, zero in zip(guards, at_zero, strict=True) if zero]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +28,7 @@ def values(steps: np.ndarray, times: np.ndarray) -> np.ndarray:
 
 def run(problem: Problem, dense: int = 0, tolerance: float = 1e-12, **changes: int) -> tuple[Trajectory, Run]:
     integrator = Integrator(problem.system, 16)
-    start = replace(integrator.start(problem, tolerance=tolerance, landing=HENON), **changes)
+    start = integrator.start(problem, tolerance=tolerance, landing=HENON, **changes)
     made = Run(integrator, start, dense=dense)
     return made.to_horizon(), made
 
