@@ -24,10 +24,10 @@ HEADER = """\
 
 <!-- Made by `python docs/catalogue.py`; edit the case files, not this page. -->
 
-One YAML file a case. Each tells its story, its equations, where it comes from, what makes it hard and what is right;
-a case with several readings is a family. *Answer* says how the truth is known: `closed form` (all transitions, times
-and modes), `first n in closed form`, `none happen`, or `computed` (to many more digits than any solver carries).
-A run that cannot reach its horizon has the status it must end with.
+Each case is one YAML file with its story, equations, source, difficulty and right result; a case with several readings
+is a family of runs. *Answer* is the origin of the truth: `closed form` (all transitions, times and modes),
+`first n in closed form`, `none happen` (no transitions), or `computed` (with many more digits than any solver).
+For a run that cannot reach its horizon, *answer* is the status with which it must end.
 """
 
 

@@ -36,9 +36,9 @@ HEADER = """\
 
 <!-- Made by `python docs/gallery.py`; edit the case files in cases/scenes, not this page. -->
 
-Machines with friction and stops that many people have simulated. Each page has the equations, where they and their
-numbers come from, and the proven times of the first transitions (`henon-ref truth`). `henon-ref compare scenes` runs
-all of them.
+Well-known models of machines with friction and stops. Each page has the equations, their source and that of the
+parameters, and the proven times of the first transitions (`henon-ref truth`). `henon-ref compare scenes` runs all of
+them.
 """
 NOTE = """\
 *Source not at hand* says that the text was not open when the scene was written: nothing is quoted from it.
