@@ -8,7 +8,6 @@ velocities; every other mode from :mod:`henon_ref.modes.selection`.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from struct import Struct
 from typing import TYPE_CHECKING, Any, cast
@@ -38,22 +37,34 @@ def out_of_steps(steps: int, time: float) -> str:
     return f"stopped after {steps} steps, as many as max_steps allows, at t = {time:.17g}"
 
 
-@dataclass(eq=False)  # frozen, it would take a microsecond more
 class Start:
-    """A problem's start and horizon as the compiled loop takes them."""
+    """A problem's start and horizon as the compiled loop takes them.
 
-    time: Pair
-    """Initial time and what rounding it lost [s]."""
-    until: Pair
-    """Horizon and what rounding it lost [s]."""
-    x: tuple[Pair, ...]
-    """Initial state and what rounding it lost."""
-    refused: Trajectory | None
-    """Result of every run if no initial mode exists; None if one exists."""
-    constants: ModeConstants
-    """The compiled modes' constants at the problem's parameter values."""
-    block: bytearray
-    """First part of a run's block of memory, up to ``end_of_state`` of ``struct places``."""
+    Attributes
+    ----------
+    time, until : Pair
+        Initial time and horizon [s].
+    x : tuple of Pair
+        Initial state.
+    refused : Trajectory or None
+        Result of every run if no initial mode exists; None if one exists.
+    constants : ModeConstants
+        The compiled modes' constants at the problem's parameter values.
+    block : bytearray
+        First part of a run's block of memory, up to ``end_of_state`` of ``struct places``.
+    """
+
+    def __init__(
+        self,
+        time: Pair,
+        until: Pair,
+        x: tuple[Pair, ...],
+        refused: Trajectory | None,
+        constants: ModeConstants,
+        block: bytearray,
+    ) -> None:
+        self.time, self.until, self.x, self.refused, self.constants = time, until, x, refused, constants
+        self.block = block
 
     @property
     def scalars(self) -> Any:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +14,6 @@ from runs import kinds, run, times
 from henon_ref.baselines.henon import HENON_BRENT, HENON_NEWTON, HENON_SOLVER
 from henon_ref.baselines.scipy_ivp import DOP853
 from henon_ref.casefile.case import load_case
-from henon_ref.integrator import records as k
 from henon_ref.integrator.integrator import Integrator
 from henon_ref.integrator.run import Run
 
@@ -179,8 +177,7 @@ def test_runs_of_one_engine_do_not_disturb_each_other() -> None:
     """They share what the compiled loop works on: here two are stopped at each transition, a third hands out blocks."""
     (reading,) = [r for r in load_case(CASES / "fig8.yaml").readings if r.name == "listing_limit"]
     integrator = Integrator(reading.problem.system, 20)
-    tight = integrator.start(reading.problem, tolerance=1e-12, landing=k.HENON)
-    loose = replace(tight, tolerance=1e-8)
+    tight, loose = (integrator.start(reading.problem, tolerance=error) for error in (1e-12, 1e-8))
     alone = [list(Run(integrator, start).to_horizon().transitions) for start in (tight, loose)]
     assert alone[0] != alone[1]
     runs = [Run(integrator, start, block=1) for start in (tight, loose)]

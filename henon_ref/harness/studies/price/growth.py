@@ -108,16 +108,21 @@ def _measured(solver: str, until: float, run: Callable[[], tuple[int, Iterable[_
 def _streamed(problem: Problem) -> Callable[[float], Callable[[], tuple[int, Iterable[_Transition]]]]:
     """Prepare runs of the reference that stream their transitions."""
     integrator = Integrator(problem.system, order_for(TOLERANCE))
-    start = integrator.start(problem, tolerance=TOLERANCE, landing=HENON)
 
-    def run(until: float) -> tuple[int, Iterable[_Transition]]:
-        count, last = 0, deque[_Transition](maxlen=SEEN)
-        for block in Run(integrator, replace(start, until=(until, 0.0))).stream():
-            count += len(block)
-            last.extend(zip(block.times[-SEEN:], block.kinds[-SEEN:], strict=True))
-        return count, last
+    def prepare(until: float) -> Callable[[], tuple[int, Iterable[_Transition]]]:
+        longer = replace(problem, until=sp.Rational(until))
+        start = integrator.start(longer, tolerance=TOLERANCE, landing=HENON)
 
-    return lambda until: lambda: run(until)
+        def run() -> tuple[int, Iterable[_Transition]]:
+            count, last = 0, deque[_Transition](maxlen=SEEN)
+            for block in Run(integrator, start).stream():
+                count += len(block)
+                last.extend(zip(block.times[-SEEN:], block.kinds[-SEEN:], strict=True))
+            return count, last
+
+        return run
+
+    return prepare
 
 
 def _whole(solver: str, problem: Problem) -> Callable[[float], Callable[[], tuple[int, Iterable[_Transition]]]]:

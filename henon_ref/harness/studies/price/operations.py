@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+import sympy as sp
 
 from henon_ref.harness.campaign.timing import interleaved
 from henon_ref.harness.rows import Row
@@ -73,10 +75,10 @@ def work(problem: Problem) -> Work:
         tape = build_tape(system.states, equations.field, [g.expression for g in equations.guards])
         counts.append(count(expansion_ir(tape, n, order, "expansion")))
     integrator = Integrator(system, order)
-    start = integrator.start(problem, tolerance=tolerance, landing=HENON)
 
-    def run(until: float = float(problem.until)) -> Trajectory:
-        return Run(integrator, replace(start, until=(until, 0.0))).to_horizon()
+    def run_to(until: sp.Expr) -> Callable[[], Trajectory]:
+        start = integrator.start(replace(problem, until=until), tolerance=tolerance, landing=HENON)
+        return lambda: Run(integrator, start).to_horizon()
 
     a = np.linspace(0, 1, SIZE * SIZE).reshape(SIZE, SIZE)
     out = np.empty_like(a)
@@ -85,9 +87,11 @@ def work(problem: Problem) -> Work:
         for _ in range(PRODUCTS):
             np.matmul(a, a, out=out)
 
+    run = run_to(problem.until)
     times = interleaved({"run": run, "product": product}, rounds=ROUNDS)
     whole = run()
-    spent = [0, *(run(t.time).counts.rhs_evaluations for t in whole.transitions), whole.counts.rhs_evaluations]
+    ends = [sp.Rational(t.time) for t in whole.transitions]
+    spent = [0, *(run_to(end)().counts.rhs_evaluations for end in ends), whole.counts.rhs_evaluations]
     stuck = [mode == (0,) for mode in (whole.transitions[0].from_mode, *(t.to_mode for t in whole.transitions))]
     return Work(
         expansion=counts[0],
