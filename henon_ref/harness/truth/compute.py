@@ -220,9 +220,7 @@ def compute(
     except TruthError as error:
         raise TruthError(f"{where}: {error}") from None
     numbers = conditioning(problem, transitions)
-    transitions = tuple(
-        replace(with_short_state(t), conditioning=c) for t, c in zip(transitions, numbers, strict=True)
-    )
+    transitions = tuple(replace(with_short_state(t), conditioning=c) for t, c in zip(transitions, numbers, strict=True))
     return replace(truth, transitions=transitions)
 
 
