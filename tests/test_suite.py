@@ -30,16 +30,13 @@ from henon_ref.trajectory import Trajectory, Transition
 BOUND = 1e-11
 """Largest error of a well-conditioned transition time [s]."""
 DEADLINE = 20.0
-SLOW = ("burridge_knopoff.default",)
-"""Its code takes the better part of a minute to compile. Daily: shorter chains of blocks, and .ci/run's record."""
 
 
 def _readings(*folders: str) -> list[pytest.param]:
     found = []
     for path in paths(*folders):
         for reading in readings(path):
-            name = f"{path.stem}.{reading}"
-            found.append(pytest.param(path, reading, id=name, marks=[pytest.mark.slow] if name in SLOW else []))
+            found.append(pytest.param(path, reading, id=f"{path.stem}.{reading}"))
     return found
 
 
