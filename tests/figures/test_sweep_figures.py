@@ -43,7 +43,7 @@ def test_basins_are_named_with_their_shares() -> None:
     axes = basins(on_a_grid(), "a", "b", "mode")
     assert [text.get_text() for text in axes.get_legend().get_texts()] == ["s=0: 50.00%", "s=1: 50.00%"]
     many = pd.DataFrame({"a": np.arange(20.0), "b": np.arange(20.0), "value": np.arange(20.0)})
-    with pytest.raises(ArgumentError, match=f"up to {MOST_BASINS}"):
+    with pytest.raises(ArgumentError, match=f"at most {MOST_BASINS}"):
         basins(many, "a", "b", "value")
 
 
