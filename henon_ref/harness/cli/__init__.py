@@ -1,1 +1,1 @@
-"""Commands: arguments, exit statuses, what the terminal is shown."""
+"""Commands of the harness: arguments, exit statuses and terminal output."""

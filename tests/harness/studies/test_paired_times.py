@@ -202,7 +202,7 @@ def test_readings_with_nobody_to_time_are_named(tmp_path: Path, monkeypatch: pyt
     assert f"- of any other solver: [{CASE.name}, alone](../{CASE.name}/report.md#alone)\n" in left
     assert f"- of `henon`: [{CASE.name}, lost](../{CASE.name}/report.md#lost)\n" in left
     assert "idle" not in left
-    assert "on 1 of 4\nreadings" in text
+    assert "on 1 of 4 readings" in text
 
 
 def test_no_rival_no_page(tmp_path: Path) -> None:

@@ -326,8 +326,8 @@ def test_the_page_shows_what_was_measured_and_every_link_leads_to_a_file(tmp_pat
     assert "| 4 (3.3 to 5) | 2 |" in text
     assert "| `heyoka`, its own calls alone |  |  | 2 |  |" in text
     assert "its own calls of `propagate_until` are 50%" in text
-    assert "Times in the figure: 3; 1 scatter" in text
-    assert "1 rest on one or two runs" in text
+    assert "Times in the figure: 3. Times with an interquartile range above a tenth of the median:\n1. Times" in text
+    assert "from one or two runs, drawn without a bar: 1." in text
     assert "| 0.75 |  |\n" in text
     assert "Not timed: c, late, against ida: it \\*died\\*" in text
     assert "    make it again\n" in text
