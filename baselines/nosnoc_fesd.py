@@ -89,7 +89,7 @@ class Nosnoc(LibrarySolver):
             if beyond:
                 raise UnsupportedError(words)
         if not 1 <= len(system.surfaces) <= MOST_SURFACES:
-            raise UnsupportedError(f"nosnoc's adapter supports 1 to {MOST_SURFACES} surfaces, not {len(system.surfaces)}")
+            raise UnsupportedError(f"the adapter supports 1 to {MOST_SURFACES} surfaces, not {len(system.surfaces)}")
         self.loaded()
         return _Simulation(problem, asked.rtol, self.landing, asked.deadline).run
 
