@@ -83,13 +83,13 @@ class Nosnoc(LibrarySolver):
         system = problem.system
         for beyond, words in (
             (system.overrides, "nosnoc slides by Filippov's combination only, and the case replaces it"),
-            (system.valid, "nosnoc has no word for the end of a model ('valid')"),
-            (system.resets, "nosnoc's step has no jumps of the state"),
+            (system.valid, "nosnoc does not support the end of a model ('valid')"),
+            (system.resets, "nosnoc does not support jumps of the state"),
         ):
             if beyond:
                 raise UnsupportedError(words)
         if not 1 <= len(system.surfaces) <= MOST_SURFACES:
-            raise UnsupportedError(f"{len(system.surfaces)} surfaces: the adapter gives nosnoc 1 to {MOST_SURFACES}")
+            raise UnsupportedError(f"the adapter supports 1 to {MOST_SURFACES} surfaces, not {len(system.surfaces)}")
         self.loaded()
         return _Simulation(problem, asked.rtol, self.landing, asked.deadline).run
 

@@ -83,7 +83,7 @@ class ScipyNaive(LibrarySolver):
     def prepared(self, problem: Problem, asked: Asked) -> Run:
         """Lambdify the field."""
         if problem.system.resets:
-            raise UnsupportedError(f"{self.name} watches no surface, so the state cannot jump where one is reached")
+            raise UnsupportedError(f"{self.name} has no events and does not support jumps of the state")
         if any(problem.initial_mode.values()):
             raise UnsupportedError(f"{self.name} has the sign 0 on a surface, so it cannot begin there on a given side")
         if problem.system.overrides:

@@ -148,7 +148,7 @@ class SmoothMode(ABC):
             except Stalled as error:
                 return self.failed(str(error))
         if not isinstance(stop, Stop):
-            raise ContractError(f"integrate returned {stop!r}, wanted what self.stopped or self.failed returns")
+            raise ContractError(f"integrate must return the result of self.stopped or self.failed, not {stop!r}")
         return stop
 
     def stopped(
@@ -182,7 +182,7 @@ class SmoothMode(ABC):
         last = len(self.model.guards)
         for k in fallen:
             if isinstance(k, (bool, np.bool_)) or not 0 <= k <= last:
-                raise ContractError(f"a guard that fell is named by {k!r}, wanted its index, 0 to {last}")
+                raise ContractError(f"'fallen' must contain indices of guards, 0 to {last}, not {k!r}")
         hits = tuple(int(k) for k in fallen if k < last)
         return Stop("event" if hits else "diverged", t, 0.0, state, hits, samples=samples)
 

@@ -66,8 +66,8 @@ def _ball(t: Any, y: Any) -> list[Any]:
     "https://github.com/patrick-kidger/diffrax/pull/644",
 )
 def last_root() -> str:
-    """The root finder starts at the step's end: Newton's method goes to the root there, bisection to some root of the
-    step. The adapter takes bisection; of three roots in a step it may take any.
+    """The root finder starts at the end of the step: Newton's method converges to the last root, bisection to any root
+    in the step. The adapter uses bisection; of three roots in a step it may find any.
     """
 
     def condition(t: Any, y: Any, args: Any, **_: Any) -> Any:
@@ -89,8 +89,8 @@ def pair_in_one_step() -> str:
 
 @shows("diffrax-list-order", "Of several conditions the first in the list counts", f"{ISSUES}/639")
 def first_in_the_list() -> str:
-    """Where two conditions change sign in one step, the run stops at the root of the one that is listed first, though
-    the other's may be earlier. The adapter gives one condition, the minimum of all guards.
+    """If two conditions change sign in one step, the run stops at the root of the condition that is listed first,
+    although the other root may be earlier. The adapter passes one condition, the minimum of all guards.
     """
     late, early = (lambda t, y, args, **_: y[0] - 1.0), (lambda t, y, args, **_: y[0] - 0.5)
     one, other = (float(solve(_one, [0.0], 4.0, pair, step=2.0).ts[0]) for pair in ((late, early), (early, late)))
@@ -100,7 +100,7 @@ def first_in_the_list() -> str:
 
 @shows("diffrax-start", "A zero at the start is a change of sign")
 def start_on_the_surface() -> str:
-    """A condition that is exactly zero where a run starts has changed its sign by the end of the first step. The
+    """A condition that is exactly zero at the start counts as having changed its sign by the end of the first step. The
     adapter starts every guard clearly above zero, and counts falling roots only.
     """
 
@@ -122,8 +122,8 @@ def start_on_the_surface() -> str:
 
 @shows("diffrax-pole", "diffrax: an event in front of a pole")
 def event_in_front_of_a_pole() -> str:
-    """An event is located in a step that has passed it. Where the field has a pole, or no value, just behind the
-    surface, every such step is refused, and the steps no longer move the time.
+    """An event is located in a step that has passed it. If the field has a pole, or no value, just after the surface,
+    every such step is rejected, and the steps no longer move the time.
     """
     import diffrax
 
@@ -142,8 +142,8 @@ def event_in_front_of_a_pole() -> str:
     "https://docs.kidger.site/optimistix/api/root_find/",
 )
 def bisection_has_units() -> str:
-    """optimistix's bisection ends only where the interval is small and the condition below the absolute tolerance;
-    where rounding keeps the condition above, the run fails. The adapter scales the condition down.
+    """optimistix's bisection stops only if the interval is small and the condition is below the absolute tolerance. If
+    rounding keeps the condition above the tolerance, the run fails. The adapter scales the condition down.
     """
     import diffrax
     import optimistix
@@ -161,8 +161,8 @@ def bisection_has_units() -> str:
 
 @shows("diffrax-dense-output", "Events on a dense output of lower order")
 def dense_output_of_lower_order() -> str:
-    """An event is located on the step's dense output, whose order is below the step's (5 for Dopri8, 3 for Kvaerno5):
-    its time, and the state there, are less accurate than what the steps carry.
+    """An event is located on the step's dense output, whose order (5 for Dopri8, 3 for Kvaerno5) is below that of the
+    step: the time of the event, and the state there, are less accurate than the steps.
     """
     import math
 

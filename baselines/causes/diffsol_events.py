@@ -45,11 +45,11 @@ def pair_in_one_step() -> str:
     )
 
 
-@shows("diffsol-any-direction", "A stop at every change of sign, and by nobody knows which", f"{DIFFSL}/odes.html")
+@shows("diffsol-any-direction", "Every change of sign stops, and the result does not name it", f"{DIFFSL}/odes.html")
 def any_direction() -> str:
-    """A stop function has no direction, and the result does not say which of several stopped the run. One that is
-    exactly zero at the start is out of play; a rounding below it stops the run as it rises. The adapter starts
-    guards above zero and goes on where one has risen.
+    """A stop function has no direction, and the result does not contain which of several stop functions stopped the
+    run. A stop function that is exactly zero at the start is ignored until it has left zero; if it starts one rounding
+    below zero, it stops the run as it rises. The adapter starts guards above zero and continues if one has risen.
     """
     below = solve("u_i { x = -1e-15, v = 1.0 } F_i { v, -1.0 } stop_i { x }", 3.0)
     on = solve("u_i { x = 0.0, v = 1.0 } F_i { v, -1.0 } stop_i { x }", 3.0)
@@ -62,9 +62,9 @@ def any_direction() -> str:
 
 @shows("diffsol-reset", "A bounce falls through the floor", f"{DIFFSL}/odes.html")
 def bounce_falls_through() -> str:
-    """`reset_i` leaves the state where the stop was found, a rounding beyond the surface: the stop function is negative
-    from there on, and changes its sign no more. The adapter resets nothing: the driver puts the state on the surface
-    and starts another mode.
+    """`reset_i` starts from the located stop, whose state is one rounding beyond the surface: the stop function is
+    negative from there on and does not change its sign again. The adapter does not use `reset_i`: the driver projects
+    the state onto the surface and starts the next mode.
     """
     text = "u_i { x = 1.0, v = 0.0 } F_i { v, -9.81 } stop_i { x } reset_i { x, -0.8 * v }"
     found = solve(text, 4.0, "bdf")
@@ -90,7 +90,7 @@ def tangent_ends_the_process() -> str:
 
 @shows("diffsol-nan", "tsit45 takes a NaN for a state")
 def number_that_is_none() -> str:
-    """Where the field has no value, tsit45 goes on with a state that is no number, to the horizon, and reports success.
+    """If the field has no value, tsit45 continues to the horizon with a NaN state and reports success.
 
     h' = -sqrt(h) from 1: h = (1 - t/2)^2, and nothing is left at t = 2.
     """
@@ -103,10 +103,10 @@ def number_that_is_none() -> str:
     return f"tsit45 goes on to t = 4 with h = nan and reports nothing; bdf ends: {words}"
 
 
-@shows("diffsol-small-step", "A blow-up, the end of a field, a pole behind a surface: a step that is too small")
+@shows("diffsol-small-step", "Blow-up, end of a field, pole just after a surface: all are a step that is too small")
 def small_steps() -> str:
-    """diffsol has no word for divergence or for a field without a value, which it meets behind a surface, too; the
-    error holds the time and nothing of what was computed before.
+    """diffsol reports divergence, and a field without a value (which a step may also reach just after a surface), as a
+    step size that is too small. The error contains the time; the solution up to that time is lost.
 
     x' = x^2 from 1 ends at t = 1; sqrt(1 - y) does, too; v' = -1/(v + 1e-9) has its pole behind the root.
     """
@@ -122,10 +122,10 @@ def small_steps() -> str:
     return f"bdf on x' = x²: {every[0]}; on a pole 1e-9 behind the root at 0.500000001: {every[2]}"
 
 
-@shows("diffsol-late", "Times are told apart to 100 roundings")
+@shows("diffsol-late", "Times are resolved to 100 roundings only")
 def late_times() -> str:
-    """Roots are located to 100 eps |t|, and a step that ends so close to the horizon is an error in place of the run's
-    end. At t = 1e9 that is 2e-5 s.
+    """Roots are located to 100 eps |t|, which is 2e-5 s at t = 1e9. A step that ends this close to the horizon raises
+    an error instead of ending the run.
     """
 
     def late(text: str, start: float) -> Any:
@@ -140,7 +140,9 @@ def late_times() -> str:
 
 @shows("diffsol-stop-nan", "A stop function without a value is no stop")
 def stop_function_that_is_none() -> str:
-    """A NaN is no change of sign: the run goes on beyond the end of its stop function, and reports success."""
+    """NaN does not count as a change of sign: the run continues after its stop function has become NaN, and reports
+    success.
+    """
     for method in ("tsit45", "bdf"):
         found = solve("u_i { y = 0.0 } F_i { 1.0 } stop_i { sqrt(1.0 - y) + 0.5 }", 2.0, method)
         holds(found.ts[-1] == 2.0, f"{method} stops at {found.ts[-1]}")
@@ -149,9 +151,9 @@ def stop_function_that_is_none() -> str:
 
 @shows("diffsol-first-step", "A first step that is shorter than the shortest step")
 def first_step_too_short() -> str:
-    """The first step is estimated as a hundredth of the state over its rate, whatever `h0` says. From a state that is
-    nearly zero that is below the shortest step, 1e-13 s whatever the time, and the run fails. The adapter makes the
-    shortest step the rounding of the horizon.
+    """The first step is estimated as a hundredth of the state divided by its rate; `h0` is not used. For a state near
+    zero the estimate is below the shortest allowed step (`min_timestep`, 1e-13 s at any time), and the run fails. The
+    adapter sets `min_timestep` to the rounding of the horizon.
     """
     ode = model("u_i { x = 0.0, y = 4e-14 } F_i { 1.0, 3.0 }", 1e-9, "bdf")
     default = ode.options.min_timestep

@@ -38,8 +38,8 @@ def _ball() -> tuple[Any, list[tuple[Any, Any]]]:
 
 @shows("heyoka-double-root", "Two roots that rounding makes one")
 def pair_below_rounding() -> str:
-    """heyoka isolates the roots of the event's Taylor polynomial in double precision. Where the surface function
-    between two roots goes no deeper than its rounding, they are a double root, which is not reported.
+    """heyoka isolates the roots of the event's Taylor polynomial in double precision. If the event function between two
+    roots is not larger than its rounding, the roots are a double root, which is not reported.
 
     x' = 1 through x^2 = d^2/4: with d = 1e-8 the constant is lost in the rounding of 1.
     """
@@ -53,8 +53,9 @@ def pair_below_rounding() -> str:
 
 @shows("heyoka-event-polynomial", "The event is its Taylor polynomial")
 def event_is_its_taylor_polynomial() -> str:
-    """Roots are sought on the Taylor polynomial of the event function over the step; the step is chosen from the state
-    alone. An event function of slower convergence than the state is another function at the step's end.
+    """Roots are located on the Taylor polynomial of the event function over the step, but the step size follows from
+    the state alone. If the series of the event function converges more slowly than that of the state, its polynomial is
+    wrong at the end of the step.
 
     x' = 1 is a polynomial, so that one step goes to the horizon; 1 - x^50 is of higher degree than the expansion.
     """
@@ -71,8 +72,8 @@ def event_is_its_taylor_polynomial() -> str:
 
 @shows("heyoka-flat-root", "A direction is the sign of the derivative")
 def root_of_third_order() -> str:
-    """Whether a root rises or falls is read off the event's derivative there. At a root of third order that is zero:
-    with a direction it does not count.
+    """The direction of a root is the sign of the event's derivative at the root. At a root of third order the
+    derivative is zero, and an event with a direction does not count.
     """
     x, field = _unit_speed()
     plain, flat = (run(guard, field, [0.0], 2.0) for guard in (1.0 - x, (1.0 - x) ** 3.0))
@@ -82,10 +83,10 @@ def root_of_third_order() -> str:
     return "falling roots of 1 - x and (1 - x)³ at t = 1: the first is found, the other without a direction alone"
 
 
-@shows("heyoka-hidden-drive", "What an expansion cannot see is stepped over")
+@shows("heyoka-hidden-drive", "A pulse between two expansions is stepped over")
 def drive_between_expansions() -> str:
-    """A function of time alone that sleeps where a step begins has no Taylor coefficients there: the step leaps over it
-    to the horizon.
+    """The Taylor coefficients of a pulse in time are below rounding at the start of a step that is far from the pulse:
+    the step leads over the pulse to the horizon.
     """
     import heyoka
 
@@ -98,8 +99,8 @@ def drive_between_expansions() -> str:
 
 @shows("heyoka-start", "A zero at the start stops the run, or hides the next root")
 def start_on_the_surface() -> str:
-    """An event that is exactly zero where a run starts stops it at once; with a direction it does not, and the next
-    true root of the step is lost.
+    """An event that is exactly zero at the start stops the run at once. With a direction it does not, but then the next
+    true root in the first step is lost.
     """
     x, field = _ball()
     either = run(x, field, [0.0, 1.0], 3.0, any_direction=True)
@@ -114,10 +115,10 @@ def start_on_the_surface() -> str:
     )
 
 
-@shows("heyoka-past-end", "A Taylor polynomial goes on where the function ends")
+@shows("heyoka-past-end", "A Taylor polynomial continues after the end of the function")
 def end_of_a_square_root() -> str:
-    """A step is chosen by its last coefficients. Where the motion is a polynomial up to the point at which the field,
-    or the event function, has no value any more, the step leads past it, and nothing is said.
+    """The last Taylor coefficients determine the step size. If the motion is a polynomial up to the point at which the
+    field, or the event function, ceases to have a value, the step leads past this point without an error.
 
     h' = -sqrt(h) from 1: h is a parabola up to t = 2, where it is zero and stays so.
     """

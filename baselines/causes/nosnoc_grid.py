@@ -55,11 +55,11 @@ def one_surface(surface: Any, state: Any, fields: list[Any], start: list[float])
     return nosnoc.NosnocModel(x=state, F=[casadi.horzcat(*fields)], S=sides, c=[surface], x0=np.array(start))
 
 
-@shows("nosnoc-grid", "A release is put on the grid")
+@shows("nosnoc-grid", "A release is located on the grid only")
 def release_is_put_on_the_grid() -> str:
-    """The equations hold at the stages of a finite element, and at a release the weight of the sign meets its end
-    without a jump: an element that begins before the release may slip all through it. The release is then where the
-    grid is, off by up to an element, whatever the order, and nothing is said.
+    """The equations hold at the stages of a finite element. At a release the weight of the sign reaches 0 or 1 without
+    a jump, so that an element that begins before the release may slip throughout. The release is then at a grid point,
+    with an error of up to one element for any order, and no warning is printed.
     """
     errors = {}
     for steps in (7, 71):
@@ -76,7 +76,9 @@ def release_is_put_on_the_grid() -> str:
 
 @shows("nosnoc-shared-options", "Options are shared between objects", REPOSITORY)
 def options_are_shared() -> str:
-    """IPOPT's options are a dictionary of the class: what one object sets, all have. The adapter copies it."""
+    """IPOPT's options are a dictionary of the class: an option set for one object is set for all. The adapter makes a
+    copy.
+    """
     import nosnoc
 
     first, second = nosnoc.NosnocOpts(), nosnoc.NosnocOpts()
@@ -86,10 +88,10 @@ def options_are_shared() -> str:
     return "`first.tol_ipopt = 1e-3` sets `second.tol_ipopt` of another `NosnocOpts()` to 0.001"
 
 
-@shows("nosnoc-infeasible", "A step without a solution is no end")
+@shows("nosnoc-infeasible", "A step without a solution does not end the run")
 def infeasible_goes_on() -> str:
-    """Where IPOPT finds no solution of a step, nosnoc prints a warning and goes on from what it has. The adapter halves
-    the step, tries slower homotopies, and ends the run where that fails.
+    """If IPOPT finds no solution of a step, nosnoc prints a warning and continues from the last iterate. The adapter
+    halves the step, tries slower homotopies, and ends the run if all fail.
 
     The free oscillator with Coulomb friction in two steps: too few switches are allowed.
     """
@@ -102,8 +104,8 @@ def infeasible_goes_on() -> str:
 
 @shows("nosnoc-cost", "A step is a series of nonlinear programs")
 def steps_are_programs() -> str:
-    """Each control step is solved by IPOPT several times, with the complementarity relaxed less and less: some ten to
-    fifty milliseconds a step, so that a long run does not end within the time of a row.
+    """IPOPT solves each control step several times with a decreasing relaxation of the complementarity, in about ten to
+    fifty milliseconds. A long run therefore exceeds the time limit of a row.
     """
     from time import process_time
 
@@ -117,8 +119,8 @@ def steps_are_programs() -> str:
 
 @shows("nosnoc-node", "Switches close to each other are one")
 def two_switches_at_one_node() -> str:
-    """A switch is an end of a finite element. Two that are closer than the complementarity tells and have one end
-    between them are taken there together: in no order, and both at a time that is neither's.
+    """A switch is at an end of a finite element. If two switches are closer than the tolerance of the complementarity
+    resolves and there is one end for both, they are put together at this end: without an order, and at a wrong time.
 
     x' = 1 up to x = 0, 2 or 3 up to 1e-6, 4 beyond, from -1.1 in three steps, each with room for one switch.
     """

@@ -54,7 +54,7 @@ def pair_in_one_step() -> str:
 
 @shows("scipy-fires-at-start", "A root at the starting point counts")
 def fires_where_it_starts() -> str:
-    """A run that starts on its event surface is stopped there again unless a direction excludes it."""
+    """A run that starts on its event surface stops there at once, unless a direction excludes the root."""
     ends = [
         run(lambda t, x: [x[1], -1.0], 3, [0.0, 1.0], events=terminal(lambda t, x: x[0], direction)).t[-1]
         for direction in (0, -1)
@@ -65,8 +65,8 @@ def fires_where_it_starts() -> str:
 
 @shows("scipy-flat-root", "A root of third order ends the run")
 def root_of_third_order() -> str:
-    """`brentq` is called with a tolerance of four roundings and its default of 100 iterations, which a root of third
-    order uses up; its exception ends `solve_ivp`, and all that was computed is lost.
+    """`solve_ivp` calls `brentq` with a tolerance of four roundings and the default of 100 iterations, which do not
+    suffice for a root of third order. The exception ends `solve_ivp`, and the solution so far is lost.
     """
     for method in METHODS:
         words = said(partial(run, unit_speed, 3, [0.0], method, events=lambda t, x: (x[0] - 1.0) ** 3))
@@ -76,10 +76,10 @@ def root_of_third_order() -> str:
 
 @shows("scipy-bracket", "The event's bracket has no sign change")
 def bracket_without_a_sign_change() -> str:
-    """The sign at a step's end is taken from the step, the root is sought on its dense output. Where the two differ by
-    a rounding, `brentq` gets a bracket without a sign change and raises.
+    """The sign at the end of a step is that of the step's state, but the root is located on the dense output. If both
+    differ by a rounding, `brentq` gets a bracket without a sign change and raises.
 
-    From -c to 0, for some c: which of them it is depends on the last bits of the linear algebra library.
+    From -c to 0, for some c; the last bits of the linear algebra library determine for which.
     """
     event = terminal(lambda t, x: -x[0], -1)
     every = [said(partial(run, unit_speed, k / 10, [-k / 10], "Radau", 1e-6, events=event)) for k in range(1, 31)]
@@ -93,8 +93,8 @@ def bracket_without_a_sign_change() -> str:
 
 @shows("scipy-pole", "An event in front of a pole")
 def event_behind_a_pole() -> str:
-    """An event is located in a step that has passed it. Where the field has a pole, or no value, just behind the
-    surface, every such step is refused, until it is too small for the time.
+    """An event is located in a step that has passed it. If the field has a pole, or no value, just after the surface,
+    every such step is rejected, until the step size is below the spacing of the time.
     """
     words = []
     for d in (1e-3, 1e-9):
@@ -104,7 +104,7 @@ def event_behind_a_pole() -> str:
     return "; ".join(words)
 
 
-@shows("scipy-late", "Steps have to be ten roundings of the time")
+@shows("scipy-late", "Steps must be at least ten roundings of the time")
 def late_start() -> str:
     """The least step is ten units in the last place of the time. At t = 1e9 that is 1e-6, and BDF's first steps at a
     tight tolerance are shorter.
@@ -119,8 +119,8 @@ def late_start() -> str:
 
 @shows("scipy-blow-up", "A blow-up is a step that is too small")
 def blow_up_is_a_failed_step() -> str:
-    """`solve_ivp` has no word for divergence: the step shrinks until it is refused, with BDF long before the state is
-    large.
+    """`solve_ivp` has no status for divergence: the step size shrinks until the run fails, with BDF long before the
+    state is large.
     """
     found = run(lambda t, x: [x[0] ** 2], 2, [1.0], "BDF")
     holds(found.status < 0 and found.y[0, -1] < 1e12, f"the state reached {found.y[0, -1]:g}: {found.message}")
@@ -135,8 +135,8 @@ def steps_of_a_period(method: str) -> list[int]:
 
 @shows("scipy-radau-order", "Radau is of order 5, its error estimate of order 3")
 def low_order_at_a_tight_tolerance() -> str:
-    """From tolerance to tolerance the number of steps grows by the third root or more: at 1e-12 a run of ordinary
-    length takes longer than any deadline here.
+    """The number of steps grows with the inverse third root of the tolerance, or faster: at 1e-12 a run of ordinary
+    length exceeds every deadline of this project.
     """
     (dop, fine), (radau, more) = steps_of_a_period("DOP853"), steps_of_a_period("Radau")
     holds(more / radau > 4 * fine / dop, f"steps {dop}, {fine}; {radau}, {more}")
@@ -148,7 +148,7 @@ def low_order_at_a_tight_tolerance() -> str:
 
 @shows("scipy-bdf-order", "BDF is of order 5 at most")
 def bdf_at_a_tight_tolerance() -> str:
-    """At tight tolerances its steps are short, and each one is plain Python with a linear solve."""
+    """At tight tolerances the steps of BDF are short, and each step is plain Python with a linear solve."""
     coarse, fine = steps_of_a_period("BDF")
     holds(fine > 5 * coarse, f"steps {coarse}, {fine}")
     return f"from 1e-6 to 1e-12 the steps of one period of an oscillator grow from {coarse} to {fine}"
@@ -156,8 +156,8 @@ def bdf_at_a_tight_tolerance() -> str:
 
 @shows("scipy-lsoda-nan", "LSODA takes a NaN for a state")
 def number_that_is_none() -> str:
-    """Where the field has no value at a trial point RK45 and DOP853 make the step shorter, and Radau and BDF fail or
-    raise. LSODA goes on with a state that is no number, to the horizon, and reports success.
+    """If the field has no value at a trial point, RK45 and DOP853 shorten the step, and Radau and BDF fail or raise.
+    LSODA continues to the horizon with a NaN state and reports success.
 
     h' = -sqrt(h) from 1, Torricelli's law: h = (1 - t/2)^2, and nothing is left at t = 2.
     """
@@ -189,8 +189,8 @@ def stuck(tolerance: float) -> tuple[float, int]:
 
 @shows("sign-chatter", "A stick is a jump at every step")
 def sign_in_a_stick() -> str:
-    """With `sign` in the right-hand side the field jumps to and fro in a stick, and the error control lets through
-    steps of about the tolerance over the jump only.
+    """With `sign` in the right-hand side the field jumps back and forth in a stick, and the error control accepts only
+    steps of about the tolerance divided by the jump.
     """
     counts = [evaluations for _, evaluations in (stuck(1e-3), stuck(1e-5))]
     holds(counts[1] > 20 * counts[0], f"evaluations {counts}")
@@ -200,10 +200,10 @@ def sign_in_a_stick() -> str:
     )
 
 
-@shows("sign-hops", "A jump within a step is not seen by error control")
+@shows("sign-hops", "Error control does not detect a jump within a step")
 def sign_hops() -> str:
-    """With `sign` in the right-hand side a step over the jump is accepted with an error of tens of tolerances: the
-    surface is known no better, and what is closer together than that is not told apart.
+    """With `sign` in the right-hand side a step over the jump is accepted with an error of tens of tolerances. The
+    surface is located with this error only, and closer events cannot be distinguished.
     """
     hops = {rtol: stuck(rtol)[0] / rtol for rtol in (1e-3, 1e-4)}
     holds(all(10 < hop < 200 for hop in hops.values()), f"it hops by {hops} tolerances")
@@ -213,8 +213,8 @@ def sign_hops() -> str:
 
 @shows("smoothed-creep", "A smoothed stick creeps", "https://github.com/google-deepmind/mujoco/issues/3328")
 def smoothed_stick_creeps() -> str:
-    """With tanh(v/eps) there is no rest, and nothing happens faster than the smoothing allows: what goes on within its
-    band is not told apart, and a state is off by the band, not by the tolerance.
+    """With tanh(v/eps) there is no rest: a body that should stick creeps. Events within the band of the smoothing
+    cannot be distinguished, and the error of a state is the width of the band instead of the tolerance.
 
     v' = 0.5 - tanh(v / eps): at rest it is held by a creep at v = eps artanh(0.5).
     """
@@ -230,10 +230,10 @@ def smoothed_stick_creeps() -> str:
 
 @shows("smoothed-convergence", "LSODA's iteration does not converge where a narrow smoothing ends")
 def smoothed_release_may_not_converge() -> str:
-    """At a release the smoothed friction is flat all of a sudden, and Newton's iteration does not converge over it:
-    after ten cuts of the step LSODA ends the run with repeated convergence failures.
+    """At a release the slope of the smoothed friction vanishes suddenly, and Newton's iteration does not converge
+    across this point: after ten cuts of the step LSODA ends the run with repeated convergence failures.
 
-    v' = 1.1 sin(t) - tanh(v / eps): pulled to and fro, now and then by more than the friction.
+    v' = 1.1 sin(t) - tanh(v / eps): the amplitude of the force is larger than the friction.
     """
     eps = 1e-10
     found = run(
@@ -247,8 +247,8 @@ def smoothed_release_may_not_converge() -> str:
 
 @shows("smoothed-late", "A smoothed release is late")
 def smoothed_release_is_late() -> str:
-    """A body that lets go is told from one that creeps only when it has left the band, by a time that goes with the
-    root of the smoothing's width: releases come late, and behind transitions that they come before.
+    """A release is detected only when the body has left the band of the smoothing. The delay is proportional to the
+    square root of the width, so that a release may be reported after transitions that it precedes.
 
     v' = t - tanh(v / eps): pulled by t against a friction of 1, a body at rest lets go at t = 1.
     """
@@ -262,12 +262,12 @@ def smoothed_release_is_late() -> str:
 @cause(
     "henon-ref",
     "rk4-landing",
-    "Hénon's landing with one step of RK4 is no better than the step is short",
+    "Hénon's landing with one step of RK4 is accurate only for a short step",
     "https://doi.org/10.1016/0167-2789(82)90034-3",
 )
 def landing_within_a_step() -> str:
-    """The step back to the surface is one of the swapped equations, which divide by the rate of the surface function.
-    Where that changes much within the step, as where events accumulate, its error is of order one.
+    """The step back to the surface solves the swapped equations, which divide by the rate of the surface function. If
+    the rate changes much within the step, as it does when events accumulate, the relative error is of order one.
 
     v' = -1 from x = 0, v > 0: back at x = 0 with -v; a step of 1e-3 s of RK4 and one of the swapped equations.
     """

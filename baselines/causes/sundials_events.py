@@ -70,10 +70,10 @@ def ida_pair() -> str:
     return "roots at t = 0.9995 and 1.0005 are not reported; the run ends at 2"
 
 
-@shows("sundials-inactive-zero", "A zero at the start is out of play", f"{ISSUES}/722")
-def zero_at_the_start_is_out_of_play() -> str:
-    """An event function that is exactly zero where a run starts is ignored until it has left zero, so a restart at a
-    root does not fire again; one that is a rounding off zero is taken at its sign.
+@shows("sundials-inactive-zero", "An event function that starts at zero is ignored", f"{ISSUES}/722")
+def zero_at_the_start_is_ignored() -> str:
+    """An event function that is exactly zero at the start is ignored until it has left zero, so that a restart at a
+    root does not find the same root again. A function that is one rounding off zero has its sign.
     """
     end = ball().solve([0, 3], np.array([0.0, 1.0])).t[-1]
     holds(abs(end - 2) < 1e-6, f"it stops at t = {end}")
@@ -82,8 +82,8 @@ def zero_at_the_start_is_out_of_play() -> str:
 
 @shows("sundae-stale-events", "Events of earlier runs stay")
 def events_of_earlier_runs_stay() -> str:
-    """`t_events` of one object goes on growing from run to run: the last row is the present one. The adapters make a
-    new object for every run of a mode.
+    """`t_events` of an object keeps the events of earlier runs; only the last row is from the current run. The adapters
+    make a new object for every run of a mode.
     """
     solver = ball()
     solver.solve([0, 3], np.array([0.0, 1.0]))

@@ -87,7 +87,7 @@ class Listing:
         until = float(problem.until)
         steps = round((until - float(problem.start)) / step)
         if steps > MAX_STEPS:
-            raise UnsupportedError(f"{self.name} keeps no clock and is not run for more than {MAX_STEPS:.0e} steps")
+            raise UnsupportedError(f"{self.name} has no deadline and supports at most {MAX_STEPS:.0e} steps")
         start = _start(problem)
         start_mode = _start_mode(start, numbers[4])
 

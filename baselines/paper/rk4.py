@@ -90,7 +90,7 @@ class HenonRK4:
             If there is no positive step, or the system has jumps of the state.
         """
         if problem.system.resets:
-            raise UnsupportedError(f"{self.name} knows no jumps of the state")
+            raise UnsupportedError(f"{self.name} does not support jumps of the state")
         if step is None or not step > 0:
             raise UnsupportedError(f"{self.name} needs a positive step, got {step}")
         wanted = np.empty(0) if sample_times is None else np.asarray(sample_times, dtype=float)

@@ -44,15 +44,15 @@ def problem_text(problem: Problem, start: Mode) -> messages.Problem:
     if len(system.surfaces) != 1:
         raise UnsupportedError(f"the protocol hands over one surface, not {len(system.surfaces)}")
     if system.resets:
-        raise UnsupportedError("the protocol has no word for jumps of the state")
+        raise UnsupportedError("the protocol does not support jumps of the state")
     modes = [text for side in (-1, 0, 1) if (text := _mode_text(system, (side,))) is not None]
     if start[0] not in [text.mode for text in modes]:
         raise UnsupportedError("the initial mode has no equations")
     names = [spelled(str(name)) for name in (*system.states, *system.parameters)]
     if clash := sorted(set(names) & set(RESERVED)):
-        raise UnsupportedError(f"the protocol has a meaning of its own for the name {clash[0]}")
+        raise UnsupportedError(f"the protocol reserves the name {clash[0]}; rename the state or parameter")
     if twice := sorted(name for name in set(names) if names.count(name) > 1):
-        raise UnsupportedError(f"spelled out for the protocol two names are {twice[0]}")
+        raise UnsupportedError(f"two names become {twice[0]} with Greek letters spelled out; rename one of them")
     surface = system.surfaces[0]
     return messages.Problem(
         states=names[: len(system.states)],
@@ -84,7 +84,7 @@ def _mode_text(system: FilippovSystem, mode: Mode) -> messages.Mode | None:
 
 def _guard_text(system: FilippovSystem, mode: equations.ModeEquations, guard: equations.Guard) -> messages.Guard:
     if guard.kind == "attracts":
-        raise UnsupportedError("the protocol has no guard that ends a slide on an intersection")
+        raise UnsupportedError("the protocol does not support slides on an intersection of surfaces")
     rate = equations.along(guard.expression, system.states, mode.field)
     return messages.Guard(
         kind=guard.kind,

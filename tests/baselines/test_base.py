@@ -159,10 +159,10 @@ def test_what_is_no_stop_and_no_index_is_refused() -> None:
         def integrate(self, t: float, x: NDArray[np.float64], until: float) -> Stop:
             return None  # type: ignore[return-value]
 
-    with pytest.raises(ContractError, match=r"integrate returned None, wanted what self\.stopped or self\.failed"):
+    with pytest.raises(ContractError, match=r"integrate must return the result of self\.stopped or self\.f"):
         ModeSolver("forgets", Forgets, landing="none", distribution="numpy").prepare(STICKS_AT_2, rtol=1e-3)()
     for fallen in (np.array([True, False]), [-1], [2]):
-        with pytest.raises(ContractError, match="wanted its index, 0 to 1"):
+        with pytest.raises(ContractError, match="indices of guards, 0 to 1"):
             mode_of(STICKS_AT_2, (1,)).stopped(2.0, np.array([0.0]), fallen)
 
 

@@ -150,5 +150,5 @@ def test_one_surface_is_handed_over_and_no_more() -> None:
 
 
 def test_jumps_of_the_state_are_not_handed_over() -> None:
-    with pytest.raises(UnsupportedError, match="no word for jumps"):
+    with pytest.raises(UnsupportedError, match="does not support jumps"):
         problem_text(ball(sp.Integer(3), sp.Rational(4, 5)), (1,))
