@@ -77,8 +77,8 @@ static inline double step_size(const struct work *w, const double *c, int64_t ro
     return smaller(theta, longest);
 }
 
-/* Mark guards whose coefficients are no larger than the rounding of their own operations as faint: they limit no step.
- * */
+/* Mark guards as faint, so that they limit no step, if their coefficients do not exceed the rounding of their own
+ * operations. */
 static void mark_faint(const struct work *w)
 {
     const struct run *run = w->run;
