@@ -8,8 +8,7 @@
  * clearly below zero later, the mode changes there.
  */
 
-/* A guard that falls by this part of the largest state exceeds rounding: no motion multiplies an error by 1e10 on a
- * step. */
+/* A fall of a guard by this part of the largest state exceeds rounding: no step multiplies an error by 1e10. */
 #define CLEAR_PART 1e-4
 
 /* Rounding error of a guard's own operations; it exceeds that of the states if the guard's terms cancel. */
@@ -63,8 +62,8 @@ static void passed_over(struct work *w, int64_t guard, double part)
     }
 }
 
-/* Length, in the unit, on which a guard is examined: up to the horizon for a polynomial motion, whose steps no
- * coefficient limits. */
+/* Length, in the unit, on which a guard is examined: at most up to the horizon for a polynomial motion, whose steps
+ * have any length. */
 static double length_looked_at(const struct work *w, double natural)
 {
     double left = remaining(w->run) / w->run->unit;

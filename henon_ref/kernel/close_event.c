@@ -13,15 +13,13 @@
 #define PAIR_STEPS 64
 /* Smallest part to which these steps are shortened. */
 #define PAIR_PART 0x1p-6
-/* Largest relative difference between the state and the motion from the run's start; a larger one shows that errors
- * have grown. */
+/* Largest relative difference of the state from the motion since the run's start before errors count as grown. */
 #define SAME_MOTION 1e-2
 /* The motion is expanded up to this multiple of the distance to the suspected place. */
 #define EXPANDED 1.25
 /* Relative rounding error of a difference of two times. */
 #define TIME_ROUNDING 2e-17
-/* Relative precision of a double-double; what rounding lost of a number counts as zero below this part of the
- * number. */
+/* Relative precision of double-double; smaller rests of a number count as zero. */
 #define PAIR_ROUNDING 0x1p-106
 
 /* Smallest power of two that is no smaller than a length. */
@@ -171,11 +169,9 @@ static bool look_beyond(struct work *w, const struct pair_expansion *own, const 
     return there;
 }
 
-/* Determine the transition at a point where a guard falls through zero or touches it; false if two numbers do not
- * decide.
+/* Determine the transition where a guard falls through zero or touches it; false if two numbers do not decide it.
  *
- * After a touch the mode continues without a transition, provided that the other side's field does not lead away as
- * well.
+ * After a touch the mode continues without a transition, unless the other side's field leads away as well.
  */
 static bool change_at(struct work *w, const struct pair_expansion *e, int64_t g, struct near_place near,
                       struct bounded time, const struct bounded *state, struct change *found)
@@ -186,8 +182,7 @@ static bool change_at(struct work *w, const struct pair_expansion *e, int64_t g,
     if (guard->kind == VALID || guard->coupled != UNCOUPLED || guard->hold_zone != 0 || guard->jump
         || guard->mode_across < 0)
         return false;
-    if (guard->kind == RELEASE && near.what == FALLING && near.order > 1) { /* the other side is tangent to a higher
-                                                                               order, too */
+    if (guard->kind == RELEASE && near.what == FALLING && near.order > 1) { /* left tangentially to a higher order */
         found->zeros += near.order - 1;
         return guard->zeros_at_release == 2;
     }
@@ -199,8 +194,7 @@ static bool change_at(struct work *w, const struct pair_expansion *e, int64_t g,
     bool clear = fabs(away.leading.high) > CLEAR * away.leading.error;
     if (touching && away.order > 1)
         return clear && away.leading.high < 0.0;
-    if (near.order > 1 && !touching) { /* as flat on the other side, and increasing: no sliding where the gradient
-                                          vanishes */
+    if (near.order > 1 && !touching) { /* as flat beyond, and increasing: no sliding without a gradient */
         *found = (struct change){CROSSING, guard->mode_across, near.order};
         return clear && away.order == near.order && away.leading.high > 0.0;
     }

@@ -106,8 +106,7 @@ static bool entered_clearly(struct work *w, int64_t kinks)
     return clear;
 }
 
-/* Change the entries of all surfaces with an event at the present point; ON, or the reason why Python is needed, with
- * the mode restored. */
+/* Change the entries of all surfaces with an event here; ON, or the reason why Python is needed, the mode restored. */
 static int64_t change_entries(struct work *w)
 {
     struct run *run = w->run;

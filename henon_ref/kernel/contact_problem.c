@@ -21,8 +21,7 @@
 #define RANK 1e-8
 /* Tolerance of the test that accelerations are affine, relative to the sum of their terms. */
 #define SAME 1e-9
-/* Consecutive block pivots without fewer contacts out of bounds before single pivots; largest number of pivots per
- * contact. */
+/* Block pivots in a row without progress before single pivots; largest number of pivots per contact. */
 #define PATIENCE 10
 #define MOST_PIVOTS 100
 
@@ -212,8 +211,7 @@ static void act(const struct work *w, const struct group *g, int64_t k, double *
     point[w->run->states + loads + g->contact[k]] = force;
 }
 
-/* Bounds of a contact's force in sliding and by static friction, in units of its force; false if they cannot be
- * determined.
+/* Bounds of a contact's force in sliding and by static friction, in units of its force; false if they are unknown.
  *
  * own: the contact's numbers without forces of the group. end_slopes: derivative of the guard of its end into the mode
  * +1 with respect to each force; divided by that of the acceleration, it gives the inertia if the override does not.
@@ -252,8 +250,7 @@ static double *resting_point(const struct work *w, const struct group *g)
     return point;
 }
 
-/* Determine the group's balance of forces at the present point; false if it is not affine in friction forces, or not
- * finite. */
+/* Balance of a group's forces at the present point; false if the forces are not those of friction, or not finite. */
 static bool balance(const struct work *w, struct group *g)
 {
     int64_t surfaces = w->tables->selection.surfaces, count = g->count;

@@ -172,8 +172,7 @@ static int64_t below_zero(const double *row, int64_t order, bool surface, bool *
     return 0;
 }
 
-/* Check whether a guard is below zero where the step begins, and its surface is not being left; marks these guards in
- * "hits". */
+/* Check whether a guard is below zero where the step begins, its surface not being left; sets these guards' "hits". */
 static inline bool guards_below_zero(struct work *w, double natural)
 {
     bool found = false;

@@ -1,5 +1,4 @@
-/* The compiled part of the reference, as one translation unit, so that small functions are inlined wherever they are
- * called.
+/* The compiled part of the reference, as one translation unit, so that small functions are inlined everywhere.
  *
  * A file is included before the files that use it; docs/how_it_works.md names the files in the order of a run.
  * henon_ref/kernel/kernel.h declares what Python calls.

@@ -47,8 +47,7 @@ enum tape_kind {
     TAPE_RECIP, TAPE_SQRT, TAPE_POWER, TAPE_EXP, TAPE_LOG, TAPE_SIN, TAPE_COS
 };
 
-/* Reasons for which the compiled loop returns. Only the loop uses the last two: an event must be processed, or the loop
- * continues. */
+/* Reasons for which the compiled loop returns. Only the loop uses the last two: process an event, or continue. */
 enum return_code {
     HORIZON,
     SELECT_MODE,
@@ -68,9 +67,8 @@ enum return_code {
     ON = 21
 };
 
-/* Reasons for which the runs of many points return: all points are done; the buffer may not hold the next transitions;
- * Python can check for interrupts; a point was set aside, perhaps for a mode that can be compiled before the next
- * point. */
+/* Reasons for which the runs of many points return: all points are done; the buffer may be too small for the next
+ * transitions; Python can check for interrupts; a point was set aside, perhaps for a mode that Python can compile. */
 enum points_code { DONE, BUFFER_FULL, PAUSE, ASIDE };
 
 enum {
@@ -83,8 +81,7 @@ enum {
     MOST_SURFACES = 39,    /* largest number for which the number of a mode fits an integer, 3^39 < 2^63 */
     MOST_IN_GROUP = 64,    /* largest number of contacts decided together */
     ENTRIES_IN_WORD = 32,  /* entries of a mode of contacts in a word, two bits each */
-    MOST_COUPLED = 4,      /* surfaces in play that act on each other; for more, Python searches the candidates instead
-                              of trying all */
+    MOST_COUPLED = 4,      /* surfaces in play that act on each other; for more, Python searches the candidates */
     PAIR_ROWS = 64,        /* states and guards of a mode that is expanded in double-double */
     NOWHERE = -1,          /* instead of the guard last hit: none was hit, a guard is at zero where a step begins */
     UNCLEAR = -1,          /* instead of a mode's row: Python must decide, or the mode is not compiled */
@@ -126,7 +123,7 @@ struct guard {
     int64_t valid;            /* whether the index is that of a valid expression */
     int64_t rising_only;      /* whether it may begin below zero, and counts only after it has risen */
     int64_t hold_zone;        /* whether a hold zone decides the mode after it */
-    int64_t coupled;          /* COUPLED if its surface and one that the mode slides on act on each other; or
+    int64_t coupled;          /* COUPLED if its surface acts on one that the mode slides on, or the reverse; or
                                  RESETTING */
     int64_t mode_across;      /* row of the mode after a crossing or a release; -1 if not compiled */
     int64_t mode_stuck;       /* row of the mode that slides on its surface; -1 if not compiled */
@@ -174,7 +171,8 @@ struct tables {
     const char *modes;     /* M records, each a struct mode with G guards */
     int64_t count;         /* M */
     const double *numbers; /* (M, tapes, length): constants of each mode's expansion, of its normal velocities, and of
-                              the maps of resets; each followed by what rounding to double lost */
+                              the maps of resets; a tape's constants are followed by what their rounding to double
+                              lost */
     int64_t tapes, length;
     struct selection selection;
     /* With many contacts a mode is a number, made of the entry of each contact. Rows 0, 1 and 2 are then the modes in
@@ -185,8 +183,7 @@ struct tables {
     const int64_t *owned;      /* places in a row of "numbers", contact after contact */
 };
 
-/* Program for constants as functions of parameters (henon_ref.integrator.constant_program), and their places
- * (point_tables). */
+/* Program for constants in parameters (henon_ref.integrator.constant_program), and their places (point_tables). */
 struct program {
     const int64_t *operations; /* (count, 4): see run_operations */
     const double *registers;   /* (width, 3): all registers before a run, the inputs first */
@@ -220,18 +217,15 @@ struct run {
     double time, time_low;             /* s, and what rounding lost of it */
     double unit;                       /* s: of the expansion */
     double begin;                      /* s: start of the run */
-    double rest_part;                  /* largest part of the run that later flights may last together if impacts have
-                                          come to their limit */
+    double rest_part;                  /* later flights that last at most this part of the run together are a rest */
     double event_time, event_time_low; /* s: last event */
     double suspect;                    /* s: place of an undecided event, from the step's start */
     double step_length;                /* s: length of a step that is undecided or OUT_OF_RANGE */
-    double longest_step;               /* s: longest first step of a mode just entered, or of a mode with branch
-                                          points */
+    double longest_step;               /* s: limit of the first step in a mode, and of steps near branch points */
     double horizon, horizon_low;       /* s */
     double tolerance;                  /* local error, relative to each row's size on the step */
     int64_t mode, steps, expansions, guard_evaluations, transitions;
-    int64_t below_rounding;            /* number of surfaces, and of expressions that end the run, that have been below
-                                          their rounding */
+    int64_t below_rounding;            /* surfaces, and expressions that end the run, below their rounding so far */
     int64_t guard, landing;            /* last guard hit, and its landing */
     int64_t stalled;                   /* weighted count of steps that a double's time does not resolve */
     int64_t events_at_once;            /* consecutive events that a double's time does not resolve */
@@ -251,14 +245,11 @@ struct run {
     int64_t more_digits;               /* 1 if the motion may be computed with more digits from the run's start, while
                                           the run is in its first mode */
     int64_t most_steps;                /* largest number of steps */
-    int64_t within_range;              /* 1 + number of steps at which Python last found an overflow or underflow
-                                          negligible */
+    int64_t within_range;              /* 1 + steps at which Python last found overflow and underflow negligible */
     double *dense;                     /* recorded steps; null: none are recorded */
     int64_t dense_steps, dense_capacity;
-    int64_t contacts;                  /* number of contacts whose entries are the mode ("mode" is then 0); 0: a mode is
-                                          a row */
-    int64_t constants;                 /* with contacts: doubles in a row of the modes' constants, of all tapes; else
-                                          0 */
+    int64_t contacts;                  /* number of contacts whose entries are the mode ("mode" is then 0), or 0 */
+    int64_t constants;                 /* with contacts: doubles in a row of the modes' constants, of all tapes */
 };
 
 /* Places of the parts of a run's block of memory, in doubles from its begin (struct run). */
@@ -294,8 +285,7 @@ struct progress {
     int64_t running;           /* whether its run has begun */
     int64_t kept, kept_before; /* transitions in the buffer, and those of all points before this one */
     int64_t open_sticks;       /* whether sticks that are open at "after" are kept, with their begin */
-    int64_t steps;             /* number of steps after which the call returns, so that Python can check for
-                                  interrupts */
+    int64_t steps;             /* steps after which the call returns for Python to check for interrupts */
     int64_t stop_aside;        /* whether the call returns when a point is set aside */
 };
 
@@ -325,8 +315,7 @@ struct points {
     int64_t *rows;           /* row of the mode at the start, or the words of its entries, which those of the mode at
                                 the end overwrite; -1: the point is set aside */
     const int64_t *surfaces; /* surface on which the point starts, -1 if on none; "rows" then holds the mode below it */
-    int64_t numbers_step;    /* doubles from one point's constants to those of the next point; 0: all points have the
-                                same constants */
+    int64_t numbers_step;    /* doubles from one point's constants to the next point's; 0: the same for all */
     struct end *ends;        /* filled in */
     double *states;          /* (count, n): states at the ends, filled in */
 };

@@ -15,8 +15,7 @@
 
 /* Root by the cubic in h that has the guard's values and slopes at both ends of [0, 1] (Hermite's interpolation).
  *
- * "part" of the guard's fall lies before the root. first, last: slopes of the inverse function, relative to its
- * chord's.
+ * "part" of the guard's fall lies before the root. first, last: slopes of the inverse, relative to its chord's.
  */
 static inline double interpolated(double part, double first, double last)
 {
@@ -100,8 +99,7 @@ static inline double landing_start(const double *q, int64_t degree, double low, 
  * step of order 4 in h, of length -h, from a point near the surface: the Taylor series of dt/dh = 1/h' is the reversion
  * of that of h. landing_start gives the point. The step is repeated once if the first was long. If the exchanged series
  * does not converge (near a graze), the falling root of the guard's parabola leads closer. NEWTON: the same iteration
- * with order 1 (BRENT: see brent). If the iteration does not converge, bisection finds the root, and the landing is
- * BRACKET.
+ * with order 1 (BRENT: see brent). If the iteration fails, bisection finds the root, and the landing is BRACKET.
  */
 static inline struct landed land(const double *q, int64_t degree, double low, double high, int64_t method)
 {

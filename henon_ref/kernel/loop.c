@@ -6,8 +6,7 @@
 
 /* Steps after which the loop returns, so that Python can check the clock. */
 #define BUDGET 50000
-/* If an event lies within this part of the unit, the step is expanded again in a shorter unit: powers of the event's
- * place would underflow. */
+/* An event within this part of the unit is examined in a shorter unit: powers of its place would underflow. */
 #define TINY_PART 1e-60
 
 /* A candidate step, on which all guards are examined. */
@@ -32,8 +31,7 @@ static inline int64_t before_step(const struct work *w)
     return ON;
 }
 
-/* Candidate step of the proposed length, which ends at the horizon at the latest, and before the expansion ceases to
- * hold. */
+/* Candidate step of the proposed length, cut at the horizon and where the expansion ceases to hold. */
 static inline struct look accepted_step(struct work *w, double theta)
 {
     struct run *run = w->run;
@@ -196,8 +194,7 @@ static int64_t look_ahead(struct work *w, int64_t stop_at, bool *shrunk)
 /* Run up to the horizon, or until Python is needed.
  *
  * run: begin of the run's block (struct places). samples: (count, 1 + n + 1): times of the samples; their states and
- * modes are filled in. Returns an enum return_code, UNDECIDED_EVENT if double precision cannot decide an event on the
- * step.
+ * modes are filled in. Returns an enum return_code, UNDECIDED_EVENT if double precision cannot decide an event.
  */
 HENON_EXPORT int64_t advance(struct run *run, const struct tables *tables, double *samples, int64_t count)
 {

@@ -1,7 +1,6 @@
 /* Behaviour of a guard near a suspected zero, by its series in double-double: root, minimum, or neither. */
 
-/* Radii of the neighbourhoods of the place, relative to the distance to it: the largest, the factor to the next, the
- * smallest. */
+/* Radii of neighbourhoods of a place, relative to its distance: the largest, the factor to the next, the smallest. */
 #define WIDEST 0x1p-3
 #define NARROWER 0x1p-3
 #define NARROWEST 0x1p-21
@@ -241,8 +240,7 @@ static double flat_radius(const struct pair_expansion *e, const struct pair_seri
     for (double radius = WIDEST * at; radius >= NARROWEST * at; radius *= NARROWER) {
         double rest = 0.0, power = radius;
         for (int64_t k = order + 1; k < e->terms; k++) {
-            rest += (double)k / (double)order * fabs(local[k]) * power; /* relative to the term's slope, where the later
-                                                                           terms weigh more */
+            rest += (double)k / (double)order * fabs(local[k]) * power; /* of the slope, where later terms weigh more */
             power *= radius;
         }
         struct bernstein before;

@@ -341,8 +341,7 @@ static void powers_at(const struct pair_expansion *e, struct pair place, struct 
     }
 }
 
-/* Value of a series at a place, from the place's powers; or its slope in the unit, from the derivatives of the
- * powers. */
+/* Value of a series at a place, from the place's powers; or its slope in the unit, from their derivatives. */
 static inline struct bounded value_in_pairs(const struct pair_expansion *e, const struct pair_series *series,
                                             const struct pair_series *powers)
 {

@@ -17,8 +17,7 @@ static void append(struct progress *progress, const double *transition, const st
 
 /* Append transitions to the buffer, except those before progress->after.
  *
- * records: transitions of the present point, one after the other. The buffer has room for "count" transitions and one
- * per surface.
+ * records: transitions of the present point. The buffer has room for "count" of them and one per surface.
  */
 HENON_EXPORT void keep_transitions(struct progress *progress, const double *records, int64_t count,
                                    const struct buffer *buffer)

@@ -3,8 +3,7 @@
 /* Number of consecutive events, each closer to the last one than the resolution of time, that count as accumulating. */
 #define MOST_AT_ONCE 64
 
-/* Place of a surface, or of an expression that ends the run ("valid"), among the times since when guards have been
- * below their rounding. */
+/* Place of a surface, or of an expression that ends the run ("valid"), in the times "since" (struct places). */
 HENON_EXPORT int64_t rounding_place(int64_t valid, int64_t index, int64_t guards)
 {
     return valid ? guards - 1 - index : index;

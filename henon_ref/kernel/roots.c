@@ -65,8 +65,8 @@ static inline double value(const double *q, int64_t degree, double tau)
  *
  * A guard is known to be zero where it has just been left, but the rounding of the state makes it slightly different
  * from zero. If the first coefficients were simply dropped, the other roots would move by this difference, and multiple
- * roots by a root of it. The factor is t^m + a_(m-1) t^(m-1) + ... + a_0 with very small coefficients; three iterations
- * of a division by it.
+ * roots by a root of it. Iterated division gives the factor t^m + a_(m-1) t^(m-1) + ... + a_0 with very small
+ * coefficients.
  */
 static inline bool deflated(const double *c, int64_t zeros, int64_t degree, double *factor, double *quotient)
 {
@@ -105,8 +105,7 @@ static inline void cut(double *left, double *right, int64_t degree, double part)
     }
 }
 
-/* Two places on both sides of a minimum at tau whose value is rounding noise, where the polynomial exceeds the noise if
- * possible.
+/* Two places on both sides of a minimum at tau whose value is noise; q exceeds the noise at both if possible.
  *
  * "bend": second derivative there, approximately. "distance": smallest distance to either side.
  */
@@ -114,8 +113,7 @@ static inline struct piece around_touch(const double *a, int64_t degree, double 
                                         double width, double noise)
 {
     double clear = CLEARANCE * noise;
-    if (bend > 0.0) { /* midway between the noise and the level of a touch on the parabola: the middle piece is a touch,
-                         the others have no root */
+    if (bend > 0.0) { /* places of a parabola midway between noise and a touch, so that only the middle is a touch */
         double near = sqrt((noise + clear) / bend);
         double left = value(a, degree, tau - near), right = value(a, degree, tau + near);
         if (near < CUT_MOST * width && smaller(left, right) > noise && larger(left, right) < clear)
@@ -128,8 +126,7 @@ static inline struct piece around_touch(const double *a, int64_t degree, double 
     return (struct piece){tau - distance, tau + distance};
 }
 
-/* Two places on a piece, one on each side of its minimum, close to it but clear of it if possible; else its middle
- * twice.
+/* Two places on a piece, on both sides of its minimum, close to it but clear of it if possible; else its middle, twice.
  *
  * Newton's method on the slope over its derivative (Schroeder 1870), of which flat minima are simple roots, too.
  */

@@ -4,7 +4,7 @@
  * point the normal velocities are affine in the signs of the surfaces in play, N = a + B s. For each candidate the
  * equivalent signs of its sliding surfaces solve B s = -a; the remaining velocities must point into the candidate. If
  * no normal velocity contains the sign of another surface, each surface is decided alone, by its velocities on both
- * sides. Python decides whatever is not clear: a number within CLEAR_MARGIN of a tie, no or several consistent modes,
+ * sides. Python decides all unclear cases: a number within CLEAR_MARGIN of a tie, no or several consistent modes,
  * products of signs.
  */
 
@@ -28,8 +28,7 @@ struct affine {
     double a[MOST_COUPLED], b[MOST_COUPLED][MOST_COUPLED];
     double size[MOST_COUPLED]; /* sum of the sizes of a velocity's terms */
     double lean[MOST_COUPLED]; /* sign of a velocity that has the same sign for all s; else 0 */
-    bool idle[MOST_COUPLED];   /* whether no velocity depends on the surface's sign: a section, a kink of another
-                                  rate */
+    bool idle[MOST_COUPLED];   /* whether no velocity has the surface's sign: a section, or a kink of another rate */
     int64_t same[MOST_COUPLED]; /* first surface of which this one is a multiple; in "turned" the sign of the factor */
     double turned[MOST_COUPLED];
     double s[MOST_COUPLED];
@@ -339,7 +338,7 @@ static int64_t released(const struct in_play *p)
     return found;
 }
 
-/* Row of the mode that follows from the guards at zero (hits); UNCLEAR if the decision is not clear or the mode not
+/* Row of the mode that follows from the guards at zero (hits); UNCLEAR if that is not clear, or the mode not
  * compiled. */
 static int64_t select_mode(struct work *w)
 {

@@ -1,5 +1,4 @@
-/* Exported by every library of this project: a hash of its sources, and a self-test of its arithmetic. Included once in
- * a translation unit. */
+/* Exported by every library of this project: a hash of its sources, and a self-test. Included once per library. */
 #ifndef HENON_SELF_TEST_H
 #define HENON_SELF_TEST_H
 

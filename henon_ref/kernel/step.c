@@ -13,8 +13,7 @@
 /* A step cut short before a singularity, on which no state grows, counts as so many of them. */
 #define CUT_WEIGHT 200
 /* A step of which the branch point of a guard leaves less than the part SHARP_CUT counts as SHARP_CUT_WEIGHT of them:
- * forty in a row lead from any scale to the rounding of a root's argument, below which predictions agree with noise
- * only. */
+ * forty in a row lead from any scale to the rounding of a root's argument, where predictions are only noise. */
 #define SHARP_CUT 0.125
 #define SHARP_CUT_WEIGHT 25
 
@@ -111,8 +110,8 @@ static inline int64_t event_free_steps(struct work *w, bool alone, bool shrunk, 
         double theta = proposed_step(w, rows, zeros);
         if (theta < SHORT || (theta > 1e6 && unit < left && !shrunk)) {
             /* The unit is far from the step: adapt it and expand again before using the coefficients. If the unit is
-             * much too long, the proposed step is not reliable either: the unit shrinks in several passes, and does not
-             * grow again here. */
+             * much too long, the proposed step is wrong, too: the unit shrinks in several passes, and does not grow
+             * again here. */
             double part = theta == 0.0 && infinite(w, rows, 2) ? OVERFLOW_REDUCTION : 1e-4;
             double new = theta < 1.0 ? larger(unit * larger(theta, part), 1e-290) : smaller(unit * theta, left);
             if (unit <= SHORTEST_UNIT && new <= unit)

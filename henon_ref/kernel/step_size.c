@@ -77,8 +77,7 @@ static inline double step_size(const struct work *w, const double *c, int64_t ro
     return smaller(theta, longest);
 }
 
-/* Mark guards as faint, so that they limit no step, if their coefficients do not exceed the rounding of their own
- * operations. */
+/* Mark guards as faint, so that they limit no step, if their coefficients are only rounding of their own operations. */
 static void mark_faint(const struct work *w)
 {
     const struct run *run = w->run;
@@ -120,8 +119,7 @@ static double flat_step_size(const struct work *w, int64_t rows)
     return shortest;
 }
 
-/* Length, at most one unit, on which the terms of the expansion ahead ("rows" rows) decrease; 0 if a coefficient is not
- * finite. */
+/* Length, at most one unit, on which the terms of the expansion ahead decrease; 0 if a coefficient is not finite. */
 static double length_ahead(const struct work *w, int64_t rows)
 {
     return smaller(step_size(w, w->ahead, rows), 1.0);

@@ -10,8 +10,7 @@
 
 static int64_t change_entries(struct work *w);
 
-/* Smallest release guard, relative to the sum of the sizes of all release guards' coefficients, at which the hold zone
- * is clear. */
+/* A hold zone is clear if the smallest release guard exceeds this part of all their coefficients' sizes. */
 #define HOLD_MARGIN 1e-9
 
 /* Normal velocities of the guards of the present mode at the present point. */
@@ -33,7 +32,7 @@ static const double *speeds_in(struct work *w, int64_t row)
     return w->speeds + run->states;
 }
 
-/* +1 inside the hold zone of a surface, -1 outside, 0 if that is not clear; "stick": row of the mode that slides on the
+/* +1 inside the hold zone of a surface, -1 outside, 0 if not clear; "stick": row of the mode that slides on the
  * surface. */
 static int64_t inside_hold_zone(struct work *w, int64_t surface, int64_t stick)
 {
@@ -62,8 +61,7 @@ struct change {
     int64_t zeros; /* known zeros with which the surface is left; 0 at a release: still to be determined */
 };
 
-/* Check whether all guards of a mode that would end the run (its sliding no longer attracts, for instance) are clearly
- * above zero. */
+/* Check whether all guards of a mode that would end the run (such as "attracts") are clearly above zero. */
 static bool goes_on(const struct work *w, int64_t row)
 {
     const struct run *run = w->run;
@@ -145,8 +143,7 @@ static int64_t at_surface(struct work *w, const struct mode *mode, int64_t g, co
     return ON;
 }
 
-/* Expand the mode in a row at the present point; return the part of the unit on which its terms decrease, 0 if not
- * finite. */
+/* Expand the mode in a row at the present point; the part of the unit on which its terms decrease, 0 if not finite. */
 static double expand_mode(struct work *w, int64_t row)
 {
     struct run *run = w->run;
@@ -251,8 +248,8 @@ static bool same_guard(const struct work *w, int64_t row, int64_t g)
 }
 
 /* Decide a slide whose end coincides with kinks, in the expanded mode after the kinks; ON, or the reason why Python is
- * needed. Kind GRAZE if the slide continues, because its equivalent sign turns back. (A load that has reached its limit
- * has slipped.) */
+ * needed. Kind GRAZE if the slide continues because its equivalent sign turns back. (A load at its limit has
+ * slipped.) */
 static int64_t at_end_of_slide(const struct work *w, const struct instant *at, double length, struct change *found)
 {
     const struct run *run = w->run;
@@ -268,7 +265,7 @@ static int64_t at_end_of_slide(const struct work *w, const struct instant *at, d
     return ON;
 }
 
-/* Enter the mode after the kinks and the other guard, and record the transitions; ON, or the reason for leaving the
+/* Enter the mode after the kinks and the other guard, and record the transitions; ON, or the reason to leave the
  * loop. */
 static int64_t leave_instant(struct work *w, const struct instant *at, const struct change *found)
 {
@@ -341,8 +338,7 @@ static int64_t cross_kinks(struct work *w)
 }
 
 /* Check whether the only event is that a surface on which the mode slides turns repelling, the fields on both sides at
- * once (a two-fold; Filippov, 1988, Sec. 19): both ends of the slide fall together, and both slips leave the
- * surface. */
+ * once (a two-fold; Filippov, 1988, Sec. 19): both ends of the slide fall, and both slips leave the surface. */
 static bool turns_repelling(struct work *w)
 {
     const struct mode *mode = w->mode;

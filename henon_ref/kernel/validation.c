@@ -9,10 +9,9 @@
 
 /* Last terms that are smaller than the terms before them by this factor are a gap, not a decreasing tail. */
 #define GAP_RATIO 1e-5
-/* Factor of one shortening while terms grow; also the largest ratio of the last two terms of a step that needs no
- * check. */
+/* Factor of one shortening while terms grow; also the largest ratio of the last two terms of a step without a check. */
 #define SHORTER 0.7
-/* Smallest factor by which a refused step is shortened; otherwise 0.95 worst^(-1/p), for an error proportional to
+/* Smallest factor by which a refused step is shortened; above it 0.95 worst^(-1/p), for an error that goes as
  * theta^p. */
 #define QUARTER 0.25
 /* Terms that decrease by less than this factor over two orders have not converged. */
@@ -68,8 +67,8 @@ static double cancellation_limit(const struct work *w, int64_t rows, double thet
  *
  * NOT_DECREASING: the last two terms are not much smaller than the two before them or those halfway; later terms may be
  * larger still (a singularity on the step, a high power that dominates later). ENDS_IN_GAP: the last two terms suddenly
- * vanish; a gap does not bound the terms after it. If "least_part" > 0, terms below that part of the row's size are
- * always DECREASING.
+ * vanish; a gap does not bound the terms after it. DECREASING also if they are below "least_part" > 0 of the row's
+ * size.
  */
 static enum tail tail_shape(const double *row, int64_t order, double theta, double least_part)
 {
@@ -143,8 +142,8 @@ struct agreement {
     double shorter; /* step on which the terms of the rows that disagree decrease */
 };
 
-/* Value of a row's series at a place on the step (first = 0), or a state's slope (first = 1); adds the sizes of the
- * terms to "size". */
+/* Value of a row's series at a place on the step (first = 0), or slope of a state (first = 1); adds the terms' sizes to
+ * "size". */
 static inline double predicted_at(const double *row, int64_t order, int64_t first, double at, double *size)
 {
     double predicted = 0.0, power = 1.0;
@@ -174,8 +173,8 @@ static void compare_at(const struct work *w, double at, double theta, expand_cod
         w->point[i] = w->x[i] + w->change[i];
     code(end, run->time_low, run->unit, w->point, w->constants, w->ahead);
     run->expansions += 1;
-    /* In the new expansion exponentials must allow at least a quarter of the step (taylor/llvm/step_bounds.py:
-     * longest_step). */
+    /* In the new expansion exponentials must allow a quarter of the step (longest_step in
+     * taylor/llvm/step_bounds.py). */
     found->agrees = found->agrees && (slopes || row_ahead(w, n + guards)[3] >= 0.25 * at);
     bool measured = false;
     for (int64_t r = 0; r < n + guards; r++) {
