@@ -1,1 +1,1 @@
-"""The compiled side of the reference, in C: sources, how they are compiled, and how their library is loaded."""
+"""The compiled part of the reference: its C sources, their compilation, and the loading of the library."""

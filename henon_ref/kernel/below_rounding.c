@@ -1,17 +1,17 @@
-/* Guards that lie below their own rounding: such a one decides nothing.
+/* Guards smaller than the rounding errors of the states: such a guard decides nothing.
  *
- * What rounding leaves of a state moves a guard, directly and through the motion: each state is moved by some units in
- * its last place, and the guard's series on the step looked at again. What rounding makes of the guard's own operations
- * machine code bounds (henon_ref/taylor/llvm/rounding.py). A root is decided where the guard falls, over as
- * long as a step is, by more than that, or is clearly below zero at the step's end. Else it is passed over on this
- * step, and from there on nothing is told of its surface (record_transition). The run goes on: where the guard is
+ * Rounding of a state changes a guard, both directly and through the motion. To measure this, each state is moved by
+ * some units in its last place, and the guard's series on the step is computed again. Machine code bounds the rounding
+ * of the guard's own operations (henon_ref/taylor/llvm/rounding.py). A root counts if the guard falls by more than both
+ * together over the length of a step, or is clearly below zero at the step's end. Otherwise it is ignored on this step,
+ * and from there on no transition of its surface is recorded (record_transition). The run continues; if the guard is
  * clearly below zero later, the mode changes there.
  */
 
-/* A guard that falls by this part of the largest state is beyond rounding: on a step no motion makes 1e10 of it. */
+/* A fall of a guard by this part of the largest state exceeds rounding: no step multiplies an error by 1e10. */
 #define CLEAR_PART 1e-4
 
-/* What rounding of a guard's own operations may make of it: more than that of the states where its terms cancel. */
+/* Rounding error of a guard's own operations; it exceeds that of the states if the guard's terms cancel. */
 static double own_rounding(const struct work *w, int64_t guard)
 {
     const struct run *run = w->run;
@@ -20,9 +20,9 @@ static double own_rounding(const struct work *w, int64_t guard)
     return own < INFINITY ? own : 0.0;
 }
 
-/* What rounding of the states, and its own, may make of a guard on a step of theta units.
+/* Change of a guard on a step of theta units by rounding of the states and of its own operations.
  *
- * (Expansions for it are no part of the motion: they are not counted.)
+ * (The expansions made here are not part of the motion, and not counted.)
  */
 static double guard_noise(const struct work *w, int64_t guard, double theta)
 {
@@ -45,14 +45,14 @@ static double guard_noise(const struct work *w, int64_t guard, double theta)
     return noise;
 }
 
-/* Since when a guard has been below its rounding. */
+/* Time since when a guard has been below its rounding. */
 static double *since_of(const struct work *w, int64_t guard)
 {
     const struct guard *own = &w->mode->guard[guard];
     return w->since + rounding_place(own->valid, own->index, w->run->guards);
 }
 
-/* Note that a guard is below its rounding, "part" units behind the step's begin. */
+/* Record that a guard is below its rounding, "part" units after the step's start. */
 static void passed_over(struct work *w, int64_t guard, double part)
 {
     double *since = since_of(w, guard), time = w->run->time + part * w->run->unit;
@@ -62,17 +62,18 @@ static void passed_over(struct work *w, int64_t guard, double part)
     }
 }
 
-/* Length, in the unit, over which a guard is looked at: no coefficient limits that of a polynomial motion. */
+/* Length, in the unit, on which a guard is examined: at most up to the horizon for a polynomial motion, whose steps
+ * have any length. */
 static double length_looked_at(const struct work *w, double natural)
 {
     double left = remaining(w->run) / w->run->unit;
     return w->mode->polynomial_degree > 0 ? smaller(natural, left) : natural;
 }
 
-/* Whether the root of a guard at tau is rounding's; noted then.
+/* Check whether the root of a guard at tau is due to rounding, and record that.
  *
- * "natural": length of the step that nothing has cut short, in the unit. "flat": the root may be none; it is left to
- * multiprecision, the first time.
+ * "natural": length of the uncut step, in the unit. "flat": the root itself is uncertain; multiprecision decides it,
+ * except if the guard was below its rounding before.
  */
 static bool root_below_rounding(struct work *w, int64_t guard, double tau, double natural, bool flat)
 {
@@ -98,9 +99,9 @@ static bool root_below_rounding(struct work *w, int64_t guard, double tau, doubl
     return true;
 }
 
-/* Of guards that are below zero where a step begins (hits), whether one falls further by more than rounding.
+/* Check whether a guard that is below zero where a step begins (hits) falls further by more than rounding.
  *
- * Those that do not are no hits any more, and faint.
+ * Guards that do not are removed from the hits, and faint on this step.
  */
 static bool fails_beyond_rounding(struct work *w, double natural)
 {

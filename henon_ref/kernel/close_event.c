@@ -1,28 +1,28 @@
-/* What double precision does not decide, decided in double-double: a graze, roots next to each other, an event at the
- * horizon.
+/* Events that double precision does not decide, decided in double-double: grazes, close roots, events at the horizon.
  *
- * The motion is expanded anew from where the step begins (pair_series.c), whose state is known to two doubles or, in
- * the first mode of a run, to all digits that double-double keeps from the start on. The guard in question is positive
- * up to a neighbourhood of the place, by its Bernstein coefficients, and there it falls, rises or has one minimum, by
- * the signs of their differences. Whether it reaches zero is then a matter of one number, its minimum, which is known
- * with a bound of its error. Nothing is decided that this bound leaves open, nor where another guard may be at zero
- * before: that is multiprecision's (henon_ref/integrator/multiprecision_event.py), and so is what no two velocities tell.
+ * The motion is expanded anew from the start of the step (pair_series.c). The state there is known to two doubles or,
+ * in the first mode of a run, to all digits that double-double keeps from the run's start on. By its Bernstein
+ * coefficients, the guard in question is positive up to a neighbourhood of the suspected place; by the signs of their
+ * differences, it falls, rises or has one minimum there (near_zero.c). Whether it reaches zero then depends on one
+ * number, the minimum, which is known with an error bound. Multiprecision
+ * (henon_ref/integrator/multiprecision_event.py) decides if this bound does not, if another guard may be at zero
+ * before, or if two normal velocities do not determine the next mode.
  */
 
-/* Steps of the motion from the start on that one event may take. */
+/* Largest number of steps by which one event may continue the motion from the run's start. */
 #define PAIR_STEPS 64
-/* Shortest part of the length asked for that they are shortened to. */
+/* Smallest part to which these steps are shortened. */
 #define PAIR_PART 0x1p-6
-/* Part of its size by which a double may be off the motion from the start, for errors not to have grown. */
+/* Largest relative difference of the state from the motion since the run's start before errors count as grown. */
 #define SAME_MOTION 1e-2
-/* So many times as far as the place the motion is expanded. */
+/* The motion is expanded up to this multiple of the distance to the suspected place. */
 #define EXPANDED 1.25
-/* Of a time, what rounding leaves of a difference of two. */
+/* Relative rounding error of a difference of two times. */
 #define TIME_ROUNDING 2e-17
-/* Part of a number below which what rounding lost of it is nothing. */
+/* Relative precision of double-double; smaller rests of a number count as zero. */
 #define PAIR_ROUNDING 0x1p-106
 
-/* A power of two no smaller than a length. */
+/* Smallest power of two that is no smaller than a length. */
 static inline double unit_above(double length)
 {
     int exponent;
@@ -30,7 +30,7 @@ static inline double unit_above(double length)
     return ldexp(1.0, part == 0.5 ? exponent - 1 : exponent);
 }
 
-/* Remember where a run begins. */
+/* Store time and state at a run's start, in double-double. */
 static void keep_origin(struct work *w)
 {
     const struct run *run = w->run;
@@ -50,7 +50,7 @@ static bool make_room(struct pair_expansion *e)
     return e->series != NULL;
 }
 
-/* Go on with the motion from the start up to where the step begins; false where that cannot be done. */
+/* Continue the motion from the run's start to the start of the step; false if that is not possible. */
 static bool motion_from_start(const struct work *w, struct pair_expansion *e, struct bounded *state)
 {
     const struct run *run = w->run;
@@ -95,7 +95,7 @@ static bool motion_from_start(const struct work *w, struct pair_expansion *e, st
     return true;
 }
 
-/* The state where the step begins, in as many digits as there are; "rounded": whether these are a double's. */
+/* State at the start of the step, to all known digits; "rounded": whether these are those of the compensated double. */
 static bool all_digits(const struct work *w, struct pair_expansion *e, struct bounded *state, bool *rounded)
 {
     *rounded = w->run->more_digits == 0 || w->run->remembered != 1;
@@ -106,7 +106,7 @@ static bool all_digits(const struct work *w, struct pair_expansion *e, struct bo
     return true;
 }
 
-/* Whether a guard that is not the one in question has no event up to a place. */
+/* Check whether another guard than the suspected one has no event up to a place. */
 static bool has_no_event(const struct work *w, const struct pair_expansion *e, int64_t g, double end, double natural)
 {
     const struct pair_series *q = series_of(e, w->run->states + g);
@@ -135,14 +135,14 @@ static bool has_no_event(const struct work *w, const struct pair_expansion *e, i
     return above(whole.b, whole.degree, level, HALVINGS);
 }
 
-/* How a guard's surface is left on its other side: the first two terms of what is away from it there, and the first that
- * is not known to be zero, with its order. */
+/* How the motion leaves a guard's surface on the other side: the first two coefficients of the distance from it there,
+ * and the first coefficient that is not known to be zero, with its order. */
 struct beyond {
     struct bounded rate, bend, leading;
     int64_t order;
 };
 
-/* That at a point on the surface; false where it is not known. */
+/* Expand the mode across a guard at a point on its surface, and read off these coefficients; false if that fails. */
 static bool look_beyond(struct work *w, const struct pair_expansion *own, const struct guard *guard,
                         struct bounded time, const struct bounded *state, struct beyond *found)
 {
@@ -169,9 +169,9 @@ static bool look_beyond(struct work *w, const struct pair_expansion *own, const 
     return there;
 }
 
-/* What follows at a point where a guard falls through zero, or touches it; false where two numbers do not tell.
+/* Determine the transition where a guard falls through zero or touches it; false if two numbers do not decide it.
  *
- * Where it is touched the mode goes on, and there is no change: if the other side does not lead away as well.
+ * After a touch the mode continues without a transition, unless the other side's field leads away as well.
  */
 static bool change_at(struct work *w, const struct pair_expansion *e, int64_t g, struct near_place near,
                       struct bounded time, const struct bounded *state, struct change *found)
@@ -182,7 +182,7 @@ static bool change_at(struct work *w, const struct pair_expansion *e, int64_t g,
     if (guard->kind == VALID || guard->coupled != UNCOUPLED || guard->hold_zone != 0 || guard->jump
         || guard->mode_across < 0)
         return false;
-    if (guard->kind == RELEASE && near.what == FALLING && near.order > 1) { /* what is tangent then is so to its order */
+    if (guard->kind == RELEASE && near.what == FALLING && near.order > 1) { /* left tangentially to a higher order */
         found->zeros += near.order - 1;
         return guard->zeros_at_release == 2;
     }
@@ -194,7 +194,7 @@ static bool change_at(struct work *w, const struct pair_expansion *e, int64_t g,
     bool clear = fabs(away.leading.high) > CLEAR * away.leading.error;
     if (touching && away.order > 1)
         return clear && away.leading.high < 0.0;
-    if (near.order > 1 && !touching) { /* as flat beyond, and it leads on: nothing slides where the gradient vanishes */
+    if (near.order > 1 && !touching) { /* as flat beyond, and increasing: no sliding without a gradient */
         *found = (struct change){CROSSING, guard->mode_across, near.order};
         return clear && away.order == near.order && away.leading.high > 0.0;
     }
@@ -209,14 +209,14 @@ static bool change_at(struct work *w, const struct pair_expansion *e, int64_t g,
     return touching ? away.rate.high < 0.0 : found->mode >= 0;
 }
 
-/* Two doubles of a number. */
+/* Split a number into two doubles. */
 static void split(struct bounded number, double *high, double *low)
 {
     *high = number.high;
     *low = fabs(number.low) > PAIR_ROUNDING * fabs(number.high) ? number.low : 0.0;
 }
 
-/* Take the step up to a place, at which the state is known. */
+/* Take the step up to a place with known state. */
 static void step_to(struct work *w, struct bounded time, const struct bounded *state, double length)
 {
     struct run *run = w->run;
@@ -230,7 +230,7 @@ static void step_to(struct work *w, struct bounded time, const struct bounded *s
         w->known_zeros[g] = 0;
 }
 
-/* Go to what a guard does next to a place; UNDECIDED_EVENT where that is open. */
+/* Step to the event or minimum of a guard near the suspected place; UNDECIDED_EVENT if the guard remains open. */
 static int64_t settle(struct work *w, struct pair_expansion *e, int64_t g, double natural, struct bounded *state)
 {
     struct run *run = w->run;
@@ -277,13 +277,13 @@ static int64_t settle(struct work *w, struct pair_expansion *e, int64_t g, doubl
             return EVENTS_ACCUMULATE;
     } else if (near.what != RISING) {
         w->known_zeros[g] = near.order;
-        if (near.what == TOUCHING && guard->kind == SURFACE) /* of a slide whose end is touched nothing is told */
+        if (near.what == TOUCHING && guard->kind == SURFACE) /* a touch of a slide's end is not reported */
             record_transition(w, GRAZE, guard->index, 0, run->mode, run->mode);
     }
     return run->stopped ? STOPPED : ON;
 }
 
-/* Decide the event at which a step was left undecided; UNDECIDED_EVENT where multiprecision has to. */
+/* Decide the event that double precision left undecided on a step; UNDECIDED_EVENT if multiprecision is needed. */
 static int64_t settle_event(struct work *w, double natural)
 {
     struct pair_expansion e = {.tape = w->mode->tape, .constants = w->constants};

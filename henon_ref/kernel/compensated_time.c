@@ -1,4 +1,4 @@
-/* The time of a run: a double and what rounding has lost of it. */
+/* The time of a run: a double and the rest that rounding has lost of it (a compensated sum). */
 
 /* t += step as a compensated sum (Neumaier), so that late times lose no digits of a duration. */
 static inline void add_to_time(struct run *run, double step)
@@ -10,13 +10,13 @@ static inline void add_to_time(struct run *run, double step)
     run->time_low = low - (run->time - total);
 }
 
-/* Whether a step is too short to move a double's time. */
+/* Check whether a step is too short to move a double's time. */
 static inline bool below_time_resolution(const struct run *run, double step)
 {
     return step <= 0.25 * EPS * fabs(run->time);
 }
 
-/* Whether it is too short even for what rounding has lost of the time. */
+/* Check whether a step is too short even to move the compensated time. */
 static inline bool below_compensated_resolution(const struct run *run, double step)
 {
     return step <= 0.25 * EPS * EPS * fabs(run->time);

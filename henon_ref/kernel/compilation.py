@@ -1,7 +1,7 @@
-"""Of what a C library is compiled and how: source files, flags, processors, their hash.
+"""Compilation of a C library: source files, flags, variants for processors, and the hash of the sources.
 
-The build reads this file by itself, before anything is installed (``build_backend/libraries.py``): nothing but the
-standard library is imported here.
+The build loads this file before anything is installed (``build_backend/libraries.py``), so that it imports only the
+standard library.
 """
 
 from __future__ import annotations
@@ -17,58 +17,58 @@ from typing import NamedTuple
 FLAGS = (
     "-std=c11",
     "-O3",
-    # No places of source files on the machine that builds: the same sources give the same bytes anywhere.
+    # No debugging information, which has paths of the build machine: the same sources give the same bytes anywhere.
     "-g0",
-    # Fused operations are said (__builtin_fma): where a compiler fuses at will, a quarter of all results differ.
+    # Fused operations are explicit (__builtin_fma): if the compiler fuses freely, a quarter of all results differ.
     "-ffp-contract=off",
     "-fPIC",
     "-shared",
-    # What is exported is marked; all else can be inlined and calls its like directly.
+    # Exported functions are marked; all others can be inlined and called directly.
     "-fvisibility=hidden",
-    # Functions of the C library are called by their address, not through a stub that looks it up.
+    # Call functions of the C library by their address, without a stub that looks it up.
     "-fno-plt",
 )
-"""Flags of every library. None gives licence to reorder, fuse or approximate, and no processor is named here."""
+"""Flags of every library. No flag allows reordering, fusing or approximation, or names a processor."""
 
 
 class Variant(NamedTuple):
-    """One of the libraries that a source is compiled to."""
+    """Variant of a library for a class of processors."""
 
     name: str
     architecture: str | None
-    """Value of ``-march``; None: what the compiler takes by itself."""
+    """Value of ``-march``; None: the compiler's default."""
     features: frozenset[str]
-    """What a processor must have to run it, in LLVM's words."""
+    """Features that a processor needs to run the library, with LLVM's names."""
 
 
 X86_64 = (
     Variant("x86-64-v3", "x86-64-v3", frozenset({"avx", "avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe"})),
-    # Each fused operation is a call of the C library here: a run takes 1.2 to 1.3 times as long, with the same bits.
+    # Each fused operation calls the C library: a run takes 1.2 to 1.3 times as long, with the same bits.
     Variant("x86-64", "x86-64", frozenset()),
 )
-"""The best first. Never the processor of the machine that builds: others run what it built."""
+"""Variants, the best first. None is specific to the build machine, because other machines run the libraries, too."""
 _INCLUDE = re.compile(rb'\n[ \t]*#[ \t]*include[ \t]*"([^"]+)"')
-"""It begins with a letter, not with ``^``, which is tried at every letter: 0.2 in place of 12 ms for the kernel."""
+"""Include directive. Beginning with a newline instead of ``^`` makes the search quick: 0.2 ms instead of 12 ms."""
 
 
 def variants(machine: str | None = None) -> tuple[Variant, ...]:
-    """The libraries that a source is compiled to for a kind of machine, by default this one."""  # ARM fuses anywhere
+    """Variants of a library for a kind of machine, by default this one."""  # every ARM processor can fuse
     machine = (machine or platform.machine()).lower()
     return X86_64 if machine in ("x86_64", "amd64") else (Variant(machine, None, frozenset()),)
 
 
 def best(features: Set[str]) -> Variant:
-    """The variant for a processor with some features."""
+    """Best variant for a processor with given features."""
     return next(variant for variant in variants() if variant.features <= features)
 
 
 def library_file(source: Path, variant: Variant) -> Path:
-    """Where the library of a source lies: beside it."""
+    """Path of a source's library, in the same folder."""
     return source.with_name(f"_{source.stem}.{variant.name}.so")
 
 
 def source_files(source: Path) -> dict[Path, bytes]:
-    """A C file and all that it includes in quotes, each once: what is included stands before what includes it."""
+    """Contents of a C file and of all files that it includes in quotes, each once, included files first."""
     found: dict[Path, bytes] = {}
     begun: set[str] = set()
 
@@ -89,7 +89,7 @@ def source_files(source: Path) -> dict[Path, bytes]:
 
 
 def sources_hash(source: Path, machine: str | None = None) -> str:
-    """SHA-256 over a C file, all that it includes in quotes, and the flags for a kind of machine."""
+    """SHA-256 of the flags for a kind of machine, a C file, and all files that it includes in quotes."""
     flags = " ".join((*FLAGS, *(str(variant.architecture) for variant in variants(machine))))
     parts = [flags.encode(), *source_files(source).values()]
     return hashlib.sha256(b"\0".join(parts)).hexdigest()

@@ -1,18 +1,18 @@
-/* Events of contacts whose modes are numbers (contacts.c), where guards of several surfaces are at zero at one instant,
- * or other contacts act on the one that is hit.
+/* Events of contacts whose modes are numbers (contacts.c), if guards of several surfaces are at zero at one instant, or
+ * other contacts act on the one that is hit.
  *
- * Kinks (struct guard) are crossed first, for nothing slides on them. Then the contacts are decided, group by group:
- * one on which no other in play acts by itself, several together (contact_problem.c). In the mode that comes of it the
- * kinks must be left with a speed, and slides that nothing has ended must clearly go on. Where all that is not clear
- * nothing is changed, and Python decides.
+ * First the kinks (struct guard) are crossed, because no mode slides on them. Then the contacts are decided: a contact
+ * alone if no other contact in play acts on it, else its whole group (contact_problem.c). In the resulting mode the
+ * kinks must be left with a speed, and slides that nothing has ended must clearly continue. If that is not clear, the
+ * mode is restored, and Python decides.
  *
- * For each surface i the places 2 i and 2 i + 1 of "faint", which the next step sets anew, hold the zeros with which it
- * is left, and what follows.
+ * For each surface i the places 2 i and 2 i + 1 of "faint", which the next step overwrites, hold the known zeros with
+ * which the surface is left, and its state (END_FALLS, DECIDED).
  */
 enum { END_FALLS = 1, DECIDED = 2 };
 
-/* Cross the kinks that are hit, and mark the slides' ends that fall through zero behind them; false where a guard is at
- * zero that is no surface's, or both of one surface. */
+/* Cross the kinks that are hit, and mark the ends of slides whose guards fall through zero after the kinks; false if a
+ * guard at zero belongs to no surface, or both guards of one surface are at zero. */
 static bool kinks_crossed(struct work *w, int64_t *kinks)
 {
     const struct run *run = w->run;
@@ -46,8 +46,8 @@ static bool kinks_crossed(struct work *w, int64_t *kinks)
     return true;
 }
 
-/* What follows where a contact's guard is at zero on which no other in play acts, noted in its entry; false where that
- * is not clear. */
+/* Decide a contact whose guard is at zero, and on which no other contact in play acts, and change its entry; false if
+ * the decision is not clear. */
 static bool alone_decided(struct work *w, int64_t g)
 {
     const struct guard *guard = &w->mode->guard[g];
@@ -63,7 +63,7 @@ static bool alone_decided(struct work *w, int64_t g)
     return found.kind == STICK || found.zeros > 0;
 }
 
-/* The same with all contacts in play that act on it. */
+/* Decide a contact together with all contacts in play that act on it; false if the decision is not clear. */
 static bool contact_decided(struct work *w, int64_t g)
 {
     struct group group = {.count = 1};
@@ -84,7 +84,7 @@ static bool contact_decided(struct work *w, int64_t g)
     return true;
 }
 
-/* Whether the mode that is entered leaves the kinks behind, and nothing ends it, or a slide in it, at once. */
+/* Check whether the entered mode leaves the kinks, and nothing ends the mode, or a slide in it, at once. */
 static bool entered_clearly(struct work *w, int64_t kinks)
 {
     const struct run *run = w->run;
@@ -106,8 +106,7 @@ static bool entered_clearly(struct work *w, int64_t kinks)
     return clear;
 }
 
-/* Change the entries of all surfaces for which the event that the run stands at is one; ON, or why Python is needed, the
- * mode then being as it was. */
+/* Change the entries of all surfaces with an event here; ON, or the reason why Python is needed, the mode restored. */
 static int64_t change_entries(struct work *w)
 {
     struct run *run = w->run;

@@ -1,52 +1,52 @@
-/* Contacts that act on each other, decided at an event where double precision tells.
+/* Contacts that act on each other, decided at an event if double precision is sufficient.
  *
- * The rule is that of henon_ref/modes/held_groups.py and contact_problem.py: Gauss's principle with Coulomb's
- * friction. The relative accelerations of a group's contacts are affine in their forces, N = a - M f; each force is
- * between its bounds, at the upper one where N > 0, at the lower one where N < 0 (Moreau 1985, Sec. 2; Glocker 2001,
- * Ch. 6). Which contacts hold is found by block principal pivoting (Judice and Pires, Comput. Oper. Res. 21 (1994)
- * 587-596). The bounds of a contact at rest are those of its static friction; what slips in the solution and had not
- * slipped before in this instant falls to kinetic friction, and the problem is solved again.
+ * The rule is that of henon_ref/modes/held_groups.py and contact_problem.py: Gauss's principle with Coulomb's friction.
+ * The relative accelerations of a group's contacts are affine in their forces, N = a - M f. Each force is between its
+ * bounds, at the upper bound if N > 0, at the lower bound if N < 0 (Moreau 1985, Sec. 2; Glocker 2001, Ch. 6). Block
+ * principal pivoting finds the contacts that hold (Judice and Pires, Comput. Oper. Res. 21 (1994) 587-596). A contact
+ * at rest has the bounds of its static friction. If it slips in the solution and had not yet slipped at this instant,
+ * its bounds change to kinetic friction, and the problem is solved again.
  *
- * Loads are in the units that the forces have in the equations: a contact whose override says what a load does ("push")
- * has its load for force, any other one the sign that stands for it, a load over the friction in sliding.
+ * Forces have the units of the equations: the load for a contact whose override defines the effect of a load ("push"),
+ * else the equivalent sign, a load divided by the friction in sliding.
  *
- * Every number may be off by the part CLEAR_MARGIN of its terms (the states are, too), and what that does to the forces
- * is bounded by Skeel's componentwise condition, to first order (J. ACM 26 (1979) 494-526): where some sign could be
- * another one within these bounds, Python decides.
+ * Every number may be wrong by the part CLEAR_MARGIN of its terms, as the states are. Skeel's componentwise condition
+ * (J. ACM 26 (1979) 494-526) bounds the effect on the forces to first order. If some sign is uncertain within these
+ * bounds, Python decides.
  */
 
-/* Part of a number's terms by which it may be beyond a bound while the pivots go on. */
+/* Tolerance of the bounds during the pivots, relative to the terms of a number. */
 #define PIVOT_ROUNDING 1e-12
-/* Part of a contact's own inverse inertia below which what the others leave of it is none. */
+/* Pivots below this part of a contact's own inverse inertia count as zero: the part of M is singular. */
 #define RANK 1e-8
-/* Part of its terms by which a sum of accelerations may differ from what it is. */
+/* Tolerance of the test that accelerations are affine, relative to the sum of their terms. */
 #define SAME 1e-9
-/* Blocks of pivots in a row that bring no fewer contacts out of bounds; pivots a contact. */
+/* Block pivots in a row without progress before single pivots; largest number of pivots per contact. */
 #define PATIENCE 10
 #define MOST_PIVOTS 100
 
 typedef double square[MOST_IN_GROUP][MOST_IN_GROUP];
 
-/* N = a - M f for the contacts of a group. */
+/* Contact problem N = a - M f of a group. */
 struct contact_problem {
     int64_t count;
     double a[MOST_IN_GROUP], lower[MOST_IN_GROUP], upper[MOST_IN_GROUP];
     square m;
 };
 
-/* Its solution. */
+/* Solution of a contact problem. */
 struct accelerations {
-    double force[MOST_IN_GROUP], speed[MOST_IN_GROUP], size[MOST_IN_GROUP]; /* f, N, and the sizes of the terms of N */
-    int64_t entry[MOST_IN_GROUP]; /* 0: the force is between its bounds; -1, +1: at the lower one, at the upper one */
+    double force[MOST_IN_GROUP], speed[MOST_IN_GROUP], size[MOST_IN_GROUP]; /* f, N, sizes of N's terms */
+    int64_t entry[MOST_IN_GROUP]; /* 0: force between its bounds; -1, +1: at the lower, at the upper bound */
 };
 
-/* Of the contacts that hold, their number, places, and the factors of their part of M. */
+/* Contacts that hold: their number and places, and the LU factors of their part of M. */
 struct held_part {
     int64_t count, place[MOST_IN_GROUP], row[MOST_IN_GROUP];
     square lu;
 };
 
-/* Factors of the held contacts' part of M, rows exchanged; false where it is close to singular. */
+/* LU factorisation, with row exchanges, of the held contacts' part of M; false if that is nearly singular. */
 static bool factorised(const struct contact_problem *p, const int64_t *entry, struct held_part *held)
 {
     held->count = 0;
@@ -78,7 +78,7 @@ static bool factorised(const struct contact_problem *p, const int64_t *entry, st
     return true;
 }
 
-/* Solve with these factors; x is by the order of the held contacts, as the right side is. */
+/* Solve with these factors; x and the right side are in the order of the held contacts. */
 static void solve_factorised(const struct held_part *held, const double *right, double *x)
 {
     int64_t count = held->count;
@@ -94,7 +94,7 @@ static void solve_factorised(const struct held_part *held, const double *right, 
     }
 }
 
-/* Forces and relative accelerations for these entries; false where the held contacts do not settle them. */
+/* Forces and accelerations for given entries; false if the held contacts' part of M is nearly singular. */
 static bool balanced(const struct contact_problem *p, struct accelerations *s, struct held_part *held)
 {
     int64_t count = p->count;
@@ -122,7 +122,7 @@ static bool balanced(const struct contact_problem *p, struct accelerations *s, s
     return true;
 }
 
-/* Whether every sign that a solution rests on stays what it is when each number is off by the part CLEAR_MARGIN. */
+/* Check whether every sign that the solution relies on is certain if each number is wrong by the part CLEAR_MARGIN. */
 static bool is_clear(const struct contact_problem *p, const struct accelerations *s, const struct held_part *held)
 {
     double off[MOST_IN_GROUP] = {0.0}, right[MOST_IN_GROUP], column[MOST_IN_GROUP];
@@ -150,7 +150,7 @@ static bool is_clear(const struct contact_problem *p, const struct accelerations
     return true;
 }
 
-/* Solve a contact problem; whether it has a solution that is clear. */
+/* Solve a contact problem by block principal pivoting; false if it has no clear solution. */
 static bool clearly_solved(const struct contact_problem *p, struct accelerations *s)
 {
     int64_t count = p->count, fewest = count + 1, patience = PATIENCE;
@@ -182,40 +182,39 @@ static bool clearly_solved(const struct contact_problem *p, struct accelerations
     return false;
 }
 
-/* A group at the point where the run stands. */
+/* A group of contacts at the present point. */
 struct group {
-    int64_t side[MOST_IN_GROUP];    /* of every surface its entry in the mode, behind sections that are hit */
-    bool open[MOST_IN_GROUP];       /* surfaces that the group is made of, and sections that are hit */
-    int64_t sections;               /* how many of these there are */
+    int64_t side[MOST_IN_GROUP];    /* entry of every surface in the mode, after sections that are hit */
+    bool open[MOST_IN_GROUP];       /* surfaces of the group, and sections that are hit */
+    int64_t sections;               /* number of sections that are hit */
     int64_t count, contact[MOST_IN_GROUP]; /* contacts in play, in order */
-    int64_t static_ones;            /* contacts among them that have static friction */
-    bool slipped[MOST_IN_GROUP];    /* whether the load of such a one has reached its limit in this instant */
-    double least[MOST_IN_GROUP], most[MOST_IN_GROUP]; /* forces that static friction allows */
-    double lower[MOST_IN_GROUP], upper[MOST_IN_GROUP]; /* the bounds of friction in sliding */
+    int64_t static_ones;            /* number of contacts with static friction */
+    bool slipped[MOST_IN_GROUP];    /* whether a contact with static friction has reached its limit at this instant */
+    double least[MOST_IN_GROUP], most[MOST_IN_GROUP]; /* range of forces that static friction allows */
+    double lower[MOST_IN_GROUP], upper[MOST_IN_GROUP]; /* bounds of friction in sliding */
     struct contact_problem problem;
 };
 
-/* What is evaluated of a surface: its velocity in the fields, dh/dt, stands apart. */
-enum { RISING_END, FALLING_END, INERTIA, KINETIC, OF_CONTACT }; /* henon_ref/integrator/mode_code.py has the same order */
+/* Numbers evaluated for a surface, in addition to its velocity dh/dt. */
+enum { RISING_END, FALLING_END, INERTIA, KINETIC, OF_CONTACT }; /* same order as henon_ref/integrator/mode_code.py */
 
-/* What is known of the contact at a place: bits of enum contact. */
+/* Properties of the contact at a place of the group: bits of enum contact. */
 static int64_t kind_of(const struct work *w, const struct group *g, int64_t k)
 {
     return w->tables->selection.contact[g->contact[k]];
 }
 
-/* Let the contact at a place act, or no more. */
+/* Set the force of the contact at a place of the group. */
 static void act(const struct work *w, const struct group *g, int64_t k, double *point, double force)
 {
     int64_t loads = kind_of(w, g, k) & BY_LOAD ? w->tables->selection.surfaces : 0;
     point[w->run->states + loads + g->contact[k]] = force;
 }
 
-/* What a contact at a place slides with, and what its static friction allows, in units of its force; false where that
- * is not known.
+/* Bounds of a contact's force in sliding and by static friction, in units of its force; false if they are unknown.
  *
- * own: its numbers where no contact of the group acts. end_slopes: how its end into the mode +1 grows with the force of
- * each: with how its acceleration does, that tells the inertia where its override does not.
+ * own: the contact's numbers without forces of the group. end_slopes: derivative of the guard of its end into the mode
+ * +1 with respect to each force; divided by that of the acceleration, it gives the inertia if the override does not.
  */
 static bool bound_forces(struct group *g, int64_t k, int64_t what, const double *own, const double *end_slopes)
 {
@@ -234,7 +233,7 @@ static bool bound_forces(struct group *g, int64_t k, int64_t what, const double 
     return inertia > 0.0 && fabs(g->most[k]) < BLOWN_UP && fabs(g->least[k]) < BLOWN_UP;
 }
 
-/* Velocities and numbers of all surfaces where the run stands, no contact of the group acting: the point for that. */
+/* Point at which velocities and numbers of all surfaces are evaluated, without forces of the group. */
 static double *resting_point(const struct work *w, const struct group *g)
 {
     const struct selection *selection = &w->tables->selection;
@@ -251,7 +250,7 @@ static double *resting_point(const struct work *w, const struct group *g)
     return point;
 }
 
-/* The group's balance of forces where the run stands; false where it is not one of friction, or no number. */
+/* Balance of a group's forces at the present point; false if the forces are not those of friction, or not finite. */
 static bool balance(const struct work *w, struct group *g)
 {
     int64_t surfaces = w->tables->selection.surfaces, count = g->count;
@@ -282,7 +281,7 @@ static bool balance(const struct work *w, struct group *g)
         double rest = speeds[g->contact[k]] - p->a[k], size = fabs(p->a[k]);
         for (int64_t j = 0; j < count; j++)
             rest += p->m[k][j], size += fabs(p->m[k][j]);
-        if (!(fabs(rest) <= SAME * size && p->m[k][k] > SAME * size)) /* not affine, or no contact */
+        if (!(fabs(rest) <= SAME * size && p->m[k][k] > SAME * size)) /* not affine, or not a contact */
             return false;
         if (!bound_forces(g, k, kind_of(w, g, k), own[k], end_slopes[k]))
             return false;
@@ -296,8 +295,8 @@ static int64_t present_entry(const struct work *w, int64_t surface)
     return w->words ? entry_in(w->entries, surface) : entry_of(w->mode->number, surface);
 }
 
-/* Mark the surfaces that are open, from one on, or from all (NOWHERE) that are hit: those of guards at zero, and those
- * slid on, or at zero, that act on them by way of others; false where a guard that is no surface's is at zero. */
+/* Mark the surface "first" as open, or all surfaces that are hit (NOWHERE), and all surfaces slid on or at zero that
+ * act on them, directly or through others; false if a guard at zero belongs to no surface. */
 static bool mark_open(const struct work *w, struct group *g, int64_t first, bool *released)
 {
     const struct selection *selection = &w->tables->selection;
@@ -324,8 +323,8 @@ static bool mark_open(const struct work *w, struct group *g, int64_t first, bool
     return true;
 }
 
-/* The contacts in play, of a group from one surface on or of all that is hit (NOWHERE), behind sections that are hit;
- * false where these are not the only surfaces. */
+/* Contacts in play, of the group of one surface or of all surfaces that are hit (NOWHERE), after sections that are hit;
+ * false if other surfaces are open. */
 static bool find_group(const struct work *w, struct group *g, int64_t first)
 {
     const struct selection *selection = &w->tables->selection;
@@ -350,7 +349,7 @@ static bool find_group(const struct work *w, struct group *g, int64_t first)
     return true;
 }
 
-/* Whether the sections that are hit are crossed with a speed. */
+/* Check whether the sections that are hit are crossed with a speed. */
 static bool sections_crossed(const struct work *w, const struct group *g)
 {
     const struct selection *selection = &w->tables->selection;
@@ -363,7 +362,7 @@ static bool sections_crossed(const struct work *w, const struct group *g)
     return true;
 }
 
-/* Which contacts of a group hold, and how the others slip; false where that is not clear. */
+/* Decide which contacts of a group hold, and how the others slip; false if that is not clear. */
 static bool settled(const struct work *w, struct group *g, struct accelerations *s)
 {
     if (!balance(w, g))
@@ -381,13 +380,13 @@ static bool settled(const struct work *w, struct group *g, struct accelerations 
             if (kind_of(w, g, k) & FIXED && !g->slipped[k] && s->entry[k] != 0)
                 g->slipped[k] = more = true;
     }
-    for (int64_t k = 0; k < g->count; k++) /* what would hold by kinetic friction may be beyond static friction */
+    for (int64_t k = 0; k < g->count; k++) /* a contact that kinetic friction would hold may exceed static friction */
         if (g->slipped[k] && s->entry[k] == 0)
             return false;
     return true;
 }
 
-/* Whether it is clear what becomes of a group; its contacts' entries are then its "side". */
+/* Decide the entries of a group's contacts, written to "side"; false if the decision is not clear. */
 static bool group_decided(const struct work *w, struct group *g)
 {
     struct accelerations s;
@@ -396,7 +395,7 @@ static bool group_decided(const struct work *w, struct group *g)
     if (w->words || g->static_ones || g->count > MOST_COUPLED) {
         if (!settled(w, g, &s))
             return false;
-    } else { /* its forces need not be those of friction */
+    } else { /* general forces, not only friction */
         struct in_play p = {.count = g->count, .first = w->run->states + 2 * w->tables->selection.surfaces};
         struct affine f;
         p.point = resting_point(w, g), p.values = p.point + p.first;
@@ -413,8 +412,8 @@ static bool group_decided(const struct work *w, struct group *g)
     return true;
 }
 
-/* Number of the mode that follows where guards of the present one, a row, are at zero (hits), in a system with static
- * friction; UNCLEAR where that is not clear. */
+/* Number of the mode that follows from the guards at zero (hits) of the present mode, a row, in a system with static
+ * friction; UNCLEAR if the decision is not clear. */
 static int64_t mode_of_contacts(const struct work *w)
 {
     struct group g;

@@ -1,15 +1,15 @@
 /* Modes of many contacts, as numbers.
  *
- * With m contacts there are 3^m modes; each contact's guards and constants depend on its own entry alone, -1 or +1 in
- * slip, 0 where it slides (henon_ref/modes/decoupled_contacts.py and coupled_contacts.py have the equations, one set
- * for all modes; so it is with surfaces beside them that are crossed, and have no entry 0). So a run
- * keeps the entries, two bits each, and one record and one row of constants, those of its mode: an event changes what
- * belongs to the contact that it is on, and a mode that was not seen before costs nothing.
+ * With m contacts there are 3^m modes. A contact's guards and constants depend on its own entry alone: -1 or +1 in
+ * slip, 0 while it slides (henon_ref/modes/decoupled_contacts.py and coupled_contacts.py have one set of equations for
+ * all modes; so do systems with further surfaces that are crossed, which have no entry 0). A run therefore keeps the
+ * entries, two bits each, and one record and one row of constants, those of its present mode. An event changes the
+ * parts of its contact, and a new mode costs nothing.
  *
- * Contact i has the guards 2 i and 2 i + 1: in slip its surface and none, sliding the two ends of that.
+ * Contact i has the guards 2 i and 2 i + 1: in slip its surface and no guard, in sliding the two ends of the slide.
  */
 
-/* Where a word has the entry of a contact. */
+/* Position of a contact's entry in its word, in bits. */
 static inline int64_t bit_of(int64_t contact)
 {
     return 2 * (contact % ENTRIES_IN_WORD);
@@ -21,7 +21,7 @@ static inline int64_t entry_in(const int64_t *words, int64_t contact)
     return (int64_t)((uint64_t)words[contact / ENTRIES_IN_WORD] >> bit_of(contact) & 3) - 1;
 }
 
-/* Let a contact's guards and constants be those that it has in the row of its entry. */
+/* Copy a contact's guards and constants from the row of its entry. */
 static void take_part(struct work *w, int64_t contact, int64_t row)
 {
     const struct tables *tables = w->tables;
@@ -33,7 +33,7 @@ static void take_part(struct work *w, int64_t contact, int64_t row)
         w->own_constants[tables->owned[k]] = numbers[tables->owned[k]];
 }
 
-/* Put the record and the constants of the present mode together from those of the three that stand for all. */
+/* Assemble the record and the constants of the present mode from the three rows that represent all modes. */
 static void put_together(struct work *w)
 {
     if (!w->words)
@@ -44,8 +44,8 @@ static void put_together(struct work *w)
         take_part(w, i, entry_in(w->entries, i) + 1);
 }
 
-/* Go over to the mode in a row; of contacts, to the one in which a contact has the entry of that row. Returns the row
- * that leads back. */
+/* Enter the mode in a row; with contacts, the mode in which one contact has the entry of that row. Returns the row that
+ * leads back. */
 static inline int64_t go_over(struct work *w, int64_t contact, int64_t row)
 {
     struct run *run = w->run;
@@ -55,7 +55,7 @@ static inline int64_t go_over(struct work *w, int64_t contact, int64_t row)
         before = entry_in(w->entries, contact) + 1;
         *word = (*word & ~((uint64_t)3 << bit_of(contact))) | (uint64_t)row << bit_of(contact);
         take_part(w, contact, row);
-        run->stepped_mode = -1; /* enter_mode looks which mode it is */
+        run->stepped_mode = -1; /* enter_mode looks up the mode */
     } else {
         run->mode = row;
         enter(w);
@@ -63,7 +63,7 @@ static inline int64_t go_over(struct work *w, int64_t contact, int64_t row)
     return before;
 }
 
-/* Note which mode an event ends. */
+/* Store the mode that an event ends. */
 static inline void leave(struct work *w)
 {
     memcpy(w->left, w->entries, (size_t)w->words * sizeof(int64_t));

@@ -1,8 +1,8 @@
-/* Double-double arithmetic with running error bounds, and a machine for programs in it.
+/* Double-double arithmetic with running error bounds, and an interpreter of programs in it.
  *
- * A number is three doubles: its nearest double, what that leaves, and a bound of the error of both together. Sums and
- * products are the accurate ones of Joldes, Muller and Popescu (ACM Trans. Math. Softw. 44, 2017, Algorithms 6 and 12),
- * whose relative errors are a few 2^-106; the bounds take 2^-100 for each.
+ * A number is three doubles: its nearest double, the rest, and a bound of the error of their sum. Sums and products are
+ * the accurate ones of Joldes, Muller and Popescu (ACM Trans. Math. Softw. 44, 2017, Algorithms 6 and 12), whose
+ * relative errors are a few 2^-106; the bounds take 2^-100 for each.
  */
 #ifndef HENON_DOUBLE_DOUBLE_C
 #define HENON_DOUBLE_DOUBLE_C
@@ -10,20 +10,20 @@
 #include "kernel.h"
 #include "numbers.h"
 
-/* Bound of the relative error of one operation. Sums and products of doubles are exact: their error is 0. */
+/* Bound of the relative error of one operation. Sums and products of two doubles are exact: their error is 0. */
 #define OPERATION_ERROR 0x1p-100
-/* Bound of the relative error that a constant may have: the double is the nearest one, but for a tie. */
+/* Largest relative error of a constant: its double is then the nearest one, except in a tie. */
 #define ACCURATE 0x1p-92
-/* A product of doubles above this is two doubles, none of which is too small. */
+/* A product of doubles larger than this is exactly two doubles, neither of which underflows. */
 #define LEAST_EXACT 1e-280
-/* Covers the rounding of an error bound's own arithmetic. */
+/* Factor that covers the rounding of an error bound's own arithmetic. */
 #define OUTWARDS 1.0001
 
 struct pair {
     double high, low;
 };
 
-/* A pair and a bound of its error: as registers hold it. */
+/* A pair and an error bound, as registers hold them. */
 struct bounded {
     double high, low, error;
 };
@@ -79,7 +79,7 @@ static inline struct pair square_root(struct pair a)
     return pair_sum(first, (rest.high + rest.low) / (2.0 * first));
 }
 
-/* A product with its error. */
+/* Product with an error bound. */
 static inline struct bounded times(struct bounded a, struct bounded b)
 {
     struct pair product = multiplied((struct pair){a.high, a.low}, (struct pair){b.high, b.low});
@@ -87,7 +87,7 @@ static inline struct bounded times(struct bounded a, struct bounded b)
     return (struct bounded){product.high, product.low, error};
 }
 
-/* A quotient with its error, which is infinite where the divisor may be zero. */
+/* Quotient with an error bound, infinite if the divisor may be zero. */
 static inline struct bounded quotient(struct bounded a, struct bounded b)
 {
     struct pair found = divided((struct pair){a.high, a.low}, (struct pair){b.high, b.low});
@@ -96,7 +96,7 @@ static inline struct bounded quotient(struct bounded a, struct bounded b)
     return (struct bounded){found.high, found.low, OUTWARDS * error + OPERATION_ERROR * fabs(found.high)};
 }
 
-/* A whole power with its error, by repeated squaring. */
+/* Integer power with an error bound, by repeated squaring. */
 static inline struct bounded bounded_power(struct bounded a, int64_t exponent)
 {
     const struct bounded one = {1.0, 0.0, 0.0};
@@ -147,8 +147,8 @@ static inline struct bounded result_of(int64_t what, struct bounded a, const str
 
 /* Run a program at many points.
  *
- * operations: (count, 4): operation, register of the result, and of the two operands. registers: (points, width, 3):
- * numbers and their error bounds.
+ * operations: (count, 4): operation, register of the result, and registers of the two operands. registers: (points,
+ * width, 3): numbers and their error bounds.
  */
 HENON_EXPORT void run_operations(const int64_t *operations, int64_t count, double *registers, int64_t width,
                                  int64_t points)
@@ -162,7 +162,7 @@ HENON_EXPORT void run_operations(const int64_t *operations, int64_t count, doubl
     }
 }
 
-/* A pair of some, one after the other. */
+/* Pair k of an array of pairs. */
 static inline struct pair pair_in(const char *numbers, int64_t k)
 {
     struct pair own;
@@ -170,7 +170,7 @@ static inline struct pair pair_in(const char *numbers, int64_t k)
     return own;
 }
 
-/* Run a program at one point. inputs: pairs; of one that is no double alone what it leaves is rounded. */
+/* Run a program at one point. inputs: pairs; if the rest is not zero, it is taken to be rounded. */
 static void run_at(const struct program *program, const char *inputs, struct bounded *registers)
 {
     memcpy(registers, program->registers, (size_t)program->width * sizeof(struct bounded));
@@ -181,11 +181,11 @@ static void run_at(const struct program *program, const char *inputs, struct bou
     run_operations(program->operations, program->count, (double *)registers, program->width, 1);
 }
 
-/* The compiled modes at parameter values: the constants of all modes, and behind them those of the normal velocities,
- * by a program that is run at one point. Null where a constant is not finite, or has lost digits.
+/* Evaluate the constants of all modes, then those of the normal velocities, at parameter values; return the compiled
+ * modes with them. Null if a constant is not finite, or has lost digits.
  *
- * block: room for a struct tables, the registers, a zero and the constants, each followed by what its rounding lost, and
- * for their places.
+ * block: room for a struct tables, the registers, a zero, the constants, each followed by what its rounding lost, and
+ * the places of the constants.
  */
 HENON_EXPORT struct tables *point_tables(const struct tables *template, const struct program *program,
                                          const char *inputs, double *block)
@@ -210,9 +210,9 @@ HENON_EXPORT struct tables *point_tables(const struct tables *template, const st
     return tables;
 }
 
-/* Signs of numbers: 0 of one that is exactly zero, UNCLEAR_SIGN of one that may be zero within its error.
+/* Signs of numbers: 0 of an exact zero, UNCLEAR_SIGN of a number that may be zero within its error.
  *
- * registers: (points, width, 3). sources: (count): their registers. signs: (points, count): filled with them.
+ * registers: (points, width, 3). sources: (count): registers of the numbers. signs: (points, count): filled in.
  */
 HENON_EXPORT void signs_of(const double *registers, int64_t width, int64_t points, const int64_t *sources,
                            int64_t count, int64_t *signs)

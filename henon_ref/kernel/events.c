@@ -1,31 +1,32 @@
-/* Event detection: which guard falls first on a step, which are at zero, and to what order a guard vanishes
- * where its surface is left (its "known zeros": 1 with a speed, 2 tangentially).
+/* Event detection: which guard falls through zero first on a step, which guards are at zero, and the order to which a
+ * guard vanishes where its surface is left (its "known zeros": 1 if left with a speed, 2 if tangentially).
  *
- * A guard is positive within its mode; on the step it is a Taylor polynomial, whose roots roots.c isolates. The earliest
- * falling root is the event. It is decided here if it stands alone, is steep enough for rounding not to matter, and no
- * other guard has a root as early; what is closer goes to double-double (close_event.c), then to multiprecision.
+ * A guard is positive within its mode. On the step it is a Taylor polynomial, whose roots roots.c isolates; the
+ * earliest falling root is the event. Double precision decides the event if the root is single, steep enough for
+ * rounding not to matter, and no other guard has a root as early. Otherwise double-double decides (close_event.c), then
+ * multiprecision.
  */
 
-/* Relative steepness of a guard at its root below which the root is located in multiprecision. */
+/* Relative steepness of a guard at its root below which double precision does not decide the event. */
 #define UNDECIDED_STEEPNESS 1e-5
-/* A guard whose minimum is within so many tolerances of zero, relative to its size on the step, may touch zero or not:
- * multiprecision decides. */
+/* A guard whose minimum is within this many tolerances of zero, relative to its size on the step, may touch zero or
+ * not: multiprecision decides. */
 #define NEAR 1e3
-/* Of the minimum of a guard on a step: Newton's steps, and places to begin with. */
+/* Minimum of a guard on a step: steps of Newton's method, and number of places from which the start is chosen. */
 #define TOUCH_STEPS 6
 #define TOUCH_PLACES 16
-/* Part of the friction by which a force may be off that counts as equal to it. */
+/* A force that differs from the friction by no more than this part of the friction equals it. */
 #define EQUAL_PART 1e-13
 
 /* An event on a step. */
 struct event {
-    double part;     /* of the step at which it is; 2 where there is none */
-    int64_t guard;   /* -1 where there is none */
-    bool undecided;  /* whether multiprecision has to look */
-    int64_t landing; /* used */
+    double part;     /* part of the step up to the event; 2 if there is none */
+    int64_t guard;   /* -1 if there is no event */
+    bool undecided;  /* whether double precision does not decide the event */
+    int64_t landing; /* method used (enum landing) */
 };
 
-/* Where on (0, 1) a polynomial that stays above zero has a minimum within "level" of its size; else -1. */
+/* Place on (0, 1) of a positive polynomial's minimum, if that is within "level" of the polynomial's size; else -1. */
 static double near_touch(const double *a, int64_t degree, double level)
 {
     double size = 0.0, tau = -1.0, lowest = INFINITY;
@@ -52,10 +53,10 @@ static double near_touch(const double *a, int64_t degree, double level)
     return 0.0 < tau && tau < 1.0 && value(a, degree, tau) <= level * size ? tau : -1.0;
 }
 
-/* Whether a guard is a slide's end at which the force equals the friction all over a step: the slide holds.
+/* Check whether a guard is the end of a slide and the force equals the friction on a whole step: the slide holds.
  *
- * Against what all ends of that slide come to, which is the friction's size; on a step that nothing has cut short, for
- * on a short one any end that is next to zero stays there. "natural": theta of that step.
+ * The guard is compared with the sum of all guards that end the slide, which has the size of the friction. "natural" is
+ * theta of the uncut step: on a shortened step any guard next to zero would stay there.
  */
 static bool load_equals_friction(const struct work *w, int64_t guard, double natural)
 {
@@ -77,10 +78,10 @@ static bool load_equals_friction(const struct work *w, int64_t guard, double nat
     return true;
 }
 
-/* The first root of one guard on a step: where it is, by which landing; part 2 where there is none.
+/* First root of one guard on a step: its place and the landing used; part 2 if there is none.
  *
- * "powers" holds those of the step's theta. "level": within so much of its size multiprecision is asked, that has the
- * digits; 0: nowhere. "begin": where the search says that the root may begin, for a touch its piece's begin.
+ * "powers" holds those of the step's theta. "level": a minimum within this part of the guard's size is left to
+ * multiprecision; 0: none is. "begin": where the root may begin; for a touch the begin of its piece.
  */
 static inline struct event root_of_guard(const struct work *w, int64_t g, double natural, double level, double *begin)
 {
@@ -88,7 +89,7 @@ static inline struct event root_of_guard(const struct work *w, int64_t g, double
     const double *row = guard_row(w, g);
     int64_t order = run->order, zeros = w->known_zeros[g], degree = order - zeros;
     const double *q = row + zeros;
-    double *factor = w->stack + w->width, *quotient = factor + w->width; /* rows that are free until cuts */
+    double *factor = w->stack + w->width, *quotient = factor + w->width; /* rows that are free until the first cut */
     struct event found = {2.0, -1, false, 0};
     if (zeros > 0) {
         if (q[0] > 0.0 && positive_by_bound(q, w->powers, degree))
@@ -122,13 +123,13 @@ static inline struct event root_of_guard(const struct work *w, int64_t g, double
 
 /* Earliest event on (0, theta].
  *
- * Guards that are "faint" are passed over; "natural": theta of the step that nothing has cut short.
+ * "Faint" guards are skipped. "natural": theta of the uncut step.
  */
 static inline struct event first_event(struct work *w, double theta, double natural)
 {
     const struct run *run = w->run;
     struct event first = {2.0, -1, false, 0};
-    double earliest = 2.0; /* of a touch somewhere on a piece of the step */
+    double earliest = 2.0; /* begin of the earliest root, or of the piece that holds a touch */
     double level = run->more_digits != 0 && run->remembered == 1 ? NEAR * run->tolerance : 0.0;
     bool powers_made = false;
     for (int64_t g = 0; g < w->mode->guards; g++) {
@@ -150,12 +151,12 @@ static inline struct event first_event(struct work *w, double theta, double natu
     return first;
 }
 
-/* Of a guard <= 0 where a step begins: the order to which it vanishes if its surface is being left there (0: it is not
- * left); "fails": it is below zero and not being left, so that the mode is not consistent.
+/* Order to which a guard <= 0 vanishes at the start of a step if its surface is being left there; 0 if it is not.
  *
- * "surface": it may be one that is left. A mode's side of a surface was decided when it was left, and no root came
- * since: a value below zero is rounding's (another event followed at once), and if it rises, with a speed or
- * tangentially, there is nothing to decide. What is zero and stays so does not fall through zero.
+ * "surface": the guard may be that of a surface being left. "fails": the guard is below zero and its surface is not
+ * being left, so that the mode is not consistent. The side of a surface was decided when the surface was left, and no
+ * root followed, so a value below zero is rounding (another event followed at once): if the guard rises, with a speed
+ * or tangentially, nothing needs a decision. A guard that is zero and stays zero does not fall through zero.
  */
 static int64_t below_zero(const double *row, int64_t order, bool surface, bool *fails)
 {
@@ -171,7 +172,7 @@ static int64_t below_zero(const double *row, int64_t order, bool surface, bool *
     return 0;
 }
 
-/* Whether a guard is below zero where the step begins, and is not being left; "hits": which ones. */
+/* Check whether a guard is below zero where the step begins, its surface not being left; sets these guards' "hits". */
 static inline bool guards_below_zero(struct work *w, double natural)
 {
     bool found = false;
@@ -191,7 +192,7 @@ static inline bool guards_below_zero(struct work *w, double natural)
     return found;
 }
 
-/* Whether a guard is at zero at the event of another one, at tau, as far as rounding can tell. */
+/* Check whether a guard is at zero, within rounding, at tau, where another guard has its event. */
 static inline bool at_zero(const struct work *w, int64_t g, double tau)
 {
     int64_t degree = w->run->order - w->known_zeros[g];
@@ -206,7 +207,7 @@ static inline bool at_zero(const struct work *w, int64_t g, double tau)
     return size > 0.0 && value(q, degree, tau) <= 32.0 * EPS * size;
 }
 
-/* Whether a guard falls to zero at the end of a step, as far as rounding can tell. */
+/* Check whether a guard falls to zero, within rounding, at the end of a step. */
 static bool ends_at_zero(const struct work *w, int64_t g, double theta)
 {
     const double *row = guard_row(w, g);
@@ -222,7 +223,7 @@ static bool ends_at_zero(const struct work *w, int64_t g, double theta)
 
 /* 1 if the surface is left with a speed, 2 if tangentially, 0 if the new mode's field points back at it.
  *
- * speeds: for each guard of the mode the normal velocities towards its surface, and away from it beyond.
+ * speeds: for each guard of the mode the normal velocity towards its surface, and away from the surface beyond it.
  */
 static int64_t zeros_at_release(const struct mode *mode, int64_t surface, const double *speeds)
 {

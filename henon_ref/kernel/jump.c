@@ -1,47 +1,47 @@
-/* The jump of the state at one surface that resets it, and the mode after it, where double precision decides them.
+/* Jump of the state at one surface that resets it, and the mode after the jump, if double precision decides them.
  *
- * What henon_ref/modes/after_jump.py says of a jump, for the common case: one surface alone is at zero, no other
- * one is slid on after the jump, and the map carries none through zero whose reset would be due. The map is evaluated
- * at the state with what rounding has lost of it, to the rounding of its own terms, as a step is. Then the mode after
- * it is expanded there: every guard must be clearly above zero, and a surface that the map keeps must be left with a
- * speed, with flights to come that last longer than what counts as rest, or by the acceleration alone where the impact
- * takes all of the speed. Or it goes on falling, or the impact takes all of the speed, or impacts have come to their
- * limit, and the body is clearly pressed on: then the mode below, or at rest, is expanded, too.
+ * This is the common case of henon_ref/modes/after_jump.py: one surface alone is at zero, the mode slides on no other
+ * surface after the jump, and the map carries no surface with a reset of its own through zero. The map is evaluated at
+ * the compensated state, to the rounding of its own terms, as a step is. The mode after the jump is then expanded
+ * there. Every guard must be clearly above zero. A surface whose function the map keeps must be left with a speed, so
+ * that the following flights last longer than a rest, or by the acceleration alone if the impact absorbs the whole
+ * speed. Or the body continues to fall through the surface, or it is clearly pressed on and stays, because the impact
+ * absorbs the whole speed or the impacts have come to their limit; then the mode below, or at rest, is expanded, too.
  *
- * All else is left to Python, before anything is changed.
+ * All other cases are left to Python, before anything is changed.
  */
 
-/* So many times the longest rest all later flights must last together, for it to be clear that they go on. */
+/* The flights clearly continue if all later ones together last this many times the longest rest. */
 #define LASTING (1.0 + 1e-6)
 
-/* Part of a state that double-double leaves of zero where it cancels. */
+/* A state below this part of its former value counts as zero: it is the rest of a cancellation in double-double. */
 #define OF_NOTHING 0x1p-100
 
-/* What becomes of a surface whose function the map keeps; Python has to decide where that is not clear. */
+/* Result of an impact on a surface whose function the map keeps; Python decides NOT_CLEAR. */
 enum impact { NOT_CLEAR, RESTS, LEAVES, LIFTS_OFF, FALLS };
 
-/* A jump that is looked at. */
+/* A jump under examination. */
 struct jump {
     int64_t surface;
-    double speed;                /* with which the surface is reached */
-    double *state, *low;         /* after it, and what is lost of that */
-    double *values;              /* of surfaces after it, 0 where the side is the same; then the part of the speed that
-                                    the impact leaves, 1 where it is none */
+    double speed;                /* speed at which the surface is reached */
+    double *state, *low;         /* state after the jump, and what rounding lost of it */
+    double *values;              /* of surfaces after the jump, 0 if the side is unchanged; then the part of the speed
+                                    that the impact leaves, 1 if the jump is not an impact */
     bool kept;                   /* whether the map keeps the surface's function */
-    int64_t number;              /* of the mode after the jump */
+    int64_t number;              /* number of the mode after the jump */
     int64_t target, end;         /* rows of that mode, and of the one that follows at once */
-    int64_t expanded;            /* expansions that it took */
-    int64_t zeros;               /* with which a surface that the map keeps is left */
-    double flights;              /* s: how long all later flights last together, where the body comes to rest */
+    int64_t expanded;            /* number of expansions made */
+    int64_t zeros;               /* known zeros with which a surface that the map keeps is left */
+    double flights;              /* s: duration of all later flights together, if the body comes to rest */
     double rise;                 /* rate, by the unit, with which the last impact leaves the surface */
-    double length;               /* part of the unit on which the terms of the last one fall */
+    double length;               /* part of the unit on which the terms of the last expansion decrease */
 };
 
-/* Put the state after the jump, what is lost of it, and new values of surfaces into the room; false if not finite, or
- * if an operation has left the range of doubles.
+/* Write the state after the jump, what rounding lost of it, and new values of surfaces into the room; false if they are
+ * not finite, or an operation has left the range of doubles.
  *
- * Of a surface whose function the map keeps the value is put as 0. The map of a surface
- * (henon_ref/integrator/jump_code.py) leaves what it does not move.
+ * The value of a surface whose function the map keeps is 0. The map of a surface (henon_ref/integrator/jump_code.py)
+ * does not write what it does not change.
  */
 static bool map_state(const struct work *w, const struct jump *jump)
 {
@@ -66,7 +66,7 @@ static bool map_state(const struct work *w, const struct jump *jump)
     return bounded;
 }
 
-/* Number of the mode on the sides where a jump has put the state; -1 where it slides on. */
+/* Number of the mode on the sides to which a jump leads; -1 if it slides. */
 static int64_t number_after(const struct work *w, const double *values)
 {
     int64_t number = w->mode->number, power = 1;
@@ -81,7 +81,7 @@ static int64_t number_after(const struct work *w, const double *values)
     return number;
 }
 
-/* Whether a map carries another surface below zero that resets the state there. */
+/* Check whether a map carries another surface that resets the state below zero. */
 static bool carries_another(const struct work *w, const struct jump *jump)
 {
     for (int64_t g = 0; g < w->mode->guards; g++) {
@@ -93,7 +93,7 @@ static bool carries_another(const struct work *w, const struct jump *jump)
     return false;
 }
 
-/* The guard of a surface that a mode does not slide on. */
+/* Guard of a surface on which a mode does not slide. */
 static int64_t guard_on(const struct mode *mode, int64_t surface)
 {
     int64_t g = 0;
@@ -102,17 +102,17 @@ static int64_t guard_on(const struct mode *mode, int64_t surface)
     return g;
 }
 
-/* What clearly becomes of a surface after an impact: it is left, the body rests there, or it falls through.
+/* Clear result of an impact: the body leaves the surface, rests on it, or falls through it.
  *
- * row: coefficients of its function after the impact. turned: whether another surface changes its side.
+ * row: coefficients of the surface's function after the impact. turned: whether another surface changes its side.
  */
 static enum impact after_impact(const struct run *run, struct jump *jump, const double *row, double ratio, bool turned)
 {
     double speed = jump->speed, margin = CLEARLY_ABOVE * size_of_terms(row, 2, run->order, jump->length);
     if (ratio == 0.0)
         return row[2] < -margin ? RESTS : row[2] > margin ? LIFTS_OFF : NOT_CLEAR;
-    /* All later flights last 2 v / (a (1 - r)): see henon_ref/modes/resets.py. Where friction has turned round the
-     * way up alone lasts v / a. */
+    /* All later flights last 2 v / (a (1 - r)) together: see henon_ref/modes/resets.py. If friction has reversed its
+     * direction, the way up alone lasts v / a. */
     double rise = row[1], reached = speed * run->unit;
     if (rise < -TANGENT * reached)
         return ratio > 0.0 ? FALLS : NOT_CLEAR;
@@ -127,8 +127,8 @@ static enum impact after_impact(const struct run *run, struct jump *jump, const 
     return told && jump->flights < remaining(run) ? RESTS : NOT_CLEAR;
 }
 
-/* Expand the mode in a row at the state after the jump; whether all its guards, but for a surface's, are clearly above
- * zero there: on a step of that mode's own, which may be much shorter than those before. */
+/* Expand the mode in a row at the state after the jump, on a step of that mode, which may be much shorter than the last
+ * one; check whether all its guards, except that of a surface, are clearly above zero. */
 static bool holds(const struct work *w, struct jump *jump, int64_t row, int64_t surface)
 {
     const struct run *run = w->run;
@@ -145,7 +145,7 @@ static bool holds(const struct work *w, struct jump *jump, int64_t row, int64_t 
     return clear;
 }
 
-/* Whether no guard of the mode that is expanded, but for a surface's, comes to zero while the last flights last. */
+/* Check whether no guard of the expanded mode, except that of the surface, reaches zero during the last flights. */
 static bool undisturbed(const struct work *w, const struct jump *jump)
 {
     const struct mode *mode = mode_at(w, jump->target);
@@ -159,15 +159,14 @@ static bool undisturbed(const struct work *w, const struct jump *jump)
     return found;
 }
 
-/* Have Python compile the mode of a number; the loop then goes through the event, of a kind, anew. */
+/* Have Python compile the mode of a number; the loop then repeats the event, of a kind. */
 static int64_t not_compiled(struct run *run, int64_t kind, int64_t number)
 {
     run->pending_kind = kind, run->pending_mode = number, run->event_pending = 1;
     return MODE_NOT_COMPILED;
 }
 
-/* Of a surface whose function the map keeps: whether it is left, or which mode follows at once; ON, or why Python is
- * needed. */
+/* Determine what follows at once on a surface whose function the map keeps; ON, or the reason why Python is needed. */
 static int64_t follow_impact(struct work *w, struct jump *jump, int64_t changes)
 {
     struct run *run = w->run;
@@ -197,9 +196,9 @@ static int64_t follow_impact(struct work *w, struct jump *jump, int64_t changes)
     return ON;
 }
 
-/* Go on to where impacts that have come to their limit leave a body at rest: along the motion at rest from the state
- * without the speed of the last impact, which is in the room. (Wrong by about the square of the time; see
- * henon_ref/modes/resets.py.) */
+/* Continue to the point where impacts that have come to their limit leave a body at rest: along the motion at rest,
+ * from the state without the speed of the last impact, which is in the room. (The error is about the square of the
+ * duration; see henon_ref/modes/resets.py.) */
 static void come_to_rest(struct work *w, const struct jump *jump)
 {
     struct run *run = w->run;
@@ -207,7 +206,7 @@ static void come_to_rest(struct work *w, const struct jump *jump)
     double part = jump->flights / run->unit;
     const struct mode *slip = mode_at(w, jump->target), *rest = mode_at(w, jump->end);
     slip->expansion(run->time, run->time_low, run->unit, jump->state, constants_of(w->tables, jump->target, 0), w->ahead);
-    double left = row_ahead(w, n + guard_on(slip, jump->surface))[1] / jump->rise; /* what rounding has left of it */
+    double left = row_ahead(w, n + guard_on(slip, jump->surface))[1] / jump->rise; /* rest left by rounding */
     for (int64_t i = 0; i < n; i++) {
         struct pair moved = pair_sum(jump->state[i], left * (jump->state[i] - w->x[i]) + jump->low[i]);
         bool nothing = fabs(moved.high) <= OF_NOTHING * fabs(w->x[i]);
@@ -229,7 +228,7 @@ static void come_to_rest(struct work *w, const struct jump *jump)
     add_to_time(run, jump->flights);
 }
 
-/* Put the state where the jump leads, and tell of it; ON, or EVENTS_ACCUMULATE. */
+/* Set the state after the jump, and record the transitions; ON, or EVENTS_ACCUMULATE. */
 static int64_t make_jump(struct work *w, const struct jump *jump)
 {
     struct run *run = w->run;
@@ -241,7 +240,7 @@ static int64_t make_jump(struct work *w, const struct jump *jump)
         struct pair still = added(new, multiplied(added(new, negative(old)), left));
         w->x_before[i] = w->x[i];
         w->x[i] = new.high, w->x_low[i] = new.low;
-        jump->state[i] = still.high, jump->low[i] = still.low; /* without the speed that the impact has left */
+        jump->state[i] = still.high, jump->low[i] = still.low; /* without the speed after the impact */
     }
     for (int64_t j = 0; j < w->mode->surfaces; j++) {
         int64_t entry = entry_of(before, j);
@@ -262,7 +261,7 @@ static int64_t make_jump(struct work *w, const struct jump *jump)
     return accumulate ? EVENTS_ACCUMULATE : ON;
 }
 
-/* Let the state jump at the event of one guard that the run stands at; ON, or why Python is needed. */
+/* Make the jump at the present event of one guard; ON, or the reason why Python is needed. */
 static int64_t jump_transition(struct work *w)
 {
     struct run *run = w->run;
@@ -294,12 +293,12 @@ static int64_t jump_transition(struct work *w)
         run->event_pending = 1;
         return STEPS_FULL;
     }
-    /* Of a block that is empty there is memory for all, however few transitions it is to hold. */
+    /* An empty block has memory for all transitions, however small its capacity. */
     if (run->transitions > 0 && run->transitions + changes > run->transition_capacity) {
         run->event_pending = 1;
         return BLOCK_FULL;
     }
-    /* Normal velocities, and modes; not counted before all is sure, for the event may be put off. */
+    /* Normal velocities and modes, counted only now, because the event might have been postponed. */
     run->expansions += jump.expanded;
     return make_jump(w, &jump);
 }

@@ -1,7 +1,7 @@
-/* The compiled side of the reference, one translation unit: what is small is inlined wherever it is called.
+/* The compiled part of the reference, as one translation unit, so that small functions are inlined everywhere.
  *
- * In the order in which a step meets them: its size and validation, the step itself, events, what is written down, and
- * what follows. henon_ref/kernel/kernel.h says what of it Python sees.
+ * A file is included before the files that use it; docs/how_it_works.md names the files in the order of a run.
+ * henon_ref/kernel/kernel.h declares what Python calls.
  */
 #include "kernel.h"
 #include "self_test.h"

@@ -1,53 +1,53 @@
-/* What the compiled loop and Python share: structures, numbers with names, and the functions that Python calls.
+/* Structures, enumerations and functions that the compiled loop and Python share.
  *
- * The compiler reads this file, and so does cffi (henon_ref.kernel.library), from which NumPy's record types are made
- * (henon_ref.kernel.shared): there is no second description. Lengths of arrays: n states, G guards of the largest
- * mode, M modes that are compiled. Times are in seconds; the "unit" is the unit of time in which a run's Taylor
- * coefficients are, about the size of a step.
+ * The compiler reads this file, and so does cffi (henon_ref.kernel.library); henon_ref.kernel.shared derives NumPy's
+ * record types from it, so that there is no second description. Lengths of arrays: n states, G guards of the largest
+ * mode, M compiled modes. Times are in seconds; the "unit" is the unit of time of a run's Taylor coefficients, about
+ * the size of a step.
  */
 #ifndef HENON_KERNEL_H
 #define HENON_KERNEL_H
 
 #include <stdint.h>
 
-/* Python sees it, and calls from within stay within: "protected", as the C library has an advance() of its own. */
+/* Visible to Python. "protected": calls within the library stay within, because the C library has an advance(), too. */
 #ifdef __ELF__
 #define HENON_EXPORT __attribute__((visibility("protected")))
 #else
 #define HENON_EXPORT __attribute__((visibility("default")))
 #endif
 
-/* Kinds of guards. VALID is every guard at which the run ends: a valid expression, "attracts", and any guard of
- * henon_ref.modes.equations that has "ends", a surface's as well. */
+/* Kinds of guards. The run ends at VALID guards: valid expressions, "attracts", and all guards of
+ * henon_ref.modes.equations with "ends", including those of surfaces. */
 enum guard_kind { SURFACE, RELEASE, VALID };
 
 /* Kinds of transitions. */
 enum transition_kind { STICK, RELEASED, CROSSING, GRAZE, RESET };
 
-/* Surfaces whose event is not decided by two normal velocities alone: they act on each other, or reset the state. */
+/* Surfaces whose events are not decided by two normal velocities alone: they act on each other, or reset the state. */
 enum coupling { UNCOUPLED, COUPLED, RESETTING };
 
-/* What is known of a surface in a system with static friction: whether it is a contact that has some, and then how its
- * load grows with its acceleration, and what a load does; whether it is no contact, no force acting on its velocity. */
+/* Properties of a surface in a system with static friction. FIXED: a contact with static friction; KNOWN_INERTIA: the
+ * growth of its load with its acceleration is known; BY_LOAD: the effect of a load is known; SECTION: no contact, no
+ * force acts on its velocity. */
 enum contact { FIXED = 1, KNOWN_INERTIA = 2, BY_LOAD = 4, SECTION = 8 };
 
-/* Ways of landing. */
+/* Methods of landing. */
 enum landing { HENON, NEWTON, BRENT, BRACKET };
 
-/* What a search for the first falling root comes to (SUBDIVIDE: the signs leave it open). */
+/* Results of a search for the first falling root (SUBDIVIDE: the signs do not decide). */
 enum roots_outcome { NO_ROOT, ROOT, TANGENTIAL, SUBDIVIDE };
 
-/* Operations of programs in double-double; POWER has a whole number in place of its second register. */
+/* Operations of programs in double-double; POWER has an integer exponent instead of its second register. */
 enum operation { ADD, MULTIPLY, POWER, SQRT };
 
-/* Operations of tapes (henon_ref.taylor.tape), by the names that they have there; a square is a product. */
+/* Operations of tapes, with the names of henon_ref.taylor.tape; a square is a product. */
 enum tape_kind {
     TAPE_STATE, TAPE_CONSTANT, TAPE_CLOCK, TAPE_ADD, TAPE_SUB, TAPE_SCALE, TAPE_SHIFT, TAPE_RSUB, TAPE_MUL, TAPE_DIV,
     TAPE_RECIP, TAPE_SQRT, TAPE_POWER, TAPE_EXP, TAPE_LOG, TAPE_SIN, TAPE_COS
 };
 
-/* Why the compiled loop returned; the last two are its own: an event is to be gone through, or there is nothing to
- * say. */
+/* Reasons for which the compiled loop returns. Only the loop uses the last two: process an event, or continue. */
 enum return_code {
     HORIZON,
     SELECT_MODE,
@@ -67,53 +67,52 @@ enum return_code {
     ON = 21
 };
 
-/* Why the runs of many points come back: all points are done; there may be no room for the next transitions; Python may
- * look at interrupts; a point was set aside, perhaps for a mode that can be compiled before the next one. */
+/* Reasons for which the runs of many points return: all points are done; the buffer may be too small for the next
+ * transitions; Python can check for interrupts; a point was set aside, perhaps for a mode that Python can compile. */
 enum points_code { DONE, BUFFER_FULL, PAUSE, ASIDE };
 
 enum {
-    REMEMBERED_STEPS = 64, /* modes of which a run keeps the last step, the first that it comes to: one seen before
-                              begins with it */
-    CHUNK = 1024,          /* transitions kept in one block of memory */
-    DEPTH = 64,            /* pieces that root isolation keeps at once: as many halvings as a double has room for */
-    ALIGNMENT = 8,         /* doubles in a line of the processor's cache: the parts of a block begin with one */
-    LANES = 4,             /* doubles in a vector: rows of coefficients are whole vectors, padded with zeros */
-    MOST_SURFACES = 39,    /* with more an integer holds no number of a mode that is a row */
-    MOST_IN_GROUP = 64,    /* contacts that act on each other and are decided together */
-    ENTRIES_IN_WORD = 32,  /* entries of a mode of contacts, two bits each */
-    MOST_COUPLED = 4,      /* surfaces in play that act on each other; with more the candidates are searched, not
-                              tried (Python does) */
-    PAIR_ROWS = 64,        /* states and guards of a mode that is gone through in double-double */
-    NOWHERE = -1,          /* in place of the guard last hit: nothing was hit, one is at zero where a step begins */
-    UNCLEAR = -1,          /* in place of a mode's row: Python has to decide, or the mode is not compiled */
-    SELECTED = -1,         /* in place of a transition's kind: a mode that was selected is not compiled yet */
-    SET_ASIDE = -1,        /* in place of a return code: Python has to do this point */
-    UNCLEAR_SIGN = 2       /* of a number that may be zero */
+    REMEMBERED_STEPS = 64, /* modes of which a run keeps the last step, in the order of their first entry; a mode that
+                              is entered again begins with its last step */
+    CHUNK = 1024,          /* transitions in one block of memory */
+    DEPTH = 64,            /* pieces that root isolation keeps at once: one per halving that a double can resolve */
+    ALIGNMENT = 8,         /* doubles in a line of the processor's cache; the parts of a block begin with a line */
+    LANES = 4,             /* doubles in a vector; rows of coefficients are whole vectors, padded with zeros */
+    MOST_SURFACES = 39,    /* largest number for which the number of a mode fits an integer, 3^39 < 2^63 */
+    MOST_IN_GROUP = 64,    /* largest number of contacts decided together */
+    ENTRIES_IN_WORD = 32,  /* entries of a mode of contacts in a word, two bits each */
+    MOST_COUPLED = 4,      /* surfaces in play that act on each other; for more, Python searches the candidates */
+    PAIR_ROWS = 64,        /* states and guards of a mode that is expanded in double-double */
+    NOWHERE = -1,          /* instead of the guard last hit: none was hit, a guard is at zero where a step begins */
+    UNCLEAR = -1,          /* instead of a mode's row: Python must decide, or the mode is not compiled */
+    SELECTED = -1,         /* instead of a transition's kind: the selected mode is not compiled yet */
+    SET_ASIDE = -1,        /* instead of a return code: Python must finish this point */
+    UNCLEAR_SIGN = 2       /* sign of a number that may be zero */
 };
 
 /* Machine code of a mode (henon_ref.taylor.llvm, henon_ref.roots.bernstein). */
 
-/* Taylor coefficients, or values, at time t + t_low and state x, in a unit of time; rows one after the other in out. */
+/* Compute Taylor coefficients, or values, at time t + t_low and state x, in a unit of time; row after row in out. */
 typedef void (*expand_code)(double t, double t_low, double unit, const double *x, const double *constants, double *out);
-/* Of a step of theta units: change of each state, and a bound from below for each guard. */
+/* Compute the change of each state, and a lower bound of each guard, on a step of theta units. */
 typedef void (*step_end_code)(double theta, const double *c, double *out);
-/* Scaled coefficients a and Bernstein coefficients b of a guard q on a step, and what their signs tell. */
+/* Compute scaled coefficients a and Bernstein coefficients b of a guard q on a step; return an enum roots_outcome. */
 typedef int64_t (*bernstein_code)(const double *q, const double *powers, int64_t degree, double *a, double *b);
 
 /* An operation of a tape. */
 struct tape_operation {
     int64_t operation;       /* enum tape_kind */
-    int64_t first, second;   /* operations that it reads; of a function the second is its derivative's factor */
+    int64_t first, second;   /* operations that it reads; the second of a function is the factor of its derivative */
     int64_t constant, slope; /* constants that it reads */
     int64_t sign, divides;   /* of a function y of a: y' = sign a' factor; or y' factor = sign a' */
-    int64_t degree;          /* in time; a large number for what is no polynomial */
+    int64_t degree;          /* in time; a large number if it is not a polynomial */
 };
 
-/* Field and guards of a mode as a list of operations, the states first. Behind them stand, as integers, those that are
- * the states' derivatives, and those that are guards. */
+/* Field and guards of a mode as a list of operations, beginning with the states. Two lists of integers follow the
+ * operations: those that are the derivatives of the states, and those that are the guards. */
 struct tape {
     int64_t operations, constants, states, outputs;
-    int64_t degree; /* of states and guards where they are polynomials in time; else 0 */
+    int64_t degree; /* of states and guards if they are polynomials in time; else 0 */
     struct tape_operation operation[];
 };
 
@@ -122,218 +121,212 @@ struct guard {
     int64_t kind;             /* enum guard_kind */
     int64_t index;            /* of the surface, or of the valid expression */
     int64_t valid;            /* whether the index is that of a valid expression */
-    int64_t rising_only;      /* whether it may begin below zero, and counts once it has risen */
-    int64_t hold_zone;        /* whether the mode after it is decided by a hold zone */
-    int64_t coupled;          /* COUPLED where its surface and one that the mode slides on act on each other; or
+    int64_t rising_only;      /* whether it may begin below zero, and counts only after it has risen */
+    int64_t hold_zone;        /* whether a hold zone decides the mode after it */
+    int64_t coupled;          /* COUPLED if its surface acts on one that the mode slides on, or the reverse; or
                                  RESETTING */
-    int64_t mode_across;      /* row of the mode after a crossing or a release; -1 where not compiled */
-    int64_t mode_stuck;       /* row of the mode that slides on its surface; -1 where not compiled */
-    int64_t zeros_at_release; /* with which its surface is left; 0: by the normal velocities, or the guard is no
-                                 release; -1: by the derivatives, as a body lifts off */
-    int64_t side;             /* of its surface on which the mode is, -1 or +1; 0 for guards that are no surface's */
-    int64_t to_sign;          /* entry of its surface beyond it: the other side, or the one that it is released into */
-    int64_t kink;             /* whether its surface is crossed whatever happens beside it: the field is continuous
-                                 there, or no sign is in its normal velocity */
+    int64_t mode_across;      /* row of the mode after a crossing or a release; -1 if not compiled */
+    int64_t mode_stuck;       /* row of the mode that slides on its surface; -1 if not compiled */
+    int64_t zeros_at_release; /* known zeros with which its surface is left; 0: by the normal velocities, or the guard
+                                 is no release; -1: by the derivatives, as a body lifts off */
+    int64_t side;             /* of its surface on which the mode is, -1 or +1; 0 if the guard is no surface's */
+    int64_t to_sign;          /* entry of its surface after the event: the other side, or the side of the release */
+    int64_t kink;             /* whether its surface is crossed whatever other surfaces do: the field is continuous
+                                 there, or its normal velocity contains no sign */
     int64_t branches;         /* whether it has branch points of its own */
-    expand_code jump;         /* the map of its surface, if that resets the state and compiled code makes the jump */
+    expand_code jump;         /* map of its surface, if that resets the state and compiled code makes the jump */
 };
 
-/* A compiled mode, with its guards: a row of the modes' table has room for G. */
+/* A compiled mode and its guards; a row of the table of modes has room for G guards. */
 struct mode {
-    int64_t guards; /* how many there are */
+    int64_t guards; /* number of guards */
     expand_code expansion;
     step_end_code step_end;
     expand_code normal_velocities; /* of each guard on a surface: speed towards it, and away from it beyond */
-    expand_code rounding; /* bounds of what the operations' own rounding, by the unit, and underflow make of each x', and
-                             of each guard, one after the other */
+    expand_code rounding; /* bounds of the effects of rounding (given the rounding of one operation) and of underflow,
+                             on each x' and then on each guard */
     bernstein_code bernstein;
-    int64_t polynomial_degree; /* of the motion, if that is a polynomial which the expansion holds whole; else 0 */
-    expand_code slopes;        /* where there are branch points, the first coefficients alone */
-    const struct tape *tape;   /* where what double precision does not decide is gone through in double-double; else
-                                  null */
+    int64_t polynomial_degree; /* of the motion, if it is a polynomial that the expansion holds completely; else 0 */
+    expand_code slopes;        /* if there are branch points: the first coefficients alone */
+    const struct tape *tape;   /* for events that double-double decides; else null */
     int64_t guards_branch;     /* whether some guard has branch points */
     int64_t number;            /* of the mode (henon_ref.modes.mode.mode_number) */
-    int64_t surfaces;          /* of the system; 0, and no number, where there are more than numbers are for */
+    int64_t surfaces;          /* of the system; 0, and no number, if it has too many for numbers */
     struct guard guard[];
 };
 
-/* What decides an event of several surfaces. */
+/* Selection of a mode at an event of several surfaces. */
 struct selection {
-    expand_code velocities;  /* normal velocities of all surfaces, in states and signs; null: Python decides. In a system
-                                with static friction in states, signs and loads, and numbers of each contact behind
-                                them */
-    const double *constants; /* theirs */
+    expand_code velocities;  /* normal velocities of all surfaces, from states and signs; null: Python decides. With
+                                static friction from states, signs and loads, followed by numbers of each contact */
+    const double *constants; /* of the velocities */
     int64_t surfaces;
-    int64_t decoupled; /* whether no normal velocity has the sign of another surface in it */
-    const int64_t *contact; /* of each surface bits of enum contact; null where none has static friction */
-    const int64_t *beside;  /* (surfaces, surfaces): whether two act on each other, likewise */
+    int64_t decoupled; /* whether no normal velocity depends on the sign of another surface */
+    const int64_t *contact; /* of each surface: bits of enum contact; null if none has static friction */
+    const int64_t *beside;  /* (surfaces, surfaces): whether two act on each other; null if none has static friction */
 };
 
-/* The compiled modes at given parameter values. */
+/* The compiled modes for given parameter values. */
 struct tables {
-    const char *modes;     /* M records: a struct mode with G guards each */
+    const char *modes;     /* M records, each a struct mode with G guards */
     int64_t count;         /* M */
     const double *numbers; /* (M, tapes, length): constants of each mode's expansion, of its normal velocities, and of
-                              the maps of resets; behind them what their rounding to double lost */
+                              the maps of resets; a tape's constants are followed by what their rounding to double
+                              lost */
     int64_t tapes, length;
     struct selection selection;
-    /* Of many contacts a mode is the entry of each, a number. Rows 0, 1 and 2 are then those
-     * in which every entry is -1, 0 and +1; a run puts its mode's record and constants together from these three, and
-     * a guard's mode_across and mode_stuck say from which one its contact's part comes next (kernel/contacts.c). */
-    int64_t contacts;          /* how many; 0 where a mode is a row */
-    const int64_t *owned_ends; /* of each contact, where its constants end among the next ones */
-    const int64_t *owned;      /* places in a row of "numbers", contact by contact */
+    /* With many contacts a mode is a number, made of the entry of each contact. Rows 0, 1 and 2 are then the modes in
+     * which every entry is -1, 0 and +1. A run assembles its mode's record and constants from these three; a guard's
+     * mode_across and mode_stuck name the row from which the part of its contact comes next (kernel/contacts.c). */
+    int64_t contacts;          /* number of contacts; 0 if a mode is a row */
+    const int64_t *owned_ends; /* of each contact, the end of its places in "owned" */
+    const int64_t *owned;      /* places in a row of "numbers", contact after contact */
 };
 
-/* Constants in parameters as a program (henon_ref.integrator.constant_program), and where they go (point_tables). */
+/* Program for constants in parameters (henon_ref.integrator.constant_program), and their places (point_tables). */
 struct program {
     const int64_t *operations; /* (count, 4): see run_operations */
-    const double *registers;   /* (width, 3): all of them before a run, the inputs first */
+    const double *registers;   /* (width, 3): all registers before a run, the inputs first */
     const int64_t *outputs;    /* (results): registers of the constants */
-    const int64_t *sources;    /* (places): of each place the number that is put there: 0 for a zero, else 1 + 2 k for
-                                  constant k, and 2 + 2 k for what its rounding lost */
+    const int64_t *sources;    /* (places): number written to each place: 0 for a zero, else 1 + 2 k for constant k, and
+                                  2 + 2 k for what its rounding lost */
     int64_t count, width, inputs, results, places;
 };
 
-/* A transition that is written down. */
+/* A recorded transition. */
 struct transition {
-    double time, time_low;      /* s, and what rounding it lost */
-    int32_t from_mode, to_mode; /* rows of the compiled modes; where modes are entries of contacts, 0 */
+    double time, time_low;      /* s, and what rounding lost of it */
+    int32_t from_mode, to_mode; /* rows of the compiled modes; 0 with contacts */
     int16_t surface;
     int8_t kind;    /* enum transition_kind */
     int8_t landing; /* enum landing */
-    double state[]; /* n; where modes are entries of contacts, behind it the words of the mode before and after */
+    double state[]; /* n; with contacts followed by the words of the mode before and after */
 };
 
-/* A step that was taken. */
+/* A recorded step. */
 struct step {
-    double time, time_low; /* s: its start, and what rounding it lost */
-    double length;         /* s: taken */
+    double time, time_low; /* s: start, and what rounding lost of it */
+    double length;         /* s: length taken */
     double unit;           /* s: of the coefficients */
-    int64_t mode;          /* row of the compiled modes; where modes are entries of contacts, 0 */
+    int64_t mode;          /* row of the compiled modes; 0 with contacts */
     double coefficients[]; /* (n, order + 1): x_i(time + tau unit) = sum over k of coefficients[i, k] tau^k */
 };
 
-/* A run's scalars, the same for every system; the vectors stand behind them (struct places). */
+/* Scalars of a run, the same for every system; its vectors follow in the same block (struct places). */
 struct run {
-    double time, time_low;             /* s, and what rounding it lost */
+    double time, time_low;             /* s, and what rounding lost of it */
     double unit;                       /* s: of the expansion */
-    double begin;                      /* s: of the run */
-    double rest_part;                  /* of the run that later flights may last together where impacts have come to
-                                          their limit */
+    double begin;                      /* s: start of the run */
+    double rest_part;                  /* later flights that last at most this part of the run together are a rest */
     double event_time, event_time_low; /* s: last event */
-    double suspect;                    /* s: where an undecided event is, from the step's start */
-    double step_length;                /* s: of an undecided step, or one that is OUT_OF_RANGE */
-    double longest_step;               /* s: that a mode just entered, or one with branch points, may begin with */
+    double suspect;                    /* s: place of an undecided event, from the step's start */
+    double step_length;                /* s: length of a step that is undecided or OUT_OF_RANGE */
+    double longest_step;               /* s: limit of the first step in a mode, and of steps near branch points */
     double horizon, horizon_low;       /* s */
     double tolerance;                  /* local error, relative to each row's size on the step */
     int64_t mode, steps, expansions, guard_evaluations, transitions;
-    int64_t below_rounding;            /* surfaces, and expressions of the model's end, that have been below their
-                                          rounding */
+    int64_t below_rounding;            /* surfaces, and expressions that end the run, below their rounding so far */
     int64_t guard, landing;            /* last guard hit, and its landing */
-    int64_t stalled;                   /* steps that time cannot tell apart */
-    int64_t events_at_once;            /* events that it cannot tell apart */
+    int64_t stalled;                   /* weighted count of steps that a double's time does not resolve */
+    int64_t events_at_once;            /* consecutive events that a double's time does not resolve */
     int64_t next_sample;
     int64_t stepped_mode;              /* mode of the last step, -1 before the first */
-    int64_t remembered;                /* modes of which the last step is kept */
-    int64_t step_place;                /* of the present one among them */
-    int64_t pending_kind;              /* of the event that leads to a mode without a row */
-    int64_t pending_mode;              /* number of that mode; -1: the one behind the guard last hit */
-    int64_t event_pending;             /* 1 where the event that the run stands at is still to be gone through */
+    int64_t remembered;                /* number of modes of which the last step is kept */
+    int64_t step_place;                /* place of the present mode among them */
+    int64_t pending_kind;              /* kind of the event that leads to a mode without a row */
+    int64_t pending_mode;              /* number of that mode; -1: the one across the guard last hit */
+    int64_t event_pending;             /* 1 if the present event has not been processed yet */
     int64_t order;
     int64_t method;                    /* of landing */
-    int64_t transition_capacity;       /* of a block of memory */
+    int64_t transition_capacity;       /* of a block of memory, in transitions */
     int64_t states, guards;            /* n and G */
-    int64_t stop_falling, stop_rising; /* surfaces, a bit each, on which the run ends */
-    int64_t stopped;                   /* 1 once it has come to one */
-    int64_t more_digits;               /* 1 where multiprecision may go from the start to where the run is in its first
-                                          mode */
-    int64_t most_steps;                /* after which the run is to end */
-    int64_t within_range;              /* 1 + steps at which Python last saw that what has left the range of doubles is
-                                          of no account */
-    double *dense;                     /* where steps are kept; null: they are not */
+    int64_t stop_falling, stop_rising; /* surfaces, one bit each, at which the run ends */
+    int64_t stopped;                   /* 1 after the run has reached one of these surfaces */
+    int64_t more_digits;               /* 1 if the motion may be computed with more digits from the run's start, while
+                                          the run is in its first mode */
+    int64_t most_steps;                /* largest number of steps */
+    int64_t within_range;              /* 1 + steps at which Python last found overflow and underflow negligible */
+    double *dense;                     /* recorded steps; null: none are recorded */
     int64_t dense_steps, dense_capacity;
-    int64_t contacts;                  /* whose entries the mode is ("mode" is then 0); 0: a mode is a row */
-    int64_t constants;                 /* doubles of a row of the modes' constants, of all tapes; without contacts 0 */
+    int64_t contacts;                  /* number of contacts whose entries are the mode ("mode" is then 0), or 0 */
+    int64_t constants;                 /* with contacts: doubles in a row of the modes' constants, of all tapes */
 };
 
-/* Where the parts of a run's block of memory stand, in doubles from its begin (struct run). */
+/* Places of the parts of a run's block of memory, in doubles from its begin (struct run). */
 struct places {
-    int64_t last_steps;   /* REMEMBERED_STEPS: last step of modes [s] */
-    int64_t state;        /* n: x; then n: what rounding it lost; then n: x before the last jump */
-    int64_t known_zeros;  /* G integers: known zeros of each guard: the order to which it vanishes where the run stands
-                             (1: its surface was just left with a speed, 2: tangentially),
-                             divided out; then G: 1 for one that is at zero; then G: 1 for one that is below its own
-                             rounding on the present step */
-    int64_t entries;      /* words: the entries of contacts that are the mode, none without contacts */
-    int64_t since;        /* G: since when guards have been below their rounding [s], infinite where they have not */
-    int64_t end_of_state; /* all before this is what a run's start says; what follows is work space */
+    int64_t last_steps;   /* REMEMBERED_STEPS: last steps of modes [s] */
+    int64_t state;        /* n: x; then n: what rounding lost of it; then n: x before the last jump */
+    int64_t known_zeros;  /* G integers: known zeros of each guard, the order to which it vanishes at the present point
+                             (1: its surface was just left with a speed, 2: tangentially), divided out; then G: 1 if the
+                             guard is at zero; then G: 1 if the guard is below its own rounding on the present step */
+    int64_t entries;      /* words: entries of the contacts, which are the mode; none without contacts */
+    int64_t since;        /* G: time since when each guard has been below its rounding [s], infinite if it has not */
+    int64_t end_of_state; /* a run's start defines all before this place; the rest is work space */
     int64_t band;         /* rows: Taylor coefficients of states and guards in the unit, then the norms of the last
-                             ones; the same at the end of a step that is checked; what isolating roots needs */
+                             ones; the same at the end of a step that is checked; work space of root isolation */
     int64_t width;        /* length of a row of the band */
-    int64_t room;         /* 3 n + 5 G: change of the states over a step and bounds of the guards from below; a state;
-                             normal velocities. Or what the selection of a mode needs */
+    int64_t room;         /* 3 n + 5 G: change of the states over a step and lower bounds of the guards; a state; normal
+                             velocities. Or work space of mode selection */
     int64_t origin;       /* 3 n + 3: the motion from the run's start in double-double: time, and what rounding lost of
-                             it; 1 where it is known; states, what rounding lost of them, bounds of their errors */
-    int64_t remembered;   /* REMEMBERED_STEPS modes whose last step the run keeps: rows, or words of entries */
+                             it; 1 if the motion is known; states, what rounding lost of them, bounds of their errors */
+    int64_t remembered;   /* REMEMBERED_STEPS modes of which the run keeps the last step: rows, or words of entries */
     int64_t left;         /* with contacts: words of the mode that an event has ended */
     int64_t own;          /* with contacts: the present mode's record (struct mode) */
-    int64_t constants;    /* with contacts: its constants */
-    int64_t records;      /* CHUNK transitions (struct transition), one after the other */
-    int64_t record_width; /* length of one */
+    int64_t constants;    /* with contacts: the present mode's constants */
+    int64_t records;      /* CHUNK transitions (struct transition) */
+    int64_t record_width; /* length of a transition */
     int64_t size;         /* of the whole block */
 };
 
-/* Where the runs of many points stand, and what is to be kept. */
+/* Progress of the runs of many points, and which transitions are kept. */
 struct progress {
     double after;              /* s: transitions before this time are not kept */
-    int64_t point;             /* that is at work, or comes next */
+    int64_t point;             /* present or next point */
     int64_t running;           /* whether its run has begun */
-    int64_t kept, kept_before; /* transitions in the buffer, and those of the points before this one */
+    int64_t kept, kept_before; /* transitions in the buffer, and those of all points before this one */
     int64_t open_sticks;       /* whether sticks that are open at "after" are kept, with their begin */
-    int64_t steps;             /* after which the call comes back, so that Python can look at interrupts */
-    int64_t stop_aside;        /* whether it comes back where a point is set aside */
+    int64_t steps;             /* steps after which the call returns for Python to check for interrupts */
+    int64_t stop_aside;        /* whether the call returns when a point is set aside */
 };
 
-/* How the run of a point ended. */
+/* End of a point's run. */
 struct end {
     double time, time_low; /* s */
-    int64_t code;          /* of return, or SET_ASIDE */
-    int64_t mode;          /* its row; where modes are entries of contacts, 0 */
+    int64_t code;          /* enum return_code, or SET_ASIDE */
+    int64_t mode;          /* row; 0 with contacts */
     int64_t steps, expansions, guard_evaluations, transitions;
 };
 
-/* Where transitions of many points go. */
+/* Buffer for the transitions of many points. */
 struct buffer {
     double *kept; /* (capacity, width): number of the point, an integer, then a struct transition */
     int64_t capacity, width;
-    double *pending; /* (surfaces, width): per surface the stick that is open, its first number not 0; those before
-                        "after" only */
+    double *pending; /* (surfaces, width): the open stick of each surface, marked by a first number other than 0; only
+                        sticks from before "after" */
     int64_t surfaces;
 };
 
 /* Many points of one system. */
 struct points {
     int64_t count;
-    double *block;           /* of a run, which must be the same until all points are done */
-    const double *start;     /* what a run's block begins with, but for the point's own numbers */
+    double *block;           /* block of the present run, unchanged between calls until all points are done */
+    const double *start;     /* begin of a run's block, except the point's own numbers */
     const double *numbers;   /* (count, 2 + n, 2): horizon, initial time [s] and states, each with what rounding lost */
     int64_t *rows;           /* row of the mode at the start, or the words of its entries, which those of the mode at
                                 the end overwrite; -1: the point is set aside */
-    const int64_t *surfaces; /* surface on which the point starts, -1 where it is on none; "rows" then has the mode
-                                below it */
-    int64_t numbers_step;    /* doubles from one point's constants to the next one's; 0: all the same */
-    struct end *ends;        /* filled */
-    double *states;          /* (count, n): filled with the states there */
+    const int64_t *surfaces; /* surface on which the point starts, -1 if on none; "rows" then holds the mode below it */
+    int64_t numbers_step;    /* doubles from one point's constants to the next point's; 0: the same for all */
+    struct end *ends;        /* filled in */
+    double *states;          /* (count, n): states at the ends, filled in */
 };
 
-/* The first falling root: an enum roots_outcome, and the interval that it lies in (equal ends where it was hit). */
+/* First falling root: an enum roots_outcome, and the interval that contains it (equal ends if the root is exact). */
 struct first_root {
     int64_t outcome;
     double low, high;
 };
 
-/* A root, the way of landing that was used, and evaluations of the polynomial (its derivatives counted as one). */
+/* A root, the method of landing used, and the number of evaluations of the polynomial (with its derivatives, one). */
 struct landed {
     double tau;
     int64_t used, evaluations;
@@ -342,13 +335,13 @@ struct landed {
 /* Bounds and levels that Python reads, too. */
 struct levels {
     double eps;              /* distance from 1 to the next double */
-    double blown_up;         /* a state beyond this has blown up */
-    double state_rounding;   /* part of its size by which a state may be off */
-    double known_zero_level; /* up to this part of what follows them, coefficients of known zeros are divided out */
+    double blown_up;         /* a larger state has blown up */
+    double state_rounding;   /* relative error that a state may have */
+    double known_zero_level; /* coefficients of known zeros are divided out up to this part of the next one */
     double operation_error;  /* bound of the relative error of one operation in double-double */
-    double accurate;         /* bound of the relative error that a constant may have */
-    double clearance;        /* a touch is no larger than so many times noise */
-    double no_account;       /* what is below this is of no account */
+    double accurate;         /* largest relative error of a constant */
+    double clearance;        /* a touch is no larger than this multiple of the noise */
+    double no_account;       /* smaller absolute errors are negligible */
 };
 
 HENON_EXPORT struct levels levels(void);
@@ -375,7 +368,7 @@ HENON_EXPORT struct tables *point_tables(const struct tables *template, const st
 HENON_EXPORT void signs_of(const double *registers, int64_t width, int64_t points, const int64_t *sources,
                            int64_t count, int64_t *signs);
 
-/* Parts that tests call by themselves: the functions of these names, without "test_". */
+/* Parts that tests call on their own: the functions of these names without "test_". */
 HENON_EXPORT int64_t test_positive_by_bound(const double *q, const double *powers, int64_t degree);
 HENON_EXPORT struct first_root test_first_falling_root(const double *a, int64_t degree, double *stack, int64_t width);
 HENON_EXPORT struct landed test_land(const double *q, int64_t degree, double low, double high, int64_t method);

@@ -1,21 +1,21 @@
-/* Landing: event location's last step, onto a root of a guard that stands alone on the step.
+/* Landing: the last step of event location, onto an isolated root of a guard on the step.
  *
- * Henon's method (Physica D 5, 1982): the variable is swapped from t to the guard h, dt/dh = 1/h', and one step of -h
- * leads from a point near the surface onto it; here the step is of order 4, by the series that is reversed. Newton's and
- * Brent's methods can take its place. All three are safeguarded by the bracket of the root.
+ * Henon's method (Physica D 5, 1982) exchanges the variables t and h, the guard: dt/dh = 1/h', and one step of -h leads
+ * from a point near the surface onto it. Here this step has order 4, by reversion of the series. Newton's and Brent's
+ * methods can replace it. The bracket of the root safeguards all three.
  */
 #ifndef HENON_LANDING_C
 #define HENON_LANDING_C
 
 #include "roots.c"
 
-/* How many times less steep than the chord an end may be for an inverse cubic: it is monotone then (Fritsch and
- * Carlson, SIAM J. Numer. Anal. 17, 1980). */
+/* An inverse cubic is used if the slope at both ends is at least a third of the chord's: then the cubic is monotone
+ * (Fritsch and Carlson, SIAM J. Numer. Anal. 17, 1980). */
 #define CUBIC_STEEPNESS 3.0
 
 /* Root by the cubic in h that has the guard's values and slopes at both ends of [0, 1] (Hermite's interpolation).
  *
- * "part" of its fall lies before the root; first, last: slopes of the inverse, in units of the chord's.
+ * "part" of the guard's fall lies before the root. first, last: slopes of the inverse, relative to its chord's.
  */
 static inline double interpolated(double part, double first, double last)
 {
@@ -23,7 +23,7 @@ static inline double interpolated(double part, double first, double last)
     return part * fused(part, fused(2.0, rest, 1.0), rest * fused(rest, first, -part * last));
 }
 
-/* Taylor coefficients 0 to 4 of q around tau; 0 and 1 only where no more are wanted. */
+/* Taylor coefficients 0 to 4 of q around tau, or only 0 and 1 with "order_one". */
 static inline void around(const double *q, int64_t degree, double tau, bool order_one, double g[5])
 {
     double g0 = q[degree], g1 = 0.0, g2 = 0.0, g3 = 0.0, g4 = 0.0;
@@ -39,11 +39,10 @@ static inline void around(const double *q, int64_t degree, double tau, bool orde
     g[0] = g0, g[1] = g1, g[2] = g2, g[3] = g3, g[4] = g4;
 }
 
-/* Step to the zero by the reversed series in h, of order 4 (Lagrange inversion), and its relative error; 1 where it is
- * no good.
+/* Step to the zero by the reversed series in h, of order 4 (Lagrange inversion).
  *
- * u = -h / h' is Newton's step, "inverse" 1 / h', b_k = g_k / g_1. The error is about the first term left out, of size
- * u^4.
+ * u = -h / h' is Newton's step, "inverse" = 1 / h', b_k = g_k / g_1. "error": relative error, about the first omitted
+ * term, of size u^4; 1 if the series does not converge.
  */
 static inline double reverted(double u, double inverse, const double g[5], double *error)
 {
@@ -74,11 +73,11 @@ static inline struct landed bisect(const double *q, int64_t degree, double left,
     return (struct landed){0.5 * (left + right), BRACKET, evaluations};
 }
 
-/* Where a landing begins: the root of an inverse cubic where the guard falls evenly over the whole step, else the
- * chord's; the middle of the bracket where rounding may have left nothing else. */
+/* Start of a landing: the root of an inverse cubic if the guard falls evenly over the whole step, else that of the
+ * chord; the middle of the bracket if rounding dominates the value at "high". */
 static inline double landing_start(const double *q, int64_t degree, double low, double high, int64_t *evaluations)
 {
-    /* A root at "high" itself, if there is one, is not the one bracketed: q is negative just before it. */
+    /* A root at "high" itself is not the bracketed one: q is negative just before it. */
     double below = q[0], above, slope;
     *evaluations = 0;
     if (low > 0.0)
@@ -86,7 +85,7 @@ static inline double landing_start(const double *q, int64_t degree, double low, 
     at_end(q, degree, &above, &slope);
     if (high < 1.0)
         above = value(q, degree, high), *evaluations += 1;
-    if (!(below > 0.0 && above < -0.01 * below)) /* another root next to "high" may have left nothing but rounding */
+    if (!(below > 0.0 && above < -0.01 * below)) /* another root next to "high" may leave only rounding */
         return 0.5 * (low + high);
     double part = below / (below - above), fall = above - below;
     if (low == 0.0 && high == 1.0 && CUBIC_STEEPNESS * q[1] < fall && CUBIC_STEEPNESS * slope < fall)
@@ -94,15 +93,13 @@ static inline double landing_start(const double *q, int64_t degree, double low, 
     return fused(high - low, part, low);
 }
 
-/* Put the step's end on the root of q that [low, high], within [0, 1], brackets, q falling.
+/* Find the root of a falling q in the bracket [low, high], within [0, 1].
  *
- * HENON: the independent variable is swapped from t to h (Henon 1982; Eq. (14) of Olejnik and Awrejcewicz, 2013) and one
- * Taylor step of
- * order 4 in h, of length -h, is taken from a point near the surface: dt/dh = 1/h', whose Taylor series is the
- * reversion of h's. That point is the root of an inverse cubic where the guard falls evenly over the whole step, and
- * the chord's otherwise. The step is repeated once where the first was long. Where the swapped series does not converge
- * (near a graze) the falling root of the guard's parabola leads closer. NEWTON: the same with order 1, repeated (BRENT:
- * see below). Where neither gets there, bisection decides, and the landing says BRACKET.
+ * HENON: exchange the variables t and h (Henon 1982; Eq. (14) of Olejnik and Awrejcewicz, 2013) and take one Taylor
+ * step of order 4 in h, of length -h, from a point near the surface: the Taylor series of dt/dh = 1/h' is the reversion
+ * of that of h. landing_start gives the point. The step is repeated once if the first was long. If the exchanged series
+ * does not converge (near a graze), the falling root of the guard's parabola leads closer. NEWTON: the same iteration
+ * with order 1 (BRENT: see brent). If the iteration fails, bisection finds the root, and the landing is BRACKET.
  */
 static inline struct landed land(const double *q, int64_t degree, double low, double high, int64_t method)
 {
@@ -121,7 +118,7 @@ static inline struct landed land(const double *q, int64_t degree, double low, do
         else
             right = tau;
         double bend = fused(g1, g1, -4.0 * g0 * g2);
-        if (g1 >= 0.0 && (order_one || !(g2 < 0.0 && bend > 0.0))) { /* not yet, or no longer, on the way down */
+        if (g1 >= 0.0 && (order_one || !(g2 < 0.0 && bend > 0.0))) { /* before or after the fall */
             tau = 0.5 * (left + right);
             continue;
         }
@@ -129,8 +126,8 @@ static inline struct landed land(const double *q, int64_t degree, double low, do
         if (!order_one) {
             if (g1 < 0.0)
                 delta = reverted(u, 1.0 / g1, g, &error);
-            if (error == 1.0) { /* the swapped series does not converge from here: come closer first */
-                if (bend > 0.0) { /* by the parabola's falling root, which is near where two roots are */
+            if (error == 1.0) { /* the exchanged series does not converge from here: approach the root first */
+                if (bend > 0.0) { /* falling root of the parabola, a good guess near a double root */
                     double root = sqrt(bend);
                     delta = g1 <= 0.0 ? 2.0 * g0 / (root - g1) : -0.5 * (g1 + root) / g2;
                 }
@@ -150,16 +147,16 @@ static inline struct landed land(const double *q, int64_t degree, double low, do
         tau = new;
         if (moved <= 2.0 * EPS * new || error * moved <= 0.25 * EPS * new)
             return (struct landed){tau, method, evaluations};
-        if (error < 1.0 && moved >= 0.5 * before) /* no nearer: what is left of the guard is rounding */
+        if (error < 1.0 && moved >= 0.5 * before) /* no progress: the rest of the guard is rounding */
             return (struct landed){tau, method, evaluations};
         before = error < 1.0 ? moved : 1.0;
     }
     return bisect(q, degree, left, right, evaluations);
 }
 
-/* Bracketing alone, by Brent's method (Algorithms for Minimization without Derivatives, 1973, Ch. 4).
+/* Brent's method, by bracketing alone (Algorithms for Minimization without Derivatives, 1973, Ch. 4).
  *
- * The root is -1 where the interval's ends do not bracket one.
+ * The root is -1 if the guard does not change sign between the ends of the interval.
  */
 static inline struct landed brent(const double *q, int64_t degree, double low, double high)
 {

@@ -1,6 +1,6 @@
-"""The library of a C source, called through cffi: for this processor, made of these sources, with their arithmetic.
+"""Loading of a C source's library through cffi, with checks of its processor, sources and arithmetic.
 
-Nothing is compiled here: what is missing or stale is an error that names the line which builds it anew.
+Nothing is compiled here: a missing or stale library raises an error that names the command to build it.
 """
 
 from __future__ import annotations
@@ -19,35 +19,35 @@ from henon_ref.errors import KernelError
 from henon_ref.kernel.compilation import best, library_file, source_files, sources_hash
 
 CPU_VARIABLE = "HENON_REF_CPU"
-"""Environment variable: LLVM's name of the processor that machine code of modes is compiled for; with ``x86-64`` the
-library is that for processors without fused operations."""
+"""Environment variable: LLVM's name of the processor for which machine code of modes is compiled. ``x86-64`` also
+selects the library for processors without fused operations."""
 SELF_TEST = float.fromhex("-0x1.d23ef345ec270p-2")
-"""What ``henon_self_test`` of ``self_test.h`` returns."""
+"""Correct return value of ``henon_self_test`` (``self_test.h``)."""
 EXPORTED = "extern const char henon_sources[]; double henon_self_test(void);"
-"""What every library exports (``self_test.h``)."""
+"""Declarations that every library exports (``self_test.h``)."""
 
 
 def load(header: Path, name: str) -> tuple[FFI, Any]:
-    """Load the library that was compiled from ``NAME.c`` beside a header.
+    """Load the library that was compiled from ``NAME.c`` in the folder of a header.
 
     Parameters
     ----------
     header : Path
-        What the library exports, for :func:`declarations`.
+        Header with the exported declarations (:func:`declarations`).
     name : str
-        The C source's name without its ending.
+        Name of the C source without its suffix.
 
     Returns
     -------
     ffi : cffi.FFI
-        It knows the header's types.
+        Interface with the types of the header.
     lib
-        The library, with its functions as attributes; a call releases the interpreter lock.
+        Library with its functions as attributes; a call releases the interpreter lock.
 
     Raises
     ------
     KernelError
-        Where there is no library, or it was compiled from other sources or with other arithmetic.
+        If the library is missing, or was compiled from other sources or with other arithmetic.
     """
     source = header.with_name(f"{name}.c")
     file = library_file(source, best(processor_features()))
@@ -68,7 +68,7 @@ def load(header: Path, name: str) -> tuple[FFI, Any]:
 
 
 def processor_features() -> frozenset[str]:
-    """Features of this machine's processor in LLVM's words; of none where ``HENON_REF_CPU`` asks for the baseline."""
+    """Features of this processor, with LLVM's names; none if ``HENON_REF_CPU`` is ``x86-64``."""
     baseline = os.environ.get(CPU_VARIABLE) == "x86-64"
     if baseline or platform.machine().lower() not in ("x86_64", "amd64"):
         return frozenset()
@@ -76,9 +76,9 @@ def processor_features() -> frozenset[str]:
 
 
 def declarations(header: Path) -> str:
-    """A header, with those that it includes in quotes, as cffi reads it.
+    """Text of a header and of the headers that it includes in quotes, in the form that cffi reads.
 
-    Of the preprocessor's lines only ``#define NAME INTEGER`` is kept; ``HENON_EXPORT`` is dropped.
+    The only directives kept are ``#define NAME INTEGER``; ``HENON_EXPORT`` is removed.
     """
     text = b"\n".join(source_files(header).values()).decode()
     text = re.sub(r"/\*.*?\*/", " ", text, flags=re.DOTALL).replace("\\\n", " ")
@@ -87,7 +87,7 @@ def declarations(header: Path) -> str:
 
 
 def _remedy() -> str:
-    """The line that makes the libraries anew: in a clone, or where a wheel was installed."""
+    """Command that rebuilds the libraries, in a clone or for an installed wheel."""
     root = Path(__file__).resolve().parents[2]
     if (root / "build_backend").is_dir():
         return f"cd {root} && {sys.executable} -m build_backend"

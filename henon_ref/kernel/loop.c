@@ -1,24 +1,24 @@
 /* The mode loop: Taylor steps, events, landings and ordinary mode changes without leaving machine code.
  *
- * Whatever needs more thought than a sign (several events at once, a tangency, a rest, a mode not compiled yet) is
- * handed back to Python (henon_ref/integrator/run.py) with a code; after the answer the loop goes on.
+ * The loop returns to Python (henon_ref/integrator/run.py) with a code whenever a sign does not decide: several events
+ * at once, a tangency, a rest, a mode that is not compiled yet. After Python's answer the loop continues.
  */
 
-/* Steps between two looks at the clock, in Python. */
+/* Steps after which the loop returns, so that Python can check the clock. */
 #define BUDGET 50000
-/* An event nearer than this part of the unit is looked at again in a shorter unit: its powers would underflow. */
+/* An event within this part of the unit is examined in a shorter unit: powers of its place would underflow. */
 #define TINY_PART 1e-60
 
 /* A candidate step, on which all guards are examined. */
 struct look {
-    double theta;   /* its length, in the unit */
-    double natural; /* [s]: its length by step size and validation alone, before the horizon cuts it. (The argument
-                       "natural" of other functions is the same in the unit.) */
-    bool final;     /* whether it leads to the horizon */
-    bool cut;       /* whether the branch point of a guard has cut it short */
+    double theta;   /* length, in the unit */
+    double natural; /* [s]: length by step size and validation alone, before the horizon cuts it. (The argument
+                       "natural" of other functions is this length in the unit.) */
+    bool final;     /* whether the step ends at the horizon */
+    bool cut;       /* whether the branch point of a guard has cut the step short */
 };
 
-/* Whether the loop can go on before a step is taken: ON, or why not. */
+/* Check whether a step can be taken: ON, or the reason why not. */
 static inline int64_t before_step(const struct work *w)
 {
     const struct run *run = w->run;
@@ -31,14 +31,14 @@ static inline int64_t before_step(const struct work *w)
     return ON;
 }
 
-/* The step that is proposed, no longer than up to the horizon and than where the expansion holds. */
+/* Candidate step of the proposed length, cut at the horizon and where the expansion ceases to hold. */
 static inline struct look accepted_step(struct work *w, double theta)
 {
     struct run *run = w->run;
     int64_t rows = run->states + w->mode->guards;
     double unit = run->unit;
     if (w->mode->slopes && 0.0 < run->longest_step && run->longest_step < theta * unit)
-        theta = run->longest_step / unit; /* the last step may have been cut before a branch point */
+        theta = run->longest_step / unit; /* a branch point may have cut the last step short */
     struct look look = {.theta = theta, .natural = theta * unit};
     double left = remaining(run);
     look.final = look.natural >= left;
@@ -46,7 +46,7 @@ static inline struct look accepted_step(struct work *w, double theta)
         look.theta = left / unit;
     bool grown = look.natural > CHECKED_GROWTH * unit;
     double last = w->last_steps[run->step_place];
-    if (grown && look.final && left <= last) /* what is left before the horizon is none that has grown */
+    if (grown && look.final && left <= last) /* the last part before the horizon is no step that has grown */
         grown = false, look.natural = smaller(look.natural, last);
     bool unconverged = w->mode->polynomial_degree == 0 && (grown || tail_unconverged(w, rows, look.theta));
     if (!unconverged && !w->mode->slopes)
@@ -64,7 +64,7 @@ static inline struct look accepted_step(struct work *w, double theta)
     return look;
 }
 
-/* The first event on the step that is more than rounding. */
+/* First event on the step that is larger than rounding. */
 static inline struct event decided_event(struct work *w, const struct look *look)
 {
     double natural = look->natural / w->run->unit;
@@ -77,13 +77,13 @@ static inline struct event decided_event(struct work *w, const struct look *look
     }
 }
 
-/* Shorten a step, or have its event looked at closer, where terms of a polynomial motion cancel too much. */
+/* Where the terms of a polynomial motion cancel too much, shorten the step, or leave its event undecided. */
 static inline void spare_digits(struct work *w, struct look *look, struct event *event)
 {
     struct run *run = w->run;
     double reach = event->guard < 0 ? look->theta : event->part * look->theta;
     double shorter = cancellation_limit(w, run->states + w->mode->guards, reach);
-    if (shorter < reach && event->guard >= 0) { /* multiprecision has the digits */
+    if (shorter < reach && event->guard >= 0) { /* multiprecision has enough digits */
         event->undecided = true;
     } else if (shorter < reach) {
         look->theta = shorter, look->final = false;
@@ -92,7 +92,7 @@ static inline void spare_digits(struct work *w, struct look *look, struct event 
     }
 }
 
-/* The horizon belongs to the run: an event at it counts. */
+/* Add an event at the horizon: the horizon belongs to the run. */
 static inline void find_event_at_horizon(const struct work *w, const struct look *look, struct event *event)
 {
     for (int64_t g = 0; g < w->mode->guards; g++)
@@ -101,8 +101,8 @@ static inline void find_event_at_horizon(const struct work *w, const struct look
             *event = (struct event){1.0, g, true, event->landing};
 }
 
-/* Take a step, up to an event if there is one; EVENT, ON, or why the loop is left. "part" is the length taken, in the
- * unit (event->part is one of the candidate's theta). */
+/* Take a step, up to its event if there is one; return EVENT, ON, or the reason for leaving the loop. "part" is the
+ * length taken, in the unit (event->part is relative to the candidate's theta). */
 static inline int64_t take_step(struct work *w, const struct look *look, const struct event *event, double part)
 {
     struct run *run = w->run;
@@ -137,11 +137,11 @@ static inline int64_t take_step(struct work *w, const struct look *look, const s
     return HORIZON;
 }
 
-/* Expansions, and steps on which a bound keeps all guards positive (event_free_steps in step.c: most steps); then one
+/* Take the steps on which a bound keeps all guards positive (event_free_steps in step.c: most steps), then one
  * candidate step on which the guards are examined.
  *
- * "shrunk": whether the unit was shortened to see a very near event. EVENT where the run stands at an event, ON
- * where it goes on, else why the loop is left.
+ * "shrunk": whether the unit was shortened because an event is very near. Returns EVENT if the run has reached an
+ * event, ON if the loop continues, else the reason for leaving it.
  */
 static int64_t look_ahead(struct work *w, int64_t stop_at, bool *shrunk)
 {
@@ -163,7 +163,7 @@ static int64_t look_ahead(struct work *w, int64_t stop_at, bool *shrunk)
     for (int64_t g = 0; g < w->mode->guards; g++)
         w->faint[g] = 0;
     if (guards_below_zero(w, look.natural / unit) && fails_beyond_rounding(w, look.natural / unit)) {
-        run->guard = NOWHERE; /* Python looks closer */
+        run->guard = NOWHERE; /* multiprecision examines the guards */
         return SELECT_MODE;
     }
     struct event event = decided_event(w, &look);
@@ -191,11 +191,10 @@ static int64_t look_ahead(struct work *w, int64_t stop_at, bool *shrunk)
     return take_step(w, &look, &event, part);
 }
 
-/* Run until the horizon, or until Python is needed.
+/* Run up to the horizon, or until Python is needed.
  *
- * run: the begin of the run's block (struct places). samples: (count, 1 + n + 1): times at which samples are wanted;
- * states and mode there. Returns an enum return_code: UNDECIDED_EVENT where an event ahead cannot be decided in double
- * precision.
+ * run: begin of the run's block (struct places). samples: (count, 1 + n + 1): times of the samples; their states and
+ * modes are filled in. Returns an enum return_code, UNDECIDED_EVENT if double precision cannot decide an event.
  */
 HENON_EXPORT int64_t advance(struct run *run, const struct tables *tables, double *samples, int64_t count)
 {

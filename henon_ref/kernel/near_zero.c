@@ -1,35 +1,36 @@
-/* What a guard does next to a place where it is near zero, by its series in double-double. */
+/* Behaviour of a guard near a suspected zero, by its series in double-double: root, minimum, or neither. */
 
-/* Neighbourhoods of the place, in parts of the way there: the widest, and how much narrower the next one is. */
+/* Radii of neighbourhoods of a place, relative to its distance: the largest, the factor to the next, the smallest. */
 #define WIDEST 0x1p-3
 #define NARROWER 0x1p-3
 #define NARROWEST 0x1p-21
-/* Halvings by which a guard is shown to be positive. */
+/* Number of halvings used to show that a guard is positive. */
 #define HALVINGS 6
-/* To which a root is known, in the unit of the expansion, if it is. */
+/* Radius, in the unit of the expansion, to which a root must be known. */
 #define KNOWN_PLACE 0x1p-62
-/* So many times its error a number is clear of zero. */
+/* A number is clearly not zero if it exceeds its error bound by this factor. */
 #define CLEAR 2.0
-/* Highest order of a zero, or of a minimum, that is told; steps to its place, and by how much it may miss a double. */
+/* Highest order of a zero or minimum that is recognised; Newton steps to its place; relative distance within which the
+ * place counts as a double. */
 #define FLATTEST 8
 #define FLAT_STEPS 4
 #define DOUBLE_PLACE 0x1p-80
 
-/* What a guard does next to where it was seen near zero: TOUCHING it does exactly, in numbers that doubles hold. */
+/* Behaviour of a guard near the suspected place. TOUCHING: it touches zero exactly, in numbers that doubles hold. */
 enum nearby { OPEN, RISING, VALLEY, TOUCHING, FALLING };
 
-/* That, and where: its minimum (VALLEY, TOUCHING), its root (FALLING). */
+/* Behaviour, and its place: the minimum (VALLEY, TOUCHING) or the root (FALLING). */
 struct near_place {
     int64_t what;
     struct pair at;
-    double depth;  /* how far from zero what decides it is */
-    int64_t order; /* of the minimum, or the root */
+    double depth;  /* distance from zero of the number that decides */
+    int64_t order; /* of the minimum or root */
 };
 
-/* Bernstein coefficients on [0, end] of a series, its first "zeros" terms left out. */
+/* Bernstein coefficients on [0, end] of a series without its first "zeros" terms. */
 struct bernstein {
-    int64_t degree; /* what comes after it counts for nothing in doubles */
-    double noise;   /* what each coefficient may be off */
+    int64_t degree; /* higher terms are negligible in doubles */
+    double noise;   /* error bound of each coefficient */
     double b[PAIR_TERMS];
 };
 
@@ -49,7 +50,7 @@ static void bernstein_of(const struct pair_expansion *e, const struct pair_serie
             break;
         error += fabs(scaled[degree]);
     }
-    double choices = 1.0; /* binomial coefficients; sums of products with others, as in Pascal's triangle */
+    double choices = 1.0; /* binomial coefficients; sums of the scaled terms as in Pascal's triangle */
     for (int64_t k = degree; k >= 0; k--) {
         double carried = scaled[k] / choices;
         for (int64_t i = 0; i <= degree - k; i++) {
@@ -63,7 +64,7 @@ static void bernstein_of(const struct pair_expansion *e, const struct pair_serie
     found->noise = 4.0 * (double)(degree + 2) * EPS * size + error;
 }
 
-/* Whether a polynomial of these Bernstein coefficients is above a level. */
+/* Check whether a polynomial with these Bernstein coefficients is above a level. */
 static bool above(const double *b, int64_t degree, double level, int64_t halvings)
 {
     double lowest = INFINITY, left[PAIR_TERMS], right[PAIR_TERMS];
@@ -79,7 +80,7 @@ static bool above(const double *b, int64_t degree, double level, int64_t halving
     return above(left, degree, level, halvings - 1) && above(right, degree, level, halvings - 1);
 }
 
-/* What the differences of Bernstein coefficients say: FALLING, RISING (rises), VALLEY (at one minimum), or OPEN. */
+/* Shape by the differences of Bernstein coefficients: FALLING, RISING, VALLEY (one minimum), or OPEN. */
 static int64_t shape_of(const double *b, int64_t degree, double noise)
 {
     int64_t falling = 0, unclear = 0, rising = 0;
@@ -101,7 +102,7 @@ static int64_t shape_of(const double *b, int64_t degree, double noise)
     return unclear <= 1 && falling > 0 && rising > 0 ? VALLEY : OPEN;
 }
 
-/* First derivatives of a series at a place, in doubles. */
+/* Value and first three derivatives of a series at a place, in doubles. */
 static void derivatives(const struct pair_expansion *e, const struct pair_series *q, double at, double *found)
 {
     found[0] = found[1] = found[2] = found[3] = 0.0;
@@ -113,7 +114,7 @@ static void derivatives(const struct pair_expansion *e, const struct pair_series
     }
 }
 
-/* Zero of a derivative that changes its sign once between two places, in doubles; "rising": from below zero. */
+/* Zero of a derivative that changes its sign once between two places, in doubles: order 0 falls, order 1 rises. */
 static double sign_change(const struct pair_expansion *e, const struct pair_series *q, int order, double low,
                           double high)
 {
@@ -136,7 +137,7 @@ static double sign_change(const struct pair_expansion *e, const struct pair_seri
     return at;
 }
 
-/* The root of a guard that falls next to a place: Newton's method in double-double. */
+/* Root of a falling guard near a place, by Newton's method in double-double; OPEN if it does not converge. */
 static struct near_place falling_root(const struct pair_expansion *e, const struct pair_series *q, struct pair at)
 {
     for (int step = 0; step < 4; step++) {
@@ -156,13 +157,13 @@ static struct near_place falling_root(const struct pair_expansion *e, const stru
     return (struct near_place){.what = OPEN};
 }
 
-/* Whether a number is zero and known to be. */
+/* Check whether a number is zero without error. */
 static inline bool exact_zero(struct bounded number)
 {
     return number.high == 0.0 && number.low == 0.0 && number.error == 0.0;
 }
 
-/* A guard with one minimum between two places: whether that is above zero, or else its first root. */
+/* Guard with one minimum between two places: VALLEY if that is above zero, else the guard's first root. */
 static struct near_place at_minimum(const struct pair_expansion *e, const struct pair_series *q, double low,
                                     double high)
 {
@@ -183,7 +184,7 @@ static struct near_place at_minimum(const struct pair_expansion *e, const struct
     }
     if (height.high > 0.0)
         return (struct near_place){VALLEY, bottom, height.high, 2};
-    /* of the cubic about the minimum, from its parabola's root on */
+    /* root of the cubic about the minimum, starting from that of the parabola */
     double off = -sqrt(-2.0 * height.high / found[2]);
     for (int step = 0; step < 4; step++)
         off -= (height.high + off * off * (0.5 * found[2] + off * found[3] / 6.0))
@@ -194,12 +195,12 @@ static struct near_place at_minimum(const struct pair_expansion *e, const struct
     return root.what == FALLING && inside ? root : (struct near_place){.what = OPEN};
 }
 
-/* Coefficient j of a series about a place: the sum over k of "k over j" q[k] at^(k - j). */
+/* Taylor coefficient j of a series about a place: the sum over k of binomial(k, j) q[k] at^(k - j). */
 static struct bounded local_term(const struct pair_expansion *e, const struct pair_series *q,
                                  const struct pair_series *powers, int64_t j)
 {
     struct pair_series weights;
-    double choices = 1.0; /* a whole number below 2^53 for the orders that are asked for */
+    double choices = 1.0; /* exact: below 2^53 for all orders in use */
     for (int64_t k = 0; k < e->terms; k++) {
         put_term(&weights, k, k < j ? exactly(0.0) : bounded_product(exactly(choices), term(powers, k - j)));
         if (k >= j)
@@ -208,7 +209,7 @@ static struct bounded local_term(const struct pair_expansion *e, const struct pa
     return value_in_pairs(e, q, &weights);
 }
 
-/* The same in doubles, all of them, about a place (repeated Horner's scheme). */
+/* All Taylor coefficients about a place, in doubles (repeated Horner's scheme). */
 static void local_terms(const struct pair_expansion *e, const struct pair_series *q, double at, double *found)
 {
     for (int64_t k = 0; k < e->terms; k++)
@@ -218,7 +219,7 @@ static void local_terms(const struct pair_expansion *e, const struct pair_series
             found[k] = fused(at, found[k + 1], found[k]);
 }
 
-/* Order of the largest term but the first on a neighbourhood. */
+/* Order of the largest term after the first, on a neighbourhood. */
 static int64_t largest_order(const struct pair_expansion *e, const double *local, double radius)
 {
     double power = radius, largest = 0.0;
@@ -231,15 +232,15 @@ static int64_t largest_order(const struct pair_expansion *e, const double *local
     return found;
 }
 
-/* A radius about a place on which a series' term of an order is larger than all that follow it, in value and slope, and
- * before which the series is positive; 0 where none is found. */
+/* Radius about a place within which the term of an order exceeds the sum of all later terms, in value and slope, and
+ * before which the series is positive; 0 if there is none. */
 static double flat_radius(const struct pair_expansion *e, const struct pair_series *q, double at, const double *local,
                           int64_t order)
 {
     for (double radius = WIDEST * at; radius >= NARROWEST * at; radius *= NARROWER) {
         double rest = 0.0, power = radius;
         for (int64_t k = order + 1; k < e->terms; k++) {
-            rest += (double)k / (double)order * fabs(local[k]) * power; /* of the slope, which is no smaller a part */
+            rest += (double)k / (double)order * fabs(local[k]) * power; /* of the slope, where later terms weigh more */
             power *= radius;
         }
         struct bernstein before;
@@ -250,12 +251,12 @@ static double flat_radius(const struct pair_expansion *e, const struct pair_seri
     return 0.0;
 }
 
-/* A guard that is flat next to a place: a zero of higher order in numbers that doubles hold, or a minimum above zero.
+/* Guard that is flat near a place: a zero of higher order, in numbers that doubles hold, or a minimum above zero.
  *
- * About the place at which derivative m - 1 is zero the guard is c_0 + ... + c_m h^m + ..., its term of order m larger
- * than all that follow. Where c_0 to c_(m-1) are zeros, and known to be, it has a zero of order m there. Where m is
- * even and c_m positive, it is no smaller than c_0 less the sizes of the terms up to m - 1; where c_0 is clearly below
- * zero it falls before the place, once.
+ * About the zero of derivative m - 1, the guard is c_0 + ... + c_m h^m + ..., where the term of order m exceeds all
+ * later ones. If c_0 to c_(m-1) are known to be exact zeros, the guard has a zero of order m. If m is even and c_m
+ * positive, the guard is at least c_0 minus the sizes of the terms of order 1 to m - 1; and if c_0 is clearly negative,
+ * it has one falling root before the place.
  */
 static struct near_place flat_zero(const struct pair_expansion *e, const struct pair_series *q, double suspect)
 {
@@ -302,7 +303,7 @@ static struct near_place flat_zero(const struct pair_expansion *e, const struct 
     return root.what == FALLING && at.high - radius < root.at.high && root.at.high < at.high ? root : open;
 }
 
-/* What a guard does first, up to a neighbourhood of a place. */
+/* First behaviour of a guard on the interval from the start to a neighbourhood of a place. */
 static struct near_place near_zero(const struct pair_expansion *e, const struct pair_series *q, double suspect)
 {
     for (double part = WIDEST; e->terms > 1 && part >= NARROWEST; part *= NARROWER) {

@@ -1,7 +1,7 @@
-/* Operations on doubles, each with one meaning whatever the compiler may do to others.
+/* Operations on doubles whose meaning does not depend on the compiler.
  *
- * Nothing is fused that is not said to be (the kernel is compiled with -ffp-contract=off), and of two numbers the
- * comparison looks at the second one first, so that what is no number has one way through.
+ * No operation is fused unless fused() is called (the kernel is compiled with -ffp-contract=off). smaller() and
+ * larger() compare the second number with the first one, so that a NaN is treated the same way everywhere.
  */
 #ifndef HENON_NUMBERS_H
 #define HENON_NUMBERS_H
@@ -36,7 +36,7 @@ static inline int64_t least(int64_t a, int64_t b)
     return b < a ? b : a;
 }
 
-/* The bits of a double as an integer. */
+/* Bits of a double as an integer. */
 static inline int64_t bits(double number)
 {
     int64_t pattern;
@@ -44,7 +44,7 @@ static inline int64_t bits(double number)
     return pattern;
 }
 
-/* The double with these bits. */
+/* Double with given bits. */
 static inline double from_bits(uint64_t pattern)
 {
     double number;
@@ -52,7 +52,7 @@ static inline double from_bits(uint64_t pattern)
     return number;
 }
 
-/* A whole power, not negative, by repeated squaring. */
+/* Integer power, exponent >= 0, by repeated squaring. */
 static inline double whole_power(double base, int64_t exponent)
 {
     double power = 1.0;

@@ -1,35 +1,35 @@
-/* Taylor series of a mode in double-double, with running error bounds: its tape gone through operation by operation.
+/* Taylor series of a mode in double-double with running error bounds: its tape evaluated operation by operation.
  *
- * The recurrences are those of henon_ref/taylor/rules.py. A coefficient is a pair and a bound of its error; sums of
- * products are compensated (Ogita, Rump and Oishi, SIAM J. Sci. Comput. 26, 2005: the result is as if computed in twice
- * the precision, then rounded). Time is measured in a power of two of seconds, so that scaling is exact.
+ * The recurrences are those of henon_ref/taylor/rules.py. A coefficient is a pair with an error bound; sums of products
+ * are compensated (Ogita, Rump and Oishi, SIAM J. Sci. Comput. 26, 2005: the result is as if computed in twice the
+ * precision, then rounded). The unit of time is a power of two of seconds, so that scaling is exact.
  */
 
-/* Terms that a series has room for. */
+/* Capacity of a series, in terms. */
 #define PAIR_TERMS 96
-/* Terms before which it does not end: some may be missing at first. */
+/* Smallest number of terms of a series: some of the first terms may be zero. */
 #define FEWEST_TERMS 16
-/* So many terms in a row that count for nothing end it. */
+/* A series ends after this many consecutive negligible terms. */
 #define ENDING_TERMS 4
-/* What counts for nothing, relative to the sum of all terms. */
+/* A term is negligible below this part of the sum of all terms. */
 #define NOTHING 0x1p-106
 
-/* A series in a unit of time. */
+/* A Taylor series in a unit of time. */
 struct pair_series {
-    int64_t degree; /* terms beyond it are zero */
+    int64_t degree; /* later terms are zero */
     double high[PAIR_TERMS], low[PAIR_TERMS], error[PAIR_TERMS];
 };
 
-/* The series of a mode, from a point on. */
+/* Taylor series of a mode from a point on. */
 struct pair_expansion {
     const struct tape *tape;
     const double *constants;    /* of the tape: doubles, then what their rounding lost */
-    struct pair_series *series; /* of each operation, then work space for as many */
+    struct pair_series *series; /* of each operation, then work space of the same size */
     double unit;                /* s, a power of two */
-    double reach;               /* in the unit: as far as the series have to hold */
-    int64_t terms;              /* of each series */
-    bool whole;                 /* whether there are no others */
-    bool converged;             /* whether further ones count for nothing up to there */
+    double reach;               /* length on which the series must hold, in the unit */
+    int64_t terms;              /* number of terms of each series */
+    bool whole;                 /* whether all later terms are zero */
+    bool converged;             /* whether later terms are negligible within the reach */
 };
 
 static inline struct bounded term(const struct pair_series *series, int64_t k)
@@ -47,7 +47,7 @@ static inline struct bounded exactly(double number)
     return (struct bounded){number, 0.0, 0.0};
 }
 
-/* A number of two doubles, each of which is the nearest one; exact where the second is zero. */
+/* A number given as its nearest double and the rest's nearest double; exact if the rest is zero. */
 static inline struct bounded known_to(double high, double low, double relative)
 {
     return (struct bounded){high, low, low == 0.0 ? 0.0 : relative * fabs(high)};
@@ -69,7 +69,7 @@ static inline struct bounded constant(const struct pair_expansion *e, int64_t in
     return known_to(e->constants[index], e->constants[e->tape->constants + index], ACCURATE);
 }
 
-/* A sum of products, term by term: of the doubles, of what their rounding lost, and of the sizes of both. */
+/* A sum of products: sums of the leading doubles, of the rests, and of the sizes of both, and an error bound. */
 struct product_sum {
     double sum, rest, size, rest_size, error;
 };
@@ -86,7 +86,7 @@ static inline void add_product(struct product_sum *s, double p, double p_low, do
     s->error += fabs(p) * q_error + p_error * (fabs(q) + q_error);
 }
 
-/* It, where it is of so many products. */
+/* The value of a sum of "count" products, with its error bound. */
 static inline struct bounded summed(const struct product_sum *s, int64_t count)
 {
     struct pair total = pair_sum(s->sum, s->rest);
@@ -94,7 +94,7 @@ static inline struct bounded summed(const struct product_sum *s, int64_t count)
     return (struct bounded){total.high, total.low, OUTWARDS * (s->error + rounding)};
 }
 
-/* The sum of a[j] b[k - j] for j from "first" to "last". */
+/* Sum of a[j] b[k - j] for j from "first" to "last". */
 static inline struct bounded convolution(const struct pair_series *a, const struct pair_series *b, int64_t k,
                                          int64_t first, int64_t last)
 {
@@ -114,13 +114,13 @@ static inline struct bounded over_integer(struct bounded a, int64_t k)
     return (struct bounded){found.high, found.low, error};
 }
 
-/* Terms of the sine's and the cosine's series, and of the exponential's, where the argument is small enough. */
+/* Numbers of terms of the series of sine and cosine, and of the exponential, for reduced arguments. */
 #define SINE_TERMS 18
 #define EXPONENTIAL_TERMS 17
-/* Halvings of an argument before the exponential's series, and as many squares after it. */
+/* Number of halvings of the argument of the exponential, and of squarings of the result. */
 #define EXPONENTIAL_HALVINGS 4
 
-/* What is left of a number without the nearest multiple of a constant; the multiple. */
+/* Remainder of a number after subtracting the nearest multiple of a constant; "multiple" is that multiple. */
 static inline struct bounded reduced(struct bounded a, struct bounded constant, double *multiple)
 {
     *multiple = nearbyint(a.high / constant.high);
@@ -145,7 +145,7 @@ static struct bounded exponential(struct bounded a)
     return scaled_exactly(sum, ldexp(1.0, (int)multiple));
 }
 
-/* Newton's step from the double's logarithm, whose error it squares. */
+/* Logarithm by one step of Newton's method from the double's logarithm, which squares the error. */
 static struct bounded logarithm(struct bounded a)
 {
     double about = log(a.high);
@@ -156,7 +156,7 @@ static struct bounded logarithm(struct bounded a)
     return found;
 }
 
-/* Sine, or cosine: that a quarter of a turn on. */
+/* Sine of the number plus some quarters of a turn; one quarter gives the cosine. */
 static struct bounded sine(struct bounded a, int64_t quarters)
 {
     const struct bounded quarter = {0x1.921fb54442d18p+0, 0x1.1a62633145c07p-54, 0x1p-108};
@@ -174,7 +174,7 @@ static struct bounded sine(struct bounded a, int64_t quarters)
     return quarters & 2 ? opposite(sum) : sum;
 }
 
-/* The first coefficient of a function; c: of a power its exponent. */
+/* Coefficient 0 of a function; c: the exponent of a power. */
 static struct bounded function_at(int64_t operation, struct bounded a, struct bounded c)
 {
     switch (operation) {
@@ -189,9 +189,9 @@ static struct bounded function_at(int64_t operation, struct bounded a, struct bo
     }
 }
 
-/* Coefficient k of a function whose derivative has a factor: y' = sign a' factor, or y' factor = sign a'.
+/* Coefficient k of a function y with y' = sign a' factor, or y' factor = sign a' if the node "divides".
  *
- * "slopes": k times the coefficients of a, or of y.
+ * "slopes": k times coefficient k, of a or of y.
  */
 static inline struct bounded integral_term(const struct pair_expansion *e, const struct tape_operation *node,
                                            int64_t at, int64_t k)
@@ -210,7 +210,7 @@ static inline struct bounded integral_term(const struct pair_expansion *e, const
     return over_integer(convolution(slopes, factor, k, 1, k), k);
 }
 
-/* Coefficient k of a^c, whose derivative is c a' y / a. */
+/* Coefficient k of y = a^c, from y' = c a' y / a. */
 static inline struct bounded power_term(const struct pair_expansion *e, const struct tape_operation *node, int64_t at,
                                         int64_t k)
 {
@@ -267,7 +267,7 @@ static inline struct bounded next_term(const struct pair_expansion *e, struct bo
     }
 }
 
-/* Series of a state, or behind them of a guard. */
+/* Series of state r, or of guard r - n. */
 static inline struct pair_series *series_of(const struct pair_expansion *e, int64_t r)
 {
     const struct tape *tape = e->tape;
@@ -275,13 +275,13 @@ static inline struct pair_series *series_of(const struct pair_expansion *e, int6
     return &e->series[r < tape->states ? r : rows[r]];
 }
 
-/* How far the series of a row have come: the sizes of its terms so far, and how many count for nothing in a row. */
+/* Convergence of a row's series: the sum of the sizes of its terms, and the number of consecutive negligible terms. */
 struct convergence {
     double total;
     int64_t quiet;
 };
 
-/* Whether the last terms of the states and the guards count for nothing; "power" is that of term k. */
+/* Check whether the last terms of all states and guards are negligible; "power" is reach^k. */
 static bool ends_here(const struct pair_expansion *e, struct convergence *rows, int64_t k, double power)
 {
     bool found = k + 1 >= FEWEST_TERMS;
@@ -294,7 +294,7 @@ static bool ends_here(const struct pair_expansion *e, struct convergence *rows, 
     return found;
 }
 
-/* Fill the series, from a time and a state on, of "most" terms at most. */
+/* Compute the series from a time and a state on, with at most "most" terms. */
 static void expand_in_pairs(struct pair_expansion *e, struct bounded time, const struct bounded *state, int64_t most)
 {
     const struct tape *tape = e->tape;
@@ -324,7 +324,7 @@ static void expand_in_pairs(struct pair_expansion *e, struct bounded time, const
     }
 }
 
-/* The powers of a place in the unit, no farther than the series hold; and k times power k - 1 for each k. */
+/* Powers at^k of a place within the reach; and their derivatives k at^(k - 1). */
 struct powers {
     struct pair_series own, sloped;
 };
@@ -341,7 +341,7 @@ static void powers_at(const struct pair_expansion *e, struct pair place, struct 
     }
 }
 
-/* A series' value where the powers are those of a place, or its slope in the unit where they are sloped. */
+/* Value of a series at a place, from the place's powers; or its slope in the unit, from their derivatives. */
 static inline struct bounded value_in_pairs(const struct pair_expansion *e, const struct pair_series *series,
                                             const struct pair_series *powers)
 {
@@ -349,7 +349,7 @@ static inline struct bounded value_in_pairs(const struct pair_expansion *e, cons
     for (int64_t k = e->terms - 1; k >= 0; k--)
         add_product(&s, series->high[k], series->low[k], series->error[k], powers->high[k], powers->low[k],
                     powers->error[k]);
-    if (!e->whole) /* what is left out */
+    if (!e->whole) /* the truncated terms */
         s.error += 4.0 * NOTHING * (double)e->terms * s.size;
     return summed(&s, e->terms);
 }

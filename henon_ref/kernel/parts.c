@@ -1,4 +1,4 @@
-/* Parts that tests call by themselves. */
+/* Parts that tests call on their own. */
 
 HENON_EXPORT int64_t test_positive_by_bound(const double *q, const double *powers, int64_t degree)
 {
@@ -20,14 +20,14 @@ HENON_EXPORT struct landed test_brent(const double *q, int64_t degree, double lo
     return brent(q, degree, low, high);
 }
 
-/* run: its time, mode, state, and the guards at zero (hits) are read. */
+/* Reads the run's time, mode, state, and the guards at zero (hits). */
 HENON_EXPORT int64_t test_select_mode(struct run *run, const struct tables *tables)
 {
     struct work work = work_of(run, tables);
     return select_mode(&work);
 }
 
-/* A contact problem, m row by row: filled are the entries; whether they are clear. */
+/* Solve a contact problem, m row by row; fills the entries, and returns whether they are clear. */
 HENON_EXPORT int64_t test_clearly_solved(int64_t count, const double *a, const double *m, const double *lower,
                                          const double *upper, int64_t *entries)
 {

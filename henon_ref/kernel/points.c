@@ -1,10 +1,10 @@
-/* One call that does the runs of many points: no Python between them, nor the interpreter lock.
+/* Runs of many points in one call, without Python or its interpreter lock.
  *
- * A point that double precision cannot decide, that needs a mode which is not compiled, or whose run ends before its
- * horizon is set aside by its number: Python finishes it (henon_ref/integrator/points.py).
+ * A point is set aside, by its number, if double precision cannot decide it, if it needs a mode that is not compiled,
+ * or if its run ends before the horizon: Python finishes it (henon_ref/integrator/points.py).
  */
 
-/* Where a row of the buffer has the transition, in doubles: behind the number of the point. */
+/* Place of the transition in a row of the buffer, in doubles: after the number of the point. */
 #define KEPT_PLACE 1
 
 static void append(struct progress *progress, const double *transition, const struct buffer *buffer)
@@ -15,9 +15,9 @@ static void append(struct progress *progress, const double *transition, const st
     progress->kept += 1;
 }
 
-/* Append transitions that are wanted to the buffer.
+/* Append transitions to the buffer, except those before progress->after.
  *
- * records: transitions of the present point, one after the other. There is room for "count" more, and one a surface.
+ * records: transitions of the present point. The buffer has room for "count" of them and one per surface.
  */
 HENON_EXPORT void keep_transitions(struct progress *progress, const double *records, int64_t count,
                                    const struct buffer *buffer)
@@ -42,7 +42,7 @@ HENON_EXPORT void keep_transitions(struct progress *progress, const double *reco
     }
 }
 
-/* Mode of a point: its row, or words. */
+/* Mode of a point: its row, or its words. */
 static inline int64_t *mode_of_point(const struct points *points, const struct run *run, int64_t point)
 {
     int64_t words = words_of(run->contacts);
@@ -58,7 +58,7 @@ static bool begin_point(const struct points *points, const struct tables *tables
     return enter_at_start(run, tables, mode_of_point(points, template, point), points->surfaces[point]);
 }
 
-/* Write down how a point's run ended. */
+/* Store the end of a point's run. */
 static void finish_point(const struct points *points, int64_t code, int64_t point)
 {
     const struct run *run = (const struct run *)points->block;
@@ -71,7 +71,7 @@ static void finish_point(const struct points *points, int64_t code, int64_t poin
     memcpy(points->states + point * run->states, points->block + p.state, (size_t)run->states * sizeof(double));
 }
 
-/* Take in what a point's run has come to; whether it goes on. */
+/* Store the result of a call of the loop; return whether the point's run continues. */
 static bool take_in(struct progress *progress, const struct points *points, int64_t code, const struct buffer *buffer)
 {
     struct run *run = (struct run *)points->block;
@@ -90,7 +90,7 @@ static bool take_in(struct progress *progress, const struct points *points, int6
     return going_on;
 }
 
-/* Begin the run of the point that comes next; false where it is set aside. */
+/* Begin the run of the next point; false if the point is set aside. */
 static bool start_next(struct progress *progress, const struct points *points, const struct tables *tables,
                        const struct buffer *buffer)
 {
@@ -106,9 +106,9 @@ static bool start_next(struct progress *progress, const struct points *points, c
     return true;
 }
 
-/* Do the runs of points until all are done, or Python is needed: an enum points_code.
+/* Run the points until all are done, or Python is needed; return an enum points_code.
  *
- * tables: those of the first point, or of all.
+ * tables: those of the first point, or of all points.
  */
 HENON_EXPORT int64_t run_points(struct progress *progress, const struct points *points, const struct tables *tables,
                                 const struct buffer *buffer)

@@ -1,10 +1,10 @@
-/* Overflow and underflow: what the operations of an expansion have lost because no double holds it.
+/* Overflow and underflow in the operations of an expansion.
  *
- * The processor's flags tell. They are read after an expansion and lowered before it, so that those of a unit that was
- * too long, of root isolation or of a step's sum do not count. Where one is up a bound of what underflow may make of
- * each x' and guard (henon_ref/taylor/llvm/rounding.py) shows nearly always that it is of no account: exp(-v^2) may well
- * be zero. Where it does not, and where something has overflowed, Python looks: in numbers whose exponents have no end
- * (henon_ref/integrator/endings.py).
+ * The processor's flags show them. They are lowered before an expansion and read after it, so that those of a unit that
+ * was too long, of root isolation or of a step's sum do not count. If one is raised, a bound of the effect of underflow
+ * on each x' and guard (henon_ref/taylor/llvm/rounding.py) nearly always proves that it is negligible: exp(-v^2) may
+ * well be zero. If it does not, or if an operation has overflowed, Python examines the expansion in numbers of
+ * unlimited exponent (henon_ref/integrator/endings.py).
  */
 #include <fenv.h>
 
@@ -16,10 +16,10 @@ static inline void lower_range_flags(void)
         feclearexcept(RANGE_FLAGS);
 }
 
-/* Whether Python is to look at what has left the range of doubles in the expansion, for a step of theta units.
+/* Check whether Python must examine overflow or underflow in the expansion, for a step of theta units.
  *
- * "raised": the flags that are up. Python has looked where "within_range" says so. It finds in "ahead" what rounding, by
- * itself, makes of each x' and guard.
+ * "raised": the flags that are up. "within_range" shows that Python has examined this step. If true, "ahead" holds the
+ * effect of rounding alone on each x' and guard.
  */
 static bool out_of_range(const struct work *w, int raised, double theta)
 {

@@ -1,24 +1,23 @@
-/* What a run leaves behind: transitions, samples, and the mode that is entered with them. */
+/* Output of a run: transitions, samples and steps; and the mode that is entered with a transition. */
 
-/* Events in a row, each closer to the last than the resolution of time, before they count as accumulating. */
+/* Number of consecutive events, each closer to the last one than the resolution of time, that count as accumulating. */
 #define MOST_AT_ONCE 64
 
-/* Where, among the times since when guards have been below their rounding, a surface stands, or an expression of the
- * model's end ("valid"), of that index. */
+/* Place of a surface, or of an expression that ends the run ("valid"), in the times "since" (struct places). */
 HENON_EXPORT int64_t rounding_place(int64_t valid, int64_t index, int64_t guards)
 {
     return valid ? guards - 1 - index : index;
 }
 
-/* A transition among those that are kept. */
+/* Transition k of the block. */
 static inline struct transition *transition_at(const struct work *w, int64_t k)
 {
     return (struct transition *)(w->records + k * w->record_width);
 }
 
-/* Write a transition down; "side" of the surface that it came from, 0 for a release.
+/* Record a transition; "side" of the surface from which it came, 0 for a release.
  *
- * Notes whether the run is to end on that surface. Of one that has been below its rounding nothing is told.
+ * Stops the run if it is to end on that surface. Nothing is recorded of a surface that has been below its rounding.
  */
 static void record_transition(struct work *w, int64_t kind, int64_t index, int64_t side, int64_t source, int64_t target)
 {
@@ -40,7 +39,7 @@ static void record_transition(struct work *w, int64_t kind, int64_t index, int64
         run->stopped = 1;
 }
 
-/* Count events that time cannot tell apart; 1 once there are too many in a row. */
+/* Count consecutive events that a double's time does not resolve; 1 if there are too many. */
 HENON_EXPORT int64_t events_accumulate(struct run *run)
 {
     double gap = (run->time - run->event_time) + (run->time_low - run->event_time_low);
@@ -49,14 +48,14 @@ HENON_EXPORT int64_t events_accumulate(struct run *run)
     return run->events_at_once >= MOST_AT_ONCE;
 }
 
-/* The next sample that is wanted: its time, then room for states and mode; NULL where there is none. */
+/* Next sample: its time, then room for states and mode; NULL if there is none. */
 static double *wanted_sample(const struct work *w)
 {
     int64_t places = 1 + w->run->states + (w->words ? w->words : 1), next = w->run->next_sample;
     return next < w->sample_count ? w->samples + next * places : NULL;
 }
 
-/* Write the mode behind a sample's states, and go on to the next one. */
+/* Write the mode after a sample's states, and advance to the next sample. */
 static void end_sample(struct work *w, double *sample)
 {
     double *mode = sample + 1 + w->run->states;
@@ -67,7 +66,7 @@ static void end_sample(struct work *w, double *sample)
     w->run->next_sample += 1;
 }
 
-/* Fill the samples that lie on the step just taken, up to "part" (in the unit). */
+/* Fill the samples on the step just taken, up to "part" (in the unit). */
 static void fill_samples(struct work *w, double part)
 {
     const struct run *run = w->run;
@@ -80,14 +79,14 @@ static void fill_samples(struct work *w, double part)
     }
 }
 
-/* Fill those that are left at the horizon, which an event next to it has brought the run to, with the state there. */
+/* Fill the remaining samples with the state at the horizon, to which a nearby event has brought the run. */
 static void fill_samples_at_horizon(struct work *w)
 {
     for (double *sample; (sample = wanted_sample(w)) != NULL && sample[0] <= w->run->horizon; end_sample(w, sample))
         memcpy(sample + 1, w->x, (size_t)w->run->states * sizeof(double));
 }
 
-/* Write down the step that is about to be taken, of a length; whether there is no room for another one. */
+/* Record the step of a length that is about to be taken; true if there is no room for a further step. */
 static bool record_step(struct work *w, double length)
 {
     struct run *run = w->run;
@@ -102,7 +101,7 @@ static bool record_step(struct work *w, double length)
     return run->dense_steps >= run->dense_capacity;
 }
 
-/* Write down a step of which there is no series, as a straight line from the present state to another one. */
+/* Record a step that has no series, as a straight line from the present state to "state". */
 static void record_line(struct work *w, double length, const double *state, int64_t mode)
 {
     struct run *run = w->run;
@@ -117,21 +116,21 @@ static void record_line(struct work *w, double length, const double *state, int6
     }
 }
 
-/* Whether a guard is that of a surface. */
+/* Check whether a guard is that of a surface. */
 static inline bool is_on(const struct guard *guard, int64_t surface)
 {
     return guard->kind == SURFACE && guard->index == surface;
 }
 
-/* Known zeros of the guards at the start of a mode: those of the surface just left. */
+/* Set the known zeros of the guards at the start of a mode: those of the surface just left. */
 static inline void set_known_zeros(struct work *w, const struct mode *mode, int64_t surface, int64_t zeros)
 {
     for (int64_t g = 0; g < mode->guards; g++)
         w->known_zeros[g] = is_on(&mode->guard[g], surface) ? zeros : 0;
 }
 
-/* Go over to the mode in row "target", in which several surfaces may have changed; false where Python has to tell of
- * it. */
+/* Enter the mode in row "target", in which several surfaces may have changed, and record the transitions; false if
+ * Python has to record them. */
 static bool change_mode(struct work *w, int64_t target)
 {
     struct run *run = w->run;
@@ -152,11 +151,11 @@ static bool change_mode(struct work *w, int64_t target)
         w->known_zeros[g] = 0;
         if (after->guard[g].kind != SURFACE)
             continue;
-        int64_t surface = after->guard[g].index; /* left with a speed: the decision was a clear one */
+        int64_t surface = after->guard[g].index; /* left with a speed: the decision was clear */
         w->known_zeros[g] = before[surface] == 0 ? 1 : 0;
         for (int64_t k = 0; k < w->mode->guards; k++) {
             const struct guard *hit = &w->mode->guard[k];
-            if (w->hits[k] == 1 && hit->index == surface) /* a slide of which no force jumps at its end is left so */
+            if (w->hits[k] == 1 && hit->index == surface) /* so is the end of a slide at which no force jumps */
                 w->known_zeros[g] = hit->kind == RELEASE && hit->zeros_at_release > 0 ? hit->zeros_at_release : 1;
         }
     }

@@ -1,9 +1,9 @@
-/* Roots of a guard's Taylor polynomial on one step: none is stepped over.
+/* Roots of a guard's Taylor polynomial on one step: isolation of the first falling root, without omissions.
  *
- * A guard is first bounded (positive_by_bound); where the bound does not decide, the signs of its Bernstein
- * coefficients on the step count the roots (henon_ref/roots/bernstein.py), subdividing until the first falling root
- * stands alone or the polynomial is zero to rounding (a tangential root). A piece that may hold two roots or none is
- * cut on both sides of its minimum, which leaves little undecided; another one is halved.
+ * A bound excludes roots on most steps (positive_by_bound). If it does not, the signs of the Bernstein coefficients on
+ * the step count the roots (Descartes' rule; henon_ref/roots/bernstein.py), with subdivision until the first falling
+ * root is isolated or the polynomial is zero to rounding (a tangential root). A piece that may hold two roots or none
+ * is cut on both sides of its minimum, which leaves few cases undecided; any other piece is halved.
  */
 #ifndef HENON_ROOTS_C
 #define HENON_ROOTS_C
@@ -11,15 +11,15 @@
 #include "kernel.h"
 #include "numbers.h"
 
-/* A piece no larger than so many times noise is a touch, one where the polynomial is larger than noise is none. */
+/* A piece on which the polynomial is no larger than this multiple of its rounding noise is a touch. */
 #define CLEARANCE 4.0
-/* Coefficients before those of known zeros are divided out up to this part of what follows them. */
+/* Coefficients before a known zero's first one are divided out up to this part of that coefficient. */
 #define KNOWN_ZERO_LEVEL 1e-9
-/* Pieces looked at after which they are only halved. */
+/* Number of pieces after which pieces are only halved. */
 #define CUT_PIECES 32
-/* Steps of Newton's method towards the minimum of a piece. */
+/* Newton steps towards the minimum of a piece. */
 #define MINIMUM_STEPS 6
-/* What is cut out around a minimum: at least the one and at most the other of its piece, to either side. */
+/* Distance from a minimum to the cuts on both sides, at least and at most, as parts of the piece. */
 #define CUT_LEAST 0x1p-20
 #define CUT_MOST 0x1p-3
 
@@ -28,7 +28,7 @@ struct piece {
     double low, high;
 };
 
-/* theta^0 ... theta^order, four at a time; "powers" has room for whole fours. */
+/* theta^0 ... theta^order, four at a time; "powers" has room for a multiple of four. */
 static inline void powers_of(double theta, double *powers, int64_t order)
 {
     double square = theta * theta, fourth = square * square;
@@ -39,10 +39,10 @@ static inline void powers_of(double theta, double *powers, int64_t order)
     }
 }
 
-/* Whether q > 0 on the whole step by its negative terms alone (q[k] powers[k] at the step's end). */
+/* Check whether q > 0 on the whole step by its negative terms alone (q[k] powers[k] at the step's end). */
 static inline bool positive_by_bound(const double *q, const double *powers, int64_t degree)
 {
-    double odd = 0.0, even = 0.0; /* in two sums, which do not wait for each other; so below */
+    double odd = 0.0, even = 0.0; /* two independent sums, which the processor computes in parallel; likewise below */
     for (int64_t k = 1; k < degree; k += 2) {
         odd += smaller(q[k] * powers[k], 0.0);
         even += smaller(q[k + 1] * powers[k + 1], 0.0);
@@ -61,11 +61,12 @@ static inline double value(const double *q, int64_t degree, double tau)
     return total;
 }
 
-/* The factor of a polynomial's known zeros, and what is left without it; false where these are not next to zero.
+/* Factor of a polynomial's known zeros, and the quotient; false if the first coefficients are not next to zero.
  *
- * A guard is known to be zero where it has just been left, but the state stands beside that by its rounding. Were the
- * first coefficients simply dropped, the other roots would move by as much, and multiple ones by a root of it. The
- * factor is t^m + a_(m-1) t^(m-1) + ... + a_0, its coefficients next to nothing.
+ * A guard is known to be zero where it has just been left, but the rounding of the state makes it slightly different
+ * from zero. If the first coefficients were simply dropped, the other roots would move by this difference, and multiple
+ * roots by a root of it. Iterated division gives the factor t^m + a_(m-1) t^(m-1) + ... + a_0 with very small
+ * coefficients.
  */
 static inline bool deflated(const double *c, int64_t zeros, int64_t degree, double *factor, double *quotient)
 {
@@ -94,7 +95,7 @@ static inline bool deflated(const double *c, int64_t zeros, int64_t degree, doub
     return true;
 }
 
-/* Bernstein coefficients of both parts of what "right" stands for (de Casteljau, in place). */
+/* Bernstein coefficients of both parts of the piece in "right" (de Casteljau's algorithm, in place). */
 static inline void cut(double *left, double *right, int64_t degree, double part)
 {
     for (int64_t i = 0; i <= degree; i++) {
@@ -104,15 +105,15 @@ static inline void cut(double *left, double *right, int64_t degree, double part)
     }
 }
 
-/* Two places beside a minimum at tau at which the polynomial is no larger than noise, clear of that where possible.
+/* Two places on both sides of a minimum at tau whose value is noise; q exceeds the noise at both if possible.
  *
- * "bend" is the second derivative there, or nearly; "distance" the least to either side.
+ * "bend": second derivative there, approximately. "distance": smallest distance to either side.
  */
 static inline struct piece around_touch(const double *a, int64_t degree, double tau, double bend, double distance,
                                         double width, double noise)
 {
     double clear = CLEARANCE * noise;
-    if (bend > 0.0) { /* where a parabola is midway between noise and a touch: a touch is left, and nothing beside */
+    if (bend > 0.0) { /* places of a parabola midway between noise and a touch, so that only the middle is a touch */
         double near = sqrt((noise + clear) / bend);
         double left = value(a, degree, tau - near), right = value(a, degree, tau + near);
         if (near < CUT_MOST * width && smaller(left, right) > noise && larger(left, right) < clear)
@@ -125,9 +126,9 @@ static inline struct piece around_touch(const double *a, int64_t degree, double 
     return (struct piece){tau - distance, tau + distance};
 }
 
-/* Two places on a piece, one on each side of a minimum, next to it and clear of it where possible; else its middle.
+/* Two places on a piece, on both sides of its minimum, close to it but clear of it if possible; else its middle, twice.
  *
- * Newton's method on the slope over its derivative (Schroeder 1870): flat minima, too, are simple roots of that.
+ * Newton's method on the slope over its derivative (Schroeder 1870), of which flat minima are simple roots, too.
  */
 static inline struct piece around_minimum(const double *a, int64_t degree, double low, double high, double noise)
 {
@@ -164,13 +165,13 @@ static inline struct piece around_minimum(const double *a, int64_t degree, doubl
     return (struct piece){tau - distance, tau + distance};
 }
 
-/* What the Bernstein coefficients of a piece tell. */
+/* Signs of the Bernstein coefficients of a piece. */
 struct signs {
-    int64_t first, last; /* signs of the first and the last coefficient that is not zero */
-    int64_t clear;       /* sign of the first one beyond noise */
-    int64_t changes;     /* of the sign */
-    double largest;      /* of all, in size */
-    double lowest;       /* of the inner ones; those at the ends are values, tested where two pieces meet */
+    int64_t first, last; /* signs of the first and the last nonzero coefficient */
+    int64_t clear;       /* sign of the first coefficient larger than the noise */
+    int64_t changes;     /* number of sign changes */
+    double largest;      /* largest coefficient in size */
+    double lowest;       /* smallest inner coefficient; those at the ends are values, tested where two pieces meet */
 };
 
 static inline struct signs signs_on(const double *b, int64_t degree, double noise, double size)
@@ -196,12 +197,12 @@ static inline struct signs signs_on(const double *b, int64_t degree, double nois
 
 /* Isolate the first root on (0, 1] through which the polynomial falls.
  *
- * Pieces are looked at from the left (Lane and Riesenfeld, BIT 21, 1981). Descartes: no change of sign, no root; one
- * change, one root, which is rising, and passed over, if the piece begins below zero. "before": the sign with which the
- * pieces passed over have ended.
+ * Pieces are examined from left to right (Lane and Riesenfeld, BIT 21, 1981). Descartes' rule: no sign change, no root;
+ * one change, one root, which is skipped if it rises, that is if the piece begins below zero. "before": sign with which
+ * the last skipped piece ended.
  *
- * a: coefficients in powers of a variable on [0, 1]. stack: DEPTH + 2 rows of a width, whole fours above degree; its
- * first one holds the Bernstein coefficients on [0, 1], the others are work space.
+ * a: coefficients in powers of a variable on [0, 1]. stack: DEPTH + 2 rows, their width a multiple of four above
+ * degree; the first row holds the Bernstein coefficients on [0, 1], the others are work space.
  */
 static inline struct first_root first_falling_root(const double *a, int64_t degree, double *stack, int64_t width)
 {
@@ -220,9 +221,9 @@ static inline struct first_root first_falling_root(const double *a, int64_t degr
         struct signs s = signs_on(b, degree, noise, size);
         if (before > 0 && s.first < 0)
             return (struct first_root){ROOT, low, low};
-        if (before > 0 && s.first > 0 && b[0] <= noise) /* zero where the step was halved, positive on both sides */
+        if (before > 0 && s.first > 0 && b[0] <= noise) /* zero at a cut, positive on both sides */
             return (struct first_root){s.clear < 0 ? ROOT : TANGENTIAL, low, low};
-        bool unclear = s.first > 0 && s.lowest <= noise; /* rounding may have hidden roots of even number */
+        bool unclear = s.first > 0 && s.lowest <= noise; /* rounding may hide an even number of roots */
         if ((s.changes == 0 && !unclear) || (s.changes == 1 && s.first < 0)) {
             before = s.last != 0 ? s.last : before;
             continue;
@@ -251,9 +252,9 @@ static inline struct first_root first_falling_root(const double *a, int64_t degr
     return (struct first_root){NO_ROOT, 0.0, 0.0};
 }
 
-/* How steeply q falls at tau, relative to the size of its terms there: small near a double root.
+/* Relative steepness of q at tau: -tau q'(tau) over the size of its terms there; small near a double root.
  *
- * powers: room for those of tau.
+ * powers: room for the powers of tau.
  */
 static inline double steepness(const double *q, int64_t degree, double tau, double *powers)
 {

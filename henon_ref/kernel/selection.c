@@ -1,55 +1,55 @@
-/* What follows an event where several surfaces meet or slide, decided in machine code where it is clear.
+/* Mode selection where several surfaces meet or slide, in machine code if the decision is clear.
  *
- * The rule is that of henon_ref/modes/selection.py: of all candidate modes the one whose own field keeps it. At one
- * point the normal velocities are affine in the signs of the surfaces in play, N = a + B s; so a few numbers settle it:
- * for each candidate the equivalent signs of its sliding surfaces solve B s = -a, and what is left must point the right
- * way. Where no surface's velocity has another one's sign in it, each surface is decided alone, by its velocities below
- * and above. Whatever is not clear (a number within CLEAR_MARGIN of where it would decide otherwise, none or several
- * modes that fit, signs that multiply each other) is left to Python.
+ * The rule is that of henon_ref/modes/selection.py: of all candidate modes, take the one that its own field keeps. At a
+ * point the normal velocities are affine in the signs of the surfaces in play, N = a + B s. For each candidate the
+ * equivalent signs of its sliding surfaces solve B s = -a; the remaining velocities must point into the candidate. If
+ * no normal velocity contains the sign of another surface, each surface is decided alone, by its velocities on both
+ * sides. Python decides all unclear cases: a number within CLEAR_MARGIN of a tie, no or several consistent modes,
+ * products of signs.
  */
 
-/* Relative distance from a tie from which on a decision is clear in double precision. */
+/* Smallest relative distance from a tie at which double precision decides. */
 #define CLEAR_MARGIN 1e-6
 
-/* Surfaces in play at an event, and where their normal velocities are evaluated. */
+/* Surfaces in play at an event, and the work space for their normal velocities. */
 struct in_play {
     int64_t surface[MOST_SURFACES];
-    int64_t released[MOST_SURFACES]; /* side to which it is let go; 0 where it is not */
-    int64_t releases, hits;          /* how many are let go, or hit in slip */
+    int64_t released[MOST_SURFACES]; /* side to which the surface is released; 0 if it is not */
+    int64_t releases, hits;          /* number of surfaces released, and of surfaces hit in slip */
     int64_t count;
-    int64_t first;            /* of the velocities, among the values */
+    int64_t first;            /* index of the first velocity among the values */
     double *point;            /* states, then the sign of every surface */
-    double *values, *others;  /* states, signs, then normal velocities: at two choices of signs */
+    double *values, *others;  /* states, signs, then normal velocities, for two choices of signs */
 };
 
-/* Normal velocities of the surfaces in play, a + B s. A candidate's numbers stand beside them: its signs s, and the
- * linear system of its sliding surfaces. */
+/* Normal velocities of the surfaces in play, a + B s; and the work space for one candidate: its signs s, and the linear
+ * system of its sliding surfaces (m, index). */
 struct affine {
     double a[MOST_COUPLED], b[MOST_COUPLED][MOST_COUPLED];
-    double size[MOST_COUPLED]; /* of each velocity's terms together */
-    double lean[MOST_COUPLED]; /* sign of a velocity that no signs turn; else 0 */
-    bool idle[MOST_COUPLED];   /* surfaces whose sign is in no velocity: a section, a kink of another rate */
-    int64_t same[MOST_COUPLED]; /* the first surface that one is a multiple of, and the sign of the factor */
+    double size[MOST_COUPLED]; /* sum of the sizes of a velocity's terms */
+    double lean[MOST_COUPLED]; /* sign of a velocity that has the same sign for all s; else 0 */
+    bool idle[MOST_COUPLED];   /* whether no velocity has the surface's sign: a section, or a kink of another rate */
+    int64_t same[MOST_COUPLED]; /* first surface of which this one is a multiple; in "turned" the sign of the factor */
     double turned[MOST_COUPLED];
     double s[MOST_COUPLED];
     double m[MOST_COUPLED][MOST_COUPLED + 1];
     int64_t index[MOST_COUPLED];
 };
 
-/* Sign of the k-th surface in play in a candidate (a number of base 3). */
+/* Entry of the k-th surface in play in a candidate (a number of base 3). */
 static int64_t choice(int64_t candidate, int64_t k)
 {
     return candidate / three_to(k) % 3 - 1;
 }
 
-/* Normal velocities at the point's choice of signs, into "values". */
+/* Evaluate the normal velocities, for the signs in "point", into "values". */
 static void velocities_at(const struct work *w, const double *point, double *values)
 {
     const struct selection *selection = &w->tables->selection;
     selection->velocities(w->run->time, w->run->time_low, 1.0, point, selection->constants, values);
 }
 
-/* The candidate of surfaces that do not act on each other, from their velocities on both sides; -1: unclear. */
+/* Candidate of surfaces that do not act on each other, by their velocities on both sides; -1 if it is not clear. */
 static int64_t each_alone(const struct work *w, const struct in_play *p)
 {
     for (int side = 0; side < 2; side++) {
@@ -66,7 +66,7 @@ static int64_t each_alone(const struct work *w, const struct in_play *p)
             entry = p->released[k];
         else if (below > margin && above < -margin)
             entry = 0;
-        else if (entry_of(w->mode->number, surface) == 0) /* it was not hit and slides on, if it is far from its own release */
+        else if (entry_of(w->mode->number, surface) == 0) /* not hit: it slides on, if it is far from its own release */
             return -1;
         else if (smaller(below, above) > margin)
             entry = 1;
@@ -80,7 +80,7 @@ static int64_t each_alone(const struct work *w, const struct in_play *p)
     return found;
 }
 
-/* Normal velocities of the surfaces in play as a + B s, from all corners; false where they are not affine. */
+/* Determine a and B from the velocities at all choices of signs -1, +1; false if the velocities are not affine. */
 static bool affine_velocities(const struct work *w, const struct in_play *p, struct affine *f)
 {
     int64_t n = w->run->states, count = p->count, corners = (int64_t)1 << count;
@@ -110,7 +110,7 @@ static bool affine_velocities(const struct work *w, const struct in_play *p, str
             double rest = found[corner][k] - f->a[k];
             for (int64_t j = 0; j < count; j++)
                 rest -= corner >> j & 1 ? f->b[k][j] : -f->b[k][j];
-            if (!(fabs(rest) <= 1e-3 * CLEAR_MARGIN * f->size[k])) /* not affine, or no number */
+            if (!(fabs(rest) <= 1e-3 * CLEAR_MARGIN * f->size[k])) /* not affine, or not a number */
                 return false;
         }
     }
@@ -122,7 +122,7 @@ static bool affine_velocities(const struct work *w, const struct in_play *p, str
     return true;
 }
 
-/* Guard of a surface that is at zero; -1 where the surface is slid on. */
+/* Guard of a surface that is at zero; -1 if the mode slides on the surface. */
 static int64_t guard_hit(const struct work *w, int64_t surface)
 {
     for (int64_t g = 0; g < w->mode->guards; g++)
@@ -131,8 +131,8 @@ static int64_t guard_hit(const struct work *w, int64_t surface)
     return -1;
 }
 
-/* Sign of the factor by which one surface's function is another one's, as far as numbers tell: by it their velocities
- * agree for all signs, and their series in the mode that ends, which are expanded. Else 0. */
+/* Sign of the factor if the function of surface k is a multiple of that of surface j; else 0. The test is numerical:
+ * the velocities are proportional for all signs, and so are the two series, up to sign, in the mode that ends. */
 static double factor_of(const struct work *w, const struct in_play *p, const struct affine *f, int64_t k, int64_t j)
 {
     int64_t own = guard_hit(w, p->surface[k]), other = guard_hit(w, p->surface[j]), largest = 0;
@@ -151,7 +151,7 @@ static double factor_of(const struct work *w, const struct in_play *p, const str
     return !(same && off <= 1e-3 * CLEAR_MARGIN * size) ? 0.0 : factor > 0.0 ? 1.0 : -1.0;
 }
 
-/* Find the surfaces that are multiples of others: nothing slides on the one and slips on the other. */
+/* Find the surfaces that are multiples of other surfaces: a mode slides either on both or on none. */
 static void find_multiples(const struct work *w, const struct in_play *p, struct affine *f)
 {
     bool expanded = false;
@@ -170,7 +170,7 @@ static void find_multiples(const struct work *w, const struct in_play *p, struct
     }
 }
 
-/* Eliminate the columns of the linear system of a candidate's sliding surfaces; false where it is close to singular. */
+/* Gauss-Jordan elimination in the linear system of a candidate's sliding surfaces; false if it is nearly singular. */
 static bool eliminated(struct affine *f, int64_t sliding)
 {
     for (int64_t r = 0; r < sliding; r++) {
@@ -196,7 +196,7 @@ static bool eliminated(struct affine *f, int64_t sliding)
     return true;
 }
 
-/* Signs of a candidate, those of its sliding surfaces from B s = -a; false where they are not settled. */
+/* Signs of a candidate, those of its sliding surfaces from B s = -a; false if the system is nearly singular. */
 static bool solved(struct affine *f, int64_t count, int64_t candidate)
 {
     int64_t sliding = 0;
@@ -228,9 +228,9 @@ static bool solved(struct affine *f, int64_t count, int64_t candidate)
 
 /* 1 if a candidate's own field keeps it, -1 if not, 0 if that is not clear.
  *
- * Surfaces that are multiples of each other have one entry, up to the factor's sign. Nothing slides on an idle surface:
- * what the others do there is the same on both its sides, and the candidates for these say whether its velocity is
- * clearly none.
+ * Surfaces that are multiples of each other have the same entry, up to the factor's sign. No candidate slides on an
+ * idle surface: its sign changes no velocity, so that the velocity is the same on both sides, and the candidates with
+ * the two slips show whether it is clearly nonzero.
  */
 static int64_t consistent(struct affine *f, int64_t count, int64_t candidate)
 {
@@ -248,11 +248,11 @@ static int64_t consistent(struct affine *f, int64_t count, int64_t candidate)
             speed += f->b[k][j] * f->s[j];
             coupling += j != k ? fabs(f->b[k][j]) : 0.0;
         }
-        if (side != 0) /* where the equivalent signs are not known, neither is it */
+        if (side != 0) /* not clear if the equivalent signs are unknown */
             clear = !unclear && f->size[k] > 0.0 ? (double)side * speed / f->size[k] : 0.0;
         else if (-own > CLEAR_MARGIN * f->size[k])
             clear = unclear ? 0.0 : 1.0 - fabs(f->s[k]);
-        else if (coupling == 0.0 && f->size[k] > 0.0) /* it does not attract: one of the fields points away */
+        else if (coupling == 0.0 && f->size[k] > 0.0) /* no attraction: one of the two fields points away */
             clear = smaller(-(f->a[k] + own), f->a[k] - own) / f->size[k];
         else
             clear = 0.0;
@@ -263,7 +263,7 @@ static int64_t consistent(struct affine *f, int64_t count, int64_t candidate)
     return unclear ? 0 : 1;
 }
 
-/* The one candidate that is clearly consistent; -1 where there is none, several, or an unclear one. */
+/* The only clearly consistent candidate; -1 if there is none, there are several, or one is unclear. */
 static int64_t only_candidate(struct affine *f, int64_t count)
 {
     int64_t best = -1, candidates = three_to(count);
@@ -277,7 +277,7 @@ static int64_t only_candidate(struct affine *f, int64_t count)
     return best;
 }
 
-/* Whether all slides' ends that are at zero fall through it, of each contact one at most. */
+/* Check whether all guards at zero that end slides fall through zero, at most one of each contact. */
 static bool ends_fall(struct work *w)
 {
     const struct run *run = w->run;
@@ -302,8 +302,8 @@ static bool ends_fall(struct work *w)
     return found;
 }
 
-/* Surfaces that a mode slides on, or whose guards are at zero; false where that is a guard of the model's end, or the
- * end of a slide after which other forces jump. */
+/* Collect the surfaces that the mode slides on or whose guards are at zero; false if a guard that ends the run is at
+ * zero, or the end of a slide after which other forces jump. */
 static bool surfaces_in_play(const struct work *w, struct in_play *p)
 {
     p->count = p->releases = p->hits = 0;
@@ -329,7 +329,7 @@ static bool surfaces_in_play(const struct work *w, struct in_play *p)
     return true;
 }
 
-/* The candidate in which slides have ended and nothing else has changed. */
+/* Candidate in which slides have ended and nothing else has changed. */
 static int64_t released(const struct in_play *p)
 {
     int64_t found = 0;
@@ -338,8 +338,8 @@ static int64_t released(const struct in_play *p)
     return found;
 }
 
-/* Row of the mode that follows where guards of the present one are at zero (hits); UNCLEAR where that is not clear or
- * the mode not compiled. */
+/* Row of the mode that follows from the guards at zero (hits); UNCLEAR if that is not clear, or the mode not
+ * compiled. */
 static int64_t select_mode(struct work *w)
 {
     const struct selection *selection = &w->tables->selection;
@@ -354,7 +354,7 @@ static int64_t select_mode(struct work *w)
         p.point[n + i] = (double)entry_of(number, i);
     if (selection->decoupled) {
         found = each_alone(w, &p);
-    } else if (p.hits == 0) { /* an equivalent sign has come to its limit: no force jumps, so that each ends alone */
+    } else if (p.hits == 0) { /* equivalent signs at their limits: no force jumps, so that each slide ends alone */
         found = released(&p);
     } else {
         struct affine f;

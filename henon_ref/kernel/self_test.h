@@ -1,5 +1,4 @@
-/* What every library of this project exports beside its own functions: of what it was made, and whether its
-   arithmetic is that of the sources. Included once in a translation unit. */
+/* Exported by every library of this project: a hash of its sources, and a self-test. Included once per library. */
 #ifndef HENON_SELF_TEST_H
 #define HENON_SELF_TEST_H
 
@@ -11,16 +10,16 @@
 HENON_EXPORT extern const char henon_sources[];
 const char henon_sources[] = HENON_SOURCES;
 
-/* volatile: what the compiler computed itself would not show what its instructions do. */
+/* volatile: a value that the compiler computed itself would not test the instructions. */
 static const volatile double self_test_inputs[] = {1.4, 0.3, 0.1, 0.7, 0x1p30, 0x1p-1022, 0x1p54};
 
-/* A hundred steps of Hénon's map, x' = 1 - a x^2 + y, y' = b x (Commun. Math. Phys. 50, 69, 1976), which make one unit
-   in the last place a difference in the first: another value is returned (henon_ref/kernel/library.py has the right
-   one, tests/kernel/test_build.py its arithmetic) where
-   - a product and a sum are fused that are not written so (-ffp-contract=on or fast),
-   - a fused operation is rounded twice (a wrong fma in the C library),
-   - sums are reordered (-fassociative-math, -ffast-math),
-   - subnormal numbers are taken for zero (-ffast-math when it is linked). */
+/* A hundred steps of Hénon's map, x' = 1 - a x^2 + y, y' = b x (Commun. Math. Phys. 50, 69, 1976), which turn one unit
+ * in the last place into a difference in the first. The returned value differs from the correct one (in
+ * henon_ref/kernel/library.py; tests/kernel/test_build.py computes it) if
+ * - a product and a sum are fused that are not written as fused (-ffp-contract=on or fast),
+ * - a fused operation is rounded twice (a wrong fma in the C library),
+ * - sums are reordered (-fassociative-math, -ffast-math),
+ * - subnormal numbers are flushed to zero (-ffast-math when linking). */
 HENON_EXPORT double henon_self_test(void);
 double henon_self_test(void)
 {

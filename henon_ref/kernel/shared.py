@@ -1,4 +1,4 @@
-"""The kernel's library, and what it shares with Python: record types and levels, all of them from ``kernel.h``."""
+"""Library of the kernel, and the record types and levels that it shares with Python, all from ``kernel.h``."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from henon_ref.kernel.library import load
 
 ffi, kernel = load(Path(__file__).with_name("kernel.h"), "kernel")
-"""What knows the header's types, and the library: its functions, and the numbers with names of its enumerations."""
+"""Interface with the types of the header, and the library with its functions and enumeration constants."""
 LEVELS = kernel.levels()
 """Bounds and levels of compiled code (``struct levels``)."""
 EPS: float = LEVELS.eps
@@ -20,12 +20,12 @@ _FORMATS = {"double": "f8", "int64_t": "i8", "int32_t": "i4", "int16_t": "i2", "
 
 
 def record_dtype(structure: str) -> np.dtype[Any]:
-    """NumPy's type of a structure of the header: its fields but for a flexible array at the end; pointers are integers.
+    """NumPy type of a structure of the header, without the flexible array at its end; pointers are integers.
 
     Parameters
     ----------
     structure : str
-        Its name, without the word ``struct``.
+        Name of the structure, without the word ``struct``.
     """
     kind = ffi.typeof(f"struct {structure}")
     fields = [(name, field) for name, field in kind.fields if field.type.kind != "array"]
@@ -41,10 +41,10 @@ def record_dtype(structure: str) -> np.dtype[Any]:
 
 
 def doubles(array: NDArray[Any]) -> Any:
-    """The doubles of a C-contiguous array as C sees them; they are the array's as long as this is kept."""
+    """Buffer of a C-contiguous array's doubles for C; it keeps the array alive."""
     return ffi.from_buffer("double[]", array)
 
 
 def integers(array: NDArray[np.int64]) -> Any:
-    """The same for integers."""
+    """Buffer of a C-contiguous array's integers for C; it keeps the array alive."""
     return ffi.from_buffer("int64_t[]", array)

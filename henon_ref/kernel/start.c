@@ -1,11 +1,11 @@
-/* How a run starts: its numbers in its block, and its mode, where that is clear: off all surfaces, or on one of them.
+/* Start of a run: its numbers in its block, and its mode, if that is clear: off all surfaces, or on one of them.
  *
- * One run from Python (henon_ref/integrator/start.py) and each of many points (points.c) start here.
+ * A single run from Python (henon_ref/integrator/start.py) and each of many points (points.c) start here.
  */
 
 /* Write a start's numbers into a run's block.
  *
- * template: what the block begins with in all such starts. numbers: pairs: horizon, initial time [s], states.
+ * template: begin of the block, the same for all such starts. numbers: pairs: horizon, initial time [s], states.
  */
 static void write_numbers(struct run *run, const double *template, const char *numbers)
 {
@@ -23,7 +23,7 @@ static void write_numbers(struct run *run, const double *template, const char *n
     }
 }
 
-/* Enter the mode off all surfaces that signs lead to; false if a sign is none or not clear, or the mode not compiled.
+/* Enter the mode given by the signs, off all surfaces; false if a sign is zero or not clear, or the mode not compiled.
  *
  * signs: of the surfaces, then of the valid expressions.
  */
@@ -82,8 +82,8 @@ static int64_t row_on_surface(struct work *w, int64_t surface, int64_t *zeros)
 
 /* Enter a mode at a start; false if the mode that follows on a surface is not clear.
  *
- * mode: its row, or the words of its entries. surface: that the start is on, -1 for none; "mode" is then the one below
- * it, and the mode that follows is entered.
+ * mode: its row, or the words of its entries. surface: on which the start lies, -1 for none; "mode" is then the one
+ * below the surface, and the mode that follows is entered.
  */
 HENON_EXPORT int64_t enter_at_start(struct run *run, const struct tables *tables, const int64_t *mode, int64_t surface)
 {
@@ -104,9 +104,9 @@ HENON_EXPORT int64_t enter_at_start(struct run *run, const struct tables *tables
 
 /* Start a run: write its numbers into its block, and enter its mode if the start is clearly off all surfaces.
  *
- * program: of the surfaces, then of the valid expressions, in time, states and parameters. numbers: pairs: horizon, then
- * the program's inputs. room: for the signs of the expressions, which are filled in, and the program's registers.
- * Returns whether the mode is entered.
+ * program: of the surfaces, then of the valid expressions, in time, states and parameters. numbers: pairs: horizon,
+ * then the program's inputs. room: for the signs of the expressions, which are filled in, and the program's registers.
+ * Returns whether a mode was entered.
  */
 HENON_EXPORT int64_t start_run(struct run *run, const double *template, const struct tables *tables,
                                const struct program *program, int64_t surfaces, const char *numbers, double *room)

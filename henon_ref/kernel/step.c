@@ -1,23 +1,23 @@
-/* Steps without events, and the compensated sum that the state is. */
+/* Steps without events, and the state as a compensated sum (x' = f by the Taylor coefficients of the mode's tape). */
 
-/* A step this many times longer than the last is checked at its end before it is accepted. */
+/* A step longer than the last one by this factor is validated before it is accepted. */
 #define CHECKED_GROWTH 4.0
-/* No unit is shorter. */
+/* Shortest unit [s]. */
 #define SHORTEST_UNIT 1e-280
-/* How much shorter the unit becomes where even coefficients of low order are infinite. */
+/* Factor by which the unit is shortened if even coefficients of low order are infinite. */
 #define OVERFLOW_REDUCTION 1e-100
-/* Steps in a row too short to move a double's time before the run counts as stalled. */
+/* A run has stalled after this many consecutive steps that are too short to move a double's time. */
 #define STALLED_STEPS 1000
-/* So many of them is one that does not even move what rounding has lost of the time, nor makes a state grow. */
+/* A step too short to move even the compensated time, on which no state grows, counts as so many of them. */
 #define LOST_WEIGHT 100
-/* And so many one that had to be cut short before a singularity, nor makes a state grow. */
+/* A step cut short before a singularity, on which no state grows, counts as so many of them. */
 #define CUT_WEIGHT 200
-/* And so many one of which a guard's branch point may leave less than this part: forty in a row lead from any scale to
- * the rounding of a root's argument, where only noise is left to agree with. */
+/* A step of which the branch point of a guard leaves less than the part SHARP_CUT counts as SHARP_CUT_WEIGHT of them:
+ * forty in a row lead from any scale to the rounding of a root's argument, where predictions are only noise. */
 #define SHARP_CUT 0.125
 #define SHARP_CUT_WEIGHT 25
 
-/* Whether some state grows by a hundredth at least on a step of theta units, as one does that blows up. */
+/* Check whether some state grows by at least a hundredth on a step of theta units, as a state does that blows up. */
 static bool state_grows(const struct work *w, double theta)
 {
     bool found = false;
@@ -28,7 +28,7 @@ static bool state_grows(const struct work *w, double theta)
     return found;
 }
 
-/* x += change as a compensated sum; false where the state has blown up. */
+/* x += change as a compensated sum; false if the state has blown up. */
 static inline bool add_to_state(struct work *w)
 {
     bool bounded = true;
@@ -41,9 +41,9 @@ static inline bool add_to_state(struct work *w)
     return bounded;
 }
 
-/* Begin a mode with its own last step, if the run has been in it.
+/* Begin a mode with the length of its own last step, if the run has been in this mode before.
  *
- * Which modes are remembered depends on the run alone, not on what others have had compiled.
+ * Which modes are remembered depends on this run alone, not on the modes that other runs have compiled.
  */
 static void enter_mode(struct work *w)
 {
@@ -57,7 +57,7 @@ static void enter_mode(struct work *w)
     run->stepped_mode = run->mode;
     if (stays) /* several events at one instant have led back to the mode of the last step */
         return;
-    if (place == REMEMBERED_STEPS) /* the last place is for all others */
+    if (place == REMEMBERED_STEPS) /* all further modes share the last place */
         place -= 1;
     else if (place == run->remembered)
         run->remembered += 1;
@@ -67,10 +67,10 @@ static void enter_mode(struct work *w)
         run->unit = smaller(w->last_steps[place], run->longest_step);
 }
 
-/* A step as many times shorter than the unit is looked at: guards that are nothing but rounding may have made it so. */
+/* Steps shorter than this part of the unit are examined: guards that are only rounding may have shortened them. */
 #define SHORT 1e-6
 
-/* Step in the unit that the present expansion allows; 0 where a coefficient is not finite. */
+/* Step, in the unit, that the present expansion allows; 0 if a coefficient is not finite. */
 static inline double proposed_step(const struct work *w, int64_t rows, int64_t zeros)
 {
     double theta = step_size(w, w->c, rows);
@@ -85,11 +85,11 @@ static inline double proposed_step(const struct work *w, int64_t rows, int64_t z
     return theta;
 }
 
-/* Take steps on which no guard can reach zero; come back with the coefficients of one that needs a look.
+/* Take steps on which no guard can reach zero; return with the coefficients of the first step that must be examined.
  *
- * "alone": look at the very first one, as where a guard stands at zero or a branch point may come. "shrunk": the unit
- * has been made shorter for what is to be seen, and does not grow again here. Returns ON, and the step proposed; or
- * BUDGET_SPENT, STALLED where the step size fell to zero, DIVERGED, STEPS_FULL, or OUT_OF_RANGE.
+ * "alone": examine the first step, as is necessary if a guard is at zero or may have a branch point. "shrunk": the unit
+ * was shortened for a near event, and must not grow here. Returns ON, and the proposed step; or BUDGET_SPENT, STALLED
+ * if the step size is zero, DIVERGED, STEPS_FULL, or OUT_OF_RANGE.
  */
 static inline int64_t event_free_steps(struct work *w, bool alone, bool shrunk, int64_t stop_at, double *proposed)
 {
@@ -109,8 +109,9 @@ static inline int64_t event_free_steps(struct work *w, bool alone, bool shrunk, 
         run->expansions += 1;
         double theta = proposed_step(w, rows, zeros);
         if (theta < SHORT || (theta > 1e6 && unit < left && !shrunk)) {
-            /* The unit is far from the step: bring it there and expand again before anything is read off. Where it is
-             * much too long even the step is not accepted: it shrinks by degrees, and does not grow again here. */
+            /* The unit is far from the step: adapt it and expand again before using the coefficients. If the unit is
+             * much too long, the proposed step is wrong, too: the unit shrinks in several passes, and does not grow
+             * again here. */
             double part = theta == 0.0 && infinite(w, rows, 2) ? OVERFLOW_REDUCTION : 1e-4;
             double new = theta < 1.0 ? larger(unit * larger(theta, part), 1e-290) : smaller(unit * theta, left);
             if (unit <= SHORTEST_UNIT && new <= unit)
@@ -152,11 +153,11 @@ static inline int64_t event_free_steps(struct work *w, bool alone, bool shrunk, 
     }
 }
 
-/* Put the end of a slide on its guard to the last digit, whatever the tolerance of the step that led there.
+/* Move the end of a slide onto the zero of its guard to the last digit, whatever the tolerance of the step.
  *
- * A tangent point is where the field's normal velocity vanishes: left a little beside it, the field would point back
- * at the surface, and the slide would begin anew. Newton's steps on the expansion at the landing. The step was one of
- * theta in a unit, which the run's may be no more.
+ * A slide ends at a tangent point, where the normal velocity of one field vanishes. If the slide ended slightly before
+ * that point, the field would point back at the surface, and the slide would begin again. Newton's method on the
+ * expansion at the landing. "theta" and "unit" are those of the step; the run's unit may have changed since.
  */
 static void refine_release(struct work *w, int64_t guard, double unit, double theta)
 {

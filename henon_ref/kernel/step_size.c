@@ -1,28 +1,28 @@
-/* Step-size control: the step on which the last two terms of a Taylor expansion are below the tolerance.
+/* Step-size control: the length at which the last two terms of a Taylor expansion fall below the tolerance.
  *
- * With coefficients c_k and order p, theta = min over k of p - 1 and p of (tolerance size / |c_k|)^(1/k), size being
- * |c_0| + |c_1| theta + |c_2| theta^2 of the same row, iterated while theta shrinks to less than half
- * (Jorba and Zou, Exp. Math. 14, 2005, Sec. 3). The unit of time of the coefficients is kept near the
- * step, so that powers of it stay within the range of doubles; coefficients that are not finite shorten it.
+ * With coefficients c_k and order p, theta = min over k of p - 1 and p of (tolerance size / |c_k|)^(1/k), where size is
+ * |c_0| + |c_1| theta + |c_2| theta^2 of the same row; iterated while theta shrinks to less than half (Jorba and Zou,
+ * Exp. Math. 14, 2005, Sec. 3). The unit of time of the coefficients is kept near the step, so that its powers stay
+ * within the range of doubles; coefficients that are not finite shorten the unit.
  */
 
-/* A step, in the unit, that no coefficient limits. */
+/* Step, in the unit, if no coefficient limits it. */
 #define UNLIMITED 1e30
 
-/* (above / below) ^ power to about one part in 100: a step size needs no more. Both positive.
+/* (above / below) ^ power to about one part in 100, which is enough for a step size. Both numbers are positive.
  *
- * The exponent and the leading bits of a double are a piecewise linear logarithm to base 2.
+ * The bits of a double, read as an integer, are a piecewise linear logarithm to base 2.
  */
 static inline double rough_root(double above, double below, double power)
 {
     double exponent = (double)(bits(above) - bits(below)) * (EPS * power);
-    double shifted = exponent + 0x1.8p52; /* rounds to a whole number, which the low bits then hold */
+    double shifted = exponent + 0x1.8p52; /* rounds to a whole number, kept in the low bits */
     double part = exponent - (shifted - 0x1.8p52);
     double whole = from_bits(((uint64_t)bits(shifted) + 1023) << 52);
     return whole * (1.0 + part * (0.6931471805599453 + 0.24022650695910072 * part));
 }
 
-/* Largest relative sizes of the last two coefficients over states and guards of an expansion on a step of theta units. */
+/* Largest relative sizes of the last two coefficients, over all rows of an expansion, on a step of theta units. */
 static inline void error_norms(const struct work *w, const double *c, int64_t rows, double theta, double *last,
                                double *before)
 {
@@ -36,10 +36,10 @@ static inline void error_norms(const struct work *w, const double *c, int64_t ro
     }
 }
 
-/* Whether a coefficient up to a degree above 0 is infinite (or no number): the unit is too long, or all is so.
+/* Check whether a coefficient up to a degree > 0 is infinite or not a number: the unit is too long, or no unit helps.
  *
- * Where it is one of order 2 at most the unit is at least 1e100 times as long as what these coefficients allow, for
- * states are bounded (BLOWN_UP).
+ * If this is a coefficient of order 2 at most, the unit is at least 1e100 times too long for these coefficients,
+ * because states are bounded (BLOWN_UP).
  */
 static bool infinite(const struct work *w, int64_t rows, int64_t degree)
 {
@@ -50,11 +50,11 @@ static bool infinite(const struct work *w, int64_t rows, int64_t degree)
     return found;
 }
 
-/* Step in the unit at which the last two terms of an expansion fall below the tolerance (Jorba and Zou 2005, Sec. 3).
+/* Step, in the unit, at which the last two terms of an expansion fall below the tolerance (Jorba and Zou 2005, Sec. 3).
  *
- * 0 where a coefficient is not finite. Behind its rows the expansion puts four norms: the largest relative sizes of
- * coefficients p and p - 1 on a step of one unit, a sum that is infinite or no number where a coefficient is, and the
- * longest step that exponentials allow.
+ * 0 if a coefficient is not finite. The expansion writes four norms after its rows: the largest relative sizes of
+ * coefficients p and p - 1 on a step of one unit; a sum that is not finite if a coefficient is not; and the longest
+ * step that exponentials allow.
  */
 static inline double step_size(const struct work *w, const double *c, int64_t rows)
 {
@@ -77,8 +77,7 @@ static inline double step_size(const struct work *w, const double *c, int64_t ro
     return smaller(theta, longest);
 }
 
-/* Mark guards as faint whose coefficients are no larger than what rounding makes of their own operations: they limit no
- * step. */
+/* Mark guards as faint, so that they limit no step, if their coefficients are only rounding of their own operations. */
 static void mark_faint(const struct work *w)
 {
     const struct run *run = w->run;
@@ -91,8 +90,8 @@ static void mark_faint(const struct work *w)
     }
 }
 
-/* The same where guards have more than two known zeros, or nothing but their own rounding: what follows the zeros tells
- * the size of such a guard, and it counts as no smaller than what rounding makes of it. */
+/* step_size for guards that have more than two known zeros, or are only rounding: the size of such a guard is taken
+ * from its terms after the known zeros, and is at least the rounding of its own operations. */
 static double flat_step_size(const struct work *w, int64_t rows)
 {
     const struct run *run = w->run;
@@ -120,14 +119,13 @@ static double flat_step_size(const struct work *w, int64_t rows)
     return shortest;
 }
 
-/* Part of the unit, all of it at most, on which the terms of the expansion ahead, of so many rows, fall; 0 where a
- * coefficient is not finite. */
+/* Length, at most one unit, on which the terms of the expansion ahead decrease; 0 if a coefficient is not finite. */
 static double length_ahead(const struct work *w, int64_t rows)
 {
     return smaller(step_size(w, w->ahead, rows), 1.0);
 }
 
-/* Sum of the sizes of a row's terms on a length, from one on, over that length to its power. */
+/* Sum of |c_k| theta^j over k >= first, where j = k - first. */
 static double size_of_terms(const double *row, int64_t first, int64_t order, double theta)
 {
     double size = 0.0, power = 1.0;

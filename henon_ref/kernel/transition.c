@@ -1,19 +1,19 @@
-/* The mode after an event: of one guard, by two normal velocities or the hold zone; and of kinks that are crossed at
- * the same instant, or beside what is slid on.
+/* The mode after an event: of one guard, by two normal velocities or the hold zone; of kinks crossed at the same
+ * instant or while the mode slides.
  *
- * At a kink (struct guard) nothing slides. So the mode in which all kinks are crossed is expanded where the run stands:
- * each kink must be left there with a speed, and the ends of all slides must be clearly above zero, for then they go on.
- * What else falls at the instant is decided in that mode, as it would be just behind the kinks: the end of a slide by
- * the way in which its guard goes on, a surface by its normal velocities. The mode that comes of it is expanded, too,
- * for a force that jumps may turn the speed of a kink. What is not clear is left to Python.
+ * No mode slides on a kink (struct guard). So the mode in which all kinks are crossed is expanded at the present point:
+ * each kink must be left with a speed, and the guards that end slides must be clearly above zero, so that these slides
+ * continue. A further guard that falls at the same instant is decided in that mode, as it would be just after the
+ * kinks: the end of a slide by the further course of its guard, a surface by its normal velocities. The resulting mode
+ * is expanded, too, because a force that jumps may reverse the speed of a kink. Python decides whatever is not clear.
  */
 
 static int64_t change_entries(struct work *w);
 
-/* Size of the smallest release guard, relative to all their coefficients, below which Python looks closer. */
+/* A hold zone is clear if the smallest release guard exceeds this part of all their coefficients' sizes. */
 #define HOLD_MARGIN 1e-9
 
-/* Normal velocities of the guards of the present mode, where the run stands. */
+/* Normal velocities of the guards of the present mode at the present point. */
 static const double *speeds_at(struct work *w)
 {
     const struct run *run = w->run;
@@ -22,7 +22,7 @@ static const double *speeds_at(struct work *w)
     return w->speeds + run->states;
 }
 
-/* Those of the mode in a row; counted. */
+/* Normal velocities of the guards of the mode in a row; counted as an expansion. */
 static const double *speeds_in(struct work *w, int64_t row)
 {
     struct run *run = w->run;
@@ -32,8 +32,8 @@ static const double *speeds_in(struct work *w, int64_t row)
     return w->speeds + run->states;
 }
 
-/* +1 inside the hold zone of a surface, -1 outside, 0 where that is not clear; "stick": row of the mode that slides on
- * it. */
+/* +1 inside the hold zone of a surface, -1 outside, 0 if not clear; "stick": row of the mode that slides on the
+ * surface. */
 static int64_t inside_hold_zone(struct work *w, int64_t surface, int64_t stick)
 {
     const struct run *run = w->run;
@@ -54,14 +54,14 @@ static int64_t inside_hold_zone(struct work *w, int64_t surface, int64_t stick)
     return lowest > 0.0 ? 1 : -1;
 }
 
-/* What follows an event of one guard. */
+/* Result of an event of one guard. */
 struct change {
-    int64_t kind;  /* of transition */
-    int64_t mode;  /* row of the mode; -1 where it is not compiled */
-    int64_t zeros; /* with which the surface is left; 0 at a release: to be measured */
+    int64_t kind;  /* enum transition_kind */
+    int64_t mode;  /* row of the mode; -1 if it is not compiled */
+    int64_t zeros; /* known zeros with which the surface is left; 0 at a release: still to be determined */
 };
 
-/* Whether no guard of a mode that ends the run, as where its sliding does not attract, is close to zero here. */
+/* Check whether all guards of a mode that would end the run (such as "attracts") are clearly above zero. */
 static bool goes_on(const struct work *w, int64_t row)
 {
     const struct run *run = w->run;
@@ -83,7 +83,7 @@ static bool goes_on(const struct work *w, int64_t row)
     return true;
 }
 
-/* Go over to the mode that several surfaces lead to; ON, or why Python is needed. */
+/* Enter the mode selected for several surfaces; ON, or the reason why Python is needed. */
 static int64_t apply_selection(struct work *w)
 {
     const struct selection *selection = &w->tables->selection;
@@ -103,8 +103,8 @@ static int64_t apply_selection(struct work *w)
     return events_accumulate(w->run) ? EVENTS_ACCUMULATE : ON;
 }
 
-/* Whether a surface is never left on the other side of a guard of a mode, no force acting there: all derivatives of its
- * function are zeros in doubles. */
+/* Check whether a surface is never left on the other side of a guard because no force acts there: all derivatives of
+ * its function are zero in doubles. */
 static bool never_left(struct work *w, const struct guard *guard)
 {
     const struct run *run = w->run;
@@ -121,9 +121,9 @@ static bool never_left(struct work *w, const struct guard *guard)
     return found;
 }
 
-/* What follows where the surface h of a guard of a mode is reached alone, from the side s (Filippov, 1988, Sec. 4):
- * inside = -s h'(s) is the speed towards it, beyond = -s h'(-s) that away from it on the other side. Sliding where
- * inside > 0 > beyond, crossing where both are > 0; a hold zone decides instead. ON, or why Python is needed. */
+/* Decide an event of one surface h, reached from the side s (Filippov, 1988, Sec. 4). inside = -s h'(s) is the speed
+ * towards the surface, beyond = -s h'(-s) the speed away from it on the other side. Sliding if inside > 0 > beyond,
+ * crossing if both are > 0; a hold zone takes precedence. ON, or the reason why Python is needed. */
 static int64_t at_surface(struct work *w, const struct mode *mode, int64_t g, const double *speeds,
                           struct change *found)
 {
@@ -143,7 +143,7 @@ static int64_t at_surface(struct work *w, const struct mode *mode, int64_t g, co
     return ON;
 }
 
-/* Expand the mode in a row where the run stands; the part of the unit on which its terms fall, 0 where not finite. */
+/* Expand the mode in a row at the present point; the part of the unit on which its terms decrease, 0 if not finite. */
 static double expand_mode(struct work *w, int64_t row)
 {
     struct run *run = w->run;
@@ -153,8 +153,8 @@ static double expand_mode(struct work *w, int64_t row)
     return length_ahead(w, run->states + mode->guards);
 }
 
-/* Zeros with which a surface is left in the mode that is expanded, on a length, from "first" on: the first coefficient
- * that is clearly none; 0 where the surface is not left, or that is not clear. */
+/* Known zeros with which a surface is left in the expanded mode, on a length: order >= "first" of the first coefficient
+ * that is clearly not zero; 0 if the surface is not left, or that is not clear. */
 static int64_t zeros_ahead(const struct work *w, const struct mode *mode, int64_t surface, int64_t first, double length)
 {
     int64_t order = w->run->order;
@@ -168,21 +168,21 @@ static int64_t zeros_ahead(const struct work *w, const struct mode *mode, int64_
     return 0;
 }
 
-/* The row of a mode: the guard's link (mode_across, mode_stuck) if it has one, else looked up by the mode's number. */
+/* Row of a mode: the guard's link (mode_across, mode_stuck) if it has one, else looked up by the mode's number. */
 static int64_t known_row(const struct work *w, int64_t link, int64_t number)
 {
     return link >= 0 || w->mode->surfaces == 0 ? link : row_of_number(w, number);
 }
 
-/* What happens at one instant. */
+/* Guards at zero at one instant. */
 struct instant {
-    int64_t kinks;  /* how many are crossed */
-    int64_t other;  /* guard of the mode that falls beside them; -1: none */
-    int64_t number; /* of the mode in which all kinks are crossed, and nothing else is changed */
-    int64_t row;    /* its row */
+    int64_t kinks;  /* number of kinks crossed */
+    int64_t other;  /* other guard of the mode that falls; -1: none */
+    int64_t number; /* number of the mode in which all kinks are crossed, and nothing else is changed */
+    int64_t row;    /* row of that mode */
 };
 
-/* Whether a surface is among the kinks that are crossed. */
+/* Check whether a surface is a kink that is crossed. */
 static bool is_crossed(const struct work *w, int64_t surface)
 {
     bool found = false;
@@ -191,7 +191,7 @@ static bool is_crossed(const struct work *w, int64_t surface)
     return found;
 }
 
-/* Read off what happens; false where it is more than kinks and one guard that is decided alone. */
+/* Collect the guards at zero; false if they are not kinks and at most one guard that is decided alone. */
 static bool read_instant(const struct work *w, struct instant *at)
 {
     *at = (struct instant){0, -1, w->mode->number, -1};
@@ -213,9 +213,9 @@ static bool read_instant(const struct work *w, struct instant *at)
     return at->kinks > 0;
 }
 
-/* Expand the mode in a row; whether it leaves all kinks behind with a speed and its slides go on, all but one at most,
- * which "ending" names: the guard that ends it. One that a force ends which jumps at the kinks is put there; -1: none.
- * "length": see expand_mode. */
+/* Expand the mode in a row; check whether it leaves all kinks with a speed and continues all slides except the one that
+ * guard "ending" ends (-1: none). If "ending" is -1, it is set to the end of one slide that a jump of a force at the
+ * kinks has put below zero. "length": see expand_mode. */
 static bool kinks_behind(struct work *w, int64_t row, int64_t *ending, double *length)
 {
     const struct mode *mode = mode_at(w, row);
@@ -236,8 +236,8 @@ static bool kinks_behind(struct work *w, int64_t row, int64_t *ending, double *l
     return behind;
 }
 
-/* Whether a guard, if there is one, is the same in the mode of a row: modes with the same slides have their guards in
- * one order. */
+/* Check whether a guard, if there is one, has the same index in the mode of a row: modes with the same slides have
+ * their guards in the same order. */
 static bool same_guard(const struct work *w, int64_t row, int64_t g)
 {
     const struct mode *mode = mode_at(w, row);
@@ -247,9 +247,9 @@ static bool same_guard(const struct work *w, int64_t row, int64_t g)
     return g < mode->guards && one->kind == other->kind && one->index == other->index;
 }
 
-/* What becomes of a slide whose end has come with kinks, in the mode behind these, which is expanded on a length; ON, or
- * why Python is needed. Its kind is GRAZE where the slide goes on: an equivalent sign that turns back. (A load that has
- * come to its limit has slipped.) */
+/* Decide a slide whose end coincides with kinks, in the expanded mode after the kinks; ON, or the reason why Python is
+ * needed. Kind GRAZE if the slide continues because its equivalent sign turns back. (A load at its limit has
+ * slipped.) */
 static int64_t at_end_of_slide(const struct work *w, const struct instant *at, double length, struct change *found)
 {
     const struct run *run = w->run;
@@ -265,7 +265,8 @@ static int64_t at_end_of_slide(const struct work *w, const struct instant *at, d
     return ON;
 }
 
-/* Go over to the mode that follows kinks, and what happens beside them; ON, or why the loop is left. */
+/* Enter the mode after the kinks and the other guard, and record the transitions; ON, or the reason to leave the
+ * loop. */
 static int64_t leave_instant(struct work *w, const struct instant *at, const struct change *found)
 {
     struct run *run = w->run;
@@ -298,7 +299,7 @@ static int64_t leave_instant(struct work *w, const struct instant *at, const str
     return events_accumulate(run) ? EVENTS_ACCUMULATE : ON;
 }
 
-/* Change the mode where kinks are crossed, and at most one other guard falls; ON, or why Python is needed. */
+/* Change the mode where kinks are crossed and at most one other guard falls; ON, or the reason why Python is needed. */
 static int64_t cross_kinks(struct work *w)
 {
     struct run *run = w->run;
@@ -336,8 +337,8 @@ static int64_t cross_kinks(struct work *w)
     return leave_instant(w, &at, &found);
 }
 
-/* Whether the one thing that happens is that a surface which is slid on turns repelling, the fields on both sides at
- * once (a two-fold; Filippov, 1988, Sec. 19): the ends of the slide fall together, and both slips leave the surface. */
+/* Check whether the only event is that a surface on which the mode slides turns repelling, the fields on both sides at
+ * once (a two-fold; Filippov, 1988, Sec. 19): both ends of the slide fall, and both slips leave the surface. */
 static bool turns_repelling(struct work *w)
 {
     const struct mode *mode = w->mode;
@@ -357,7 +358,7 @@ static bool turns_repelling(struct work *w)
     return ends == 2;
 }
 
-/* Change the mode at the event the run stands at; ON, or why Python is needed. */
+/* Change the mode at the present event; ON, or the reason why Python is needed. */
 static int64_t apply_event(struct work *w)
 {
     struct run *run = w->run;

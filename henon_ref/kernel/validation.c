@@ -1,38 +1,40 @@
-/* Step validation: does the Taylor polynomial stand for the solution on the whole step?
+/* Step validation: check whether the Taylor polynomial represents the solution on the whole step.
  *
- * The step size trusts two terms. Here all are looked at: terms must fall towards the last ones, not vanish all at once
- * (a gap says nothing of what follows), nor cancel by more digits than double precision has to spare; next to a branch
- * point of an operation (sqrt, power, asin) the step ends before its radius of convergence. A step that fails is made
- * shorter. This is a heuristic of the reference alone; proofs bound the tails (henon_ref/enclosure/tail_bounds.py).
+ * The step size relies on two terms; the validation examines all of them. Terms must decrease towards the last ones.
+ * They must not vanish all at once (a gap does not bound the terms after it), nor cancel by more digits than double
+ * precision can spare. Next to a branch point of an operation (sqrt, power, asin) the step ends before the radius of
+ * convergence. A step that fails is shortened. This is a heuristic of the reference alone; proofs bound the tails
+ * (henon_ref/enclosure/tail_bounds.py).
  */
 
-/* Terms this much smaller than those before them are no tail but a gap. */
+/* Last terms that are smaller than the terms before them by this factor are a gap, not a decreasing tail. */
 #define GAP_RATIO 1e-5
-/* Factor by which a step is shortened at a time while terms grow; and the largest ratio of the last two terms of a
- * step that needs no closer look. */
+/* Factor of one shortening while terms grow; also the largest ratio of the last two terms of a step without a check. */
 #define SHORTER 0.7
-/* Least factor for a step that is refused; above it 0.95 worst^(-1/p), for an error that goes as theta^p. */
+/* Smallest factor by which a refused step is shortened; above it 0.95 worst^(-1/p), for an error that goes as
+ * theta^p. */
 #define QUARTER 0.25
-/* Terms that fall by less than this over two orders have not converged. */
+/* Terms that decrease by less than this factor over two orders have not converged. */
 #define SLOW 0.5
-/* A step this much shorter than the last one is accepted though guards are not what was predicted. */
+/* A step shorter than the last one by this factor is accepted although guards differ from their prediction. */
 #define LEAST_PART (1.0 / 64.0)
-/* Where slopes, or guards with branch points, disagree: part of the unit below which a step is accepted all the same.
- * So is one too short to move the compensated time, if all is finite. So steps end before a kink or a singularity. */
+/* If slopes, or guards with branch points, differ from their prediction, a step is accepted only below this part of the
+ * unit, or if it is too short to move the compensated time and all values are finite. So steps end before a kink or a
+ * singularity. */
 #define SHORTEST_PART 1e-60
-/* What rounding may cost a row of a polynomial at least, of its size on a step. */
+/* Relative error, of a row's size on a step, that rounding may always cause in a polynomial motion. */
 #define ROUNDING (1e3 * EPS)
-/* A guard may be off by this multiple of the difference of its values at neighbouring points. */
+/* Rounding error of a guard, as a multiple of the difference of its values at neighbouring points. */
 #define SPREAD 8.0
-/* Places on a step at which the size of a row is sampled. */
+/* Number of places on a step at which the size of a row is sampled. */
 #define SIZE_POINTS 4
 
-/* What the last terms of a step do (tail_shape). */
+/* Behaviour of the last terms on a step (tail_shape). */
 enum tail { DECREASING, NOT_DECREASING, ENDS_IN_GAP };
 
-/* A step no longer than where terms of a polynomial cancel by more digits than there are to spare.
+/* Longest step, theta at most, on which the terms of a polynomial do not cancel by more digits than can be spared.
  *
- * No coefficient limits a step where a motion is a polynomial by its form.
+ * No coefficient limits the step of a motion that is a polynomial by its form.
  */
 static double cancellation_limit(const struct work *w, int64_t rows, double theta)
 {
@@ -58,21 +60,21 @@ static double cancellation_limit(const struct work *w, int64_t rows, double thet
     return theta;
 }
 
-/* What the last terms of a row do on a step.
+/* Classify the last terms of a row on a step.
  *
- * With T_k = |c_k| theta^k, m = p/2 - 1, half = max T_m..T_(m+3), before = max(T_(p-3), T_(p-2)), end =
- * max(T_(p-1), T_p): DECREASING if GAP_RATIO before < end < SLOW min(half, before). All are over theta^m below.
+ * With T_k = |c_k| theta^k, m = p/2 - 1, half = max T_m..T_(m+3), before = max(T_(p-3), T_(p-2)), end = max(T_(p-1),
+ * T_p): DECREASING if GAP_RATIO before < end < SLOW min(half, before). The code divides all of them by theta^m.
  *
- * NOT_DECREASING: the last two are not much smaller than those before them or halfway to them; what comes after may be
- * larger still (a singularity on the step, a high power whose turn comes later). ENDS_IN_GAP: they are next to nothing
- * all at once; a gap tells nothing of what comes after. Where they are below "least_part" > 0 of the row's size they
- * may do what they like.
+ * NOT_DECREASING: the last two terms are not much smaller than the two before them or those halfway; later terms may be
+ * larger still (a singularity on the step, a high power that dominates later). ENDS_IN_GAP: the last two terms suddenly
+ * vanish; a gap does not bound the terms after it. DECREASING also if they are below "least_part" > 0 of the row's
+ * size.
  */
 static enum tail tail_shape(const double *row, int64_t order, double theta, double least_part)
 {
     int64_t middle = order / 2 - 1, last = order - 3;
     double square = theta * theta, cube = square * theta, shift = 1.0;
-    for (int64_t k = middle; k < last; k++) /* a call of the C library costs as much as the rest */
+    for (int64_t k = middle; k < last; k++) /* not pow(): a call of the C library costs as much as the rest */
         shift *= theta;
     double half = larger(larger(fabs(row[middle]), fabs(row[middle + 1]) * theta),
                          larger(fabs(row[middle + 2]) * square, fabs(row[middle + 3]) * cube));
@@ -88,11 +90,11 @@ static enum tail tail_shape(const double *row, int64_t order, double theta, doub
     return end <= GAP_RATIO * before ? ENDS_IN_GAP : NOT_DECREASING;
 }
 
-/* Whether the terms of some row do not fall towards the last ones as those of a series do that has converged. */
+/* Check whether the terms of some row do not decrease towards the last ones as those of a converged series do. */
 static inline bool tail_unconverged(const struct work *w, int64_t rows, double theta)
 {
     const double *norms = row_of(w, rows);
-    if (norms[0] * theta <= SHORTER * norms[1]) /* the usual case */
+    if (norms[0] * theta <= SHORTER * norms[1]) /* most steps */
         return false;
     bool found = false;
     for (int64_t r = 0; r < rows; r++)
@@ -100,11 +102,11 @@ static inline bool tail_unconverged(const struct work *w, int64_t rows, double t
     return found;
 }
 
-/* What rounding may cost the value of each guard at a point, behind the states in "change".
+/* Estimate the rounding error of each guard at "point", written to "change" after the states.
  *
- * By values at two neighbours, each state a few units in its last place away, in one direction and in alternating ones:
- * what a root's argument next to zero makes of rounding no number of terms foretells. "ahead", the expansion of the
- * point by "code" at time "end", stays as it is.
+ * The estimate compares the values at two neighbours, whose states differ by a few units in the last place, in one
+ * direction and in alternating ones: no number of terms predicts how the root of an argument next to zero amplifies
+ * rounding. "ahead", the expansion of the point by "code" at time "end", is restored.
  */
 static void guard_rounding(const struct work *w, expand_code code, double end)
 {
@@ -132,16 +134,16 @@ static void guard_rounding(const struct work *w, expand_code code, double end)
     run->expansions += 3;
 }
 
-/* How far an expansion agrees with one that is made anew on its step. */
+/* Agreement of an expansion with a new one at a place on its step. */
 struct agreement {
-    bool agrees;    /* in all that is looked at */
-    bool kept;      /* in all but guards without branch points */
-    double worst;   /* by how much more than allowed something is off */
-    double shorter; /* a step on which the terms of what does not agree fall */
+    bool agrees;    /* all rows that are compared agree */
+    bool kept;      /* all of them except guards without branch points */
+    double worst;   /* largest error, as a multiple of the allowed one */
+    double shorter; /* step on which the terms of the rows that disagree decrease */
 };
 
-/* What a row's series comes to at a place on the step: its value, or a state's slope; "size" is that of its terms,
- * beginning with what it is there. */
+/* Value of a row's series at a place on the step (first = 0), or slope of a state (first = 1); adds the terms' sizes to
+ * "size". */
 static inline double predicted_at(const double *row, int64_t order, int64_t first, double at, double *size)
 {
     double predicted = 0.0, power = 1.0;
@@ -154,10 +156,10 @@ static inline double predicted_at(const double *row, int64_t order, int64_t firs
     return predicted;
 }
 
-/* Hold the expansion, at a place on the step, against one that is made anew there.
+/* Compare the expansion with a new one made at a place on the step.
  *
- * "slopes": the code that makes slopes and values alone, or null. "decreasing": the terms fall, so that guards without
- * branch points need no look. "theta" units is the step.
+ * "slopes": code that computes only slopes and values, or null. "decreasing": all terms decrease, so that guards
+ * without branch points need no comparison. The step is "theta" units long.
  */
 static void compare_at(const struct work *w, double at, double theta, expand_code slopes, bool decreasing,
                        struct agreement *found)
@@ -171,7 +173,8 @@ static void compare_at(const struct work *w, double at, double theta, expand_cod
         w->point[i] = w->x[i] + w->change[i];
     code(end, run->time_low, run->unit, w->point, w->constants, w->ahead);
     run->expansions += 1;
-    /* From there, too, exponentials must allow a quarter of the step (taylor/llvm/step_bounds.py: longest_step). */
+    /* In the new expansion exponentials must allow a quarter of the step (longest_step in
+     * taylor/llvm/step_bounds.py). */
     found->agrees = found->agrees && (slopes || row_ahead(w, n + guards)[3] >= 0.25 * at);
     bool measured = false;
     for (int64_t r = 0; r < n + guards; r++) {
@@ -183,7 +186,7 @@ static void compare_at(const struct work *w, double at, double theta, expand_cod
         int64_t first = r < n ? 1 : 0; /* slopes of states, values of guards */
         double there = row_ahead(w, r)[first], size = fabs(there);
         double off = fabs(predicted_at(row_of(w, r), order, first, at, &size) - there);
-        /* A slope that moves its state by no more than rounding over the step is none, whatever its digits. */
+        /* A slope that moves its state by no more than rounding over the step counts as zero, whatever its digits. */
         double allowed = larger(1e-6 * size, first == 1 ? 4.0 * EPS * fabs(w->x[r]) / at : 0.0);
         if (r >= n && !smooth && off > allowed) {
             if (!measured)
@@ -201,18 +204,19 @@ static void compare_at(const struct work *w, double at, double theta, expand_cod
     }
 }
 
-/* A step no longer than where the expansion still holds, theta if that is so.
+/* Longest step, theta at most, on which the expansion holds.
  *
- * Where terms grow the step is shortened until they fall: then it ends within their circle of convergence. Terms that
- * only sink below rounding, are zero or end in a gap promise nothing (a high power seen from where it is flat), nor do
- * those below rounding on a step much longer than the last one ("grown"). There the expansion is made anew on the step
- * and at its end: guards and slopes must be what was predicted, or the step is shortened and asked again. A step whose
- * terms fall, or one much shorter than the last, needs no such check of guards (where one is next to zero rounding
- * alone may disagree); in slopes and in guards with branch points of their own it does, for behind a branch point the
- * terms of a root may fall as well.
+ * While terms grow the step is shortened until they decrease, so that it ends within their circle of convergence. Terms
+ * that merely fall below rounding, are zero or end in a gap do not prove convergence (a high power seen from where it
+ * is flat), nor do terms below rounding on a step much longer than the last one ("grown"). In these cases the expansion
+ * is computed anew on the step and at its end. If guards and slopes differ from their prediction, the step is shortened
+ * and checked again. If all terms decrease, or the step is much shorter than the last one, guards are not checked
+ * (rounding alone may change a guard next to zero). Slopes, and guards with branch points of their own, are always
+ * checked: beyond a branch point the terms of a root may decrease, too.
  *
- * Without "unconverged" terms are not looked at: the field or a guard has branch points (slopes), behind which a square
- * root's series, a polynomial perhaps, goes on as if there were none. Slopes, and such guards, are held against it.
+ * Without "unconverged" the terms are not examined: the field or a guard has branch points (slopes), beyond which the
+ * series of a square root, perhaps a polynomial, continues as if there were none. Slopes, and guards with branch
+ * points, are compared with it.
  */
 static double validated_step(const struct work *w, double theta, bool grown, bool unconverged)
 {

@@ -1,4 +1,4 @@
-/* What a run works on: its block of memory cut into parts, and the compiled modes. */
+/* Work space of a run: the parts of its block of memory, and the compiled modes. */
 #ifndef HENON_WORK_H
 #define HENON_WORK_H
 
@@ -7,71 +7,71 @@
 #include "kernel.h"
 #include "numbers.h"
 
-/* Rows of the band that root isolation needs: powers, a scaled guard, and pieces. */
+/* Rows that root isolation needs in the band: powers, a scaled guard, and pieces. */
 #define ROOT_ROWS (4 + DEPTH)
-/* Of a transition, and of one that is kept, in doubles: what stands before the state. */
+/* Sizes of a transition and of a stored step before the state or the coefficients, in doubles. */
 #define TRANSITION_PLACES ((int64_t)(offsetof(struct transition, state) / sizeof(double)))
 #define STEP_PLACES ((int64_t)(sizeof(struct step) / sizeof(double)))
-/* Of a run, relative normal velocity below which a contact is left to Python's mode selection. */
+/* Relative normal velocity below which Python selects the mode of a contact. */
 #define TANGENT 1e-9
-/* Part of the sum of its terms' sizes on a step from which on a guard, or a coefficient, is clearly no zero. */
+/* A guard, or a coefficient, is clearly not zero above this part of the sum of its terms' sizes on a step. */
 #define CLEARLY_ABOVE 1e-9
-/* A state beyond this has blown up (no smaller bound is safe whatever the units). */
+/* A larger state has blown up (no smaller bound is safe in all units). */
 #define BLOWN_UP 1e100
-/* Part of its size by which a state may be off: eight units in its last place. */
+/* Relative error that a state may have: at least sixteen units in its last place. */
 #define STATE_ROUNDING (16.0 * EPS)
-/* The same of an operation of an expression: a fourth, for an expression has some of them. */
+/* Relative rounding error of one operation of an expression: a fourth of that, because an expression has several. */
 #define OWN_ROUNDING (0.25 * STATE_ROUNDING)
-/* What is off by no more is of no account: doubles lose their digits below 1e-308. */
+/* Smaller absolute errors are negligible: doubles lose their digits below 1e-308. */
 #define NO_ACCOUNT 0x1p-1000
 
-/* Parts of a run's block (struct places), the compiled modes, and the present one. */
+/* Parts of a run's block (struct places), the compiled modes, and the present mode. */
 struct work {
     struct run *run;
     double *last_steps;
     double *x, *x_low, *x_before; /* state, what rounding lost of it, and the state before the last jump */
     int64_t *known_zeros, *hits, *faint;
     double *since;
-    double *c, *ahead;              /* expansions: of the step, and at the end of one that is checked */
+    double *c, *ahead;              /* expansions: of the step, and at the end of a step that is checked */
     double *powers, *scaled, *stack;
-    double *room;                   /* all of what follows */
-    double *change, *lower;         /* of states over a step; bounds of the guards */
+    double *room;                   /* all of the following */
+    double *change, *lower;         /* changes of the states over a step; lower bounds of the guards */
     double *point, *speeds;
     double *origin;
     int64_t *remembered;
     int64_t *entries, *left;        /* words of the present mode's entries, and of the mode that an event has ended */
-    int64_t words;                  /* how many; 0 where a mode is a row */
+    int64_t words;                  /* number of words; 0 if a mode is a row */
     struct mode *own;               /* with contacts: the present mode, and its constants */
     double *own_constants;
     double *records;
     int64_t record_width;
     int64_t width;                  /* of a row of c, ahead and stack */
     const struct tables *tables;
-    const struct mode *mode;        /* the present one */
-    const double *constants;        /* of its expansion */
-    double *samples;                /* (sample_count, 1 + n + 1): times at which samples are wanted; states, mode */
+    const struct mode *mode;        /* present mode */
+    const double *constants;        /* of the present mode's expansion */
+    double *samples;                /* (sample_count, 1 + n + 1): times of the samples; their states and modes */
     int64_t sample_count;
 };
 
-/* Doubles from one row of coefficients to the next: whole vectors. */
+/* Doubles from one row of coefficients to the next: a whole number of vectors. */
 HENON_EXPORT int64_t row_length(int64_t order)
 {
     return order ? (order + LANES) / LANES * LANES : 1;
 }
 
-/* Words that hold the entries of a mode. */
+/* Number of words for the entries of a mode. */
 HENON_EXPORT int64_t words_of(int64_t contacts)
 {
     return (contacts + ENTRIES_IN_WORD - 1) / ENTRIES_IN_WORD;
 }
 
-/* Doubles of a mode's record. */
+/* Size of a mode's record, in doubles. */
 static inline int64_t mode_size(int64_t guards)
 {
     return (int64_t)((sizeof(struct mode) + (size_t)guards * sizeof(struct guard)) / sizeof(double));
 }
 
-/* Where the parts of a block stand: see struct places. */
+/* Places of the parts of a block (struct places). */
 HENON_EXPORT struct places places_of(int64_t states, int64_t guards, int64_t order, int64_t contacts,
                                      int64_t constants)
 {
@@ -97,7 +97,6 @@ HENON_EXPORT struct places places_of(int64_t states, int64_t guards, int64_t ord
     return p;
 }
 
-/* Where the parts of a run's block stand. */
 static inline struct places places_of_run(const struct run *run)
 {
     return places_of(run->states, run->guards, run->order, run->contacts, run->constants);
@@ -109,7 +108,7 @@ static inline const struct mode *mode_in(const struct tables *tables, int64_t ro
     return (const struct mode *)(tables->modes + row * mode_size(guards) * (int64_t)sizeof(double));
 }
 
-/* Constants of a mode: tape 0 is its expansion's, 1 that of normal velocities, 2 that of the maps of resets. */
+/* Constants of a mode's tape: 0 is its expansion, 1 the normal velocities, 2 the maps of resets. */
 static inline const double *constants_of(const struct tables *tables, int64_t row, int64_t tape)
 {
     return tables->numbers + (row * tables->tapes + tape) * tables->length;
@@ -128,13 +127,13 @@ static inline int64_t three_to(int64_t exponent)
     return power;
 }
 
-/* Entry of a surface in the mode of a number (henon_ref.modes.mode.mode_number). */
+/* Entry of a surface in the mode with a number (henon_ref.modes.mode.mode_number). */
 static inline int64_t entry_of(int64_t number, int64_t surface)
 {
     return number / three_to(surface) % 3 - 1;
 }
 
-/* Row of the mode of a number; -1 where that is not compiled. */
+/* Row of the mode with a number; -1 if it is not compiled. */
 static inline int64_t row_of_number(const struct work *w, int64_t number)
 {
     for (int64_t row = 0; row < w->tables->count; row++)
@@ -143,14 +142,14 @@ static inline int64_t row_of_number(const struct work *w, int64_t number)
     return -1;
 }
 
-/* Make the run's mode the present one; that of contacts is put together before (put_together). */
+/* Make the run's mode the present one; with contacts put_together has assembled it before. */
 static inline void enter(struct work *w)
 {
     w->mode = w->words ? w->own : mode_at(w, w->run->mode);
     w->constants = w->words ? w->own_constants : constants_of(w->tables, w->run->mode, 0);
 }
 
-/* A run's block as the loop works on it. */
+/* Work space of a run's block. */
 static inline struct work work_of(struct run *run, const struct tables *tables)
 {
     int64_t n = run->states, most = run->guards;
@@ -175,13 +174,13 @@ static inline struct work work_of(struct run *run, const struct tables *tables)
     return w;
 }
 
-/* A row of coefficients of the step's expansion: of state r, or of guard r - n. */
+/* Row of coefficients of the step's expansion: of state r, or of guard r - n. */
 static inline const double *row_of(const struct work *w, int64_t r)
 {
     return w->c + r * w->width;
 }
 
-/* The same of the expansion ahead. */
+/* Row of coefficients of the expansion ahead. */
 static inline double *row_ahead(const struct work *w, int64_t r)
 {
     return w->ahead + r * w->width;
@@ -193,14 +192,14 @@ static inline const double *guard_row(const struct work *w, int64_t guard)
     return row_of(w, w->run->states + guard);
 }
 
-/* The present mode's expansion where the run stands, of a state, into rows. */
+/* Expand the present mode at the present time and a state, into rows. */
 static inline void expand(const struct work *w, const double *x, double *rows)
 {
     const struct run *run = w->run;
     w->mode->expansion(run->time, run->time_low, run->unit, x, w->constants, rows);
 }
 
-/* Whether a bit of a set is there: of one of all ones every bit is. */
+/* Check whether a set contains an index; bit 63 stands for all indices from 63 on. */
 static inline bool has_bit(int64_t set, int64_t index)
 {
     return set >> (index < 63 ? index : 63) & 1;
