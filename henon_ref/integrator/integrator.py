@@ -1,4 +1,4 @@
-"""Hénon's event integrator: what is made once for a system, and where a run of it starts."""
+"""Hénon's event integrator: the compiled system, shared by all runs, and the starts of runs."""
 
 from __future__ import annotations
 
@@ -23,28 +23,29 @@ KEPT_VALUES = 64
 
 
 class Integrator:
-    """Runs of one system at one order, from any thread; compiles what it needs and keeps it.
+    """Compiled system for runs at one order of the Taylor method, from any thread.
 
-    A run is ``Run(integrator, integrator.begin(values, initial, ...)).to_horizon()``. Many runs in one call are
-    :class:`henon_ref.integrator.points.PointRuns`. The library keeps one integrator for each system and order.
+    A run is ``Run(integrator, integrator.begin(values, initial, ...)).to_horizon()``;
+    :class:`henon_ref.integrator.points.PointRuns` does many runs in one call. Modes are compiled on first use. The
+    library keeps one integrator per system and order.
 
     Parameters
     ----------
     system : FilippovSystem
-        With values of its parameters; without them, problems of the system with any values can be started. (Its modes
-        are then derived for all values: surfaces that coincide for some of them are two surfaces all the same.)
+        With values of its parameters, or without: then runs may have any values. (The modes are then derived for all
+        values; surfaces that coincide for some values are still two surfaces.)
     order : int
         Order of the Taylor method.
 
     Attributes
     ----------
     free : list of Workspace
-        Memory of runs that nobody has: see :meth:`workspace`.
+        Unused memory for runs: see :meth:`workspace`.
 
     Raises
     ------
     UnsupportedError
-        Where too many contacts with static friction act on each other at once.
+        If too many contacts with static friction act on each other.
     """
 
     def __init__(self, system: FilippovSystem, order: int) -> None:
@@ -52,13 +53,13 @@ class Integrator:
         self.order = order
         self.mode_table = ModeTable(system, order)
         self.constants = lru_cache(maxsize=KEPT_VALUES)(self._constants)
-        """The compiled modes' constants at values of :attr:`parameters`."""
+        """Constants of the compiled modes at values of :attr:`parameters`."""
         self.free: list[Workspace] = []
 
     def workspace(self) -> Workspace:
-        """Memory of a run, which gives it back to :attr:`free`; making some takes as long as a short run.
+        """Return memory for a run, which is appended to :attr:`free` afterwards; allocating it costs a short run.
 
-        (To take it from a list, or give it back, is one operation, which is a thread's alone.)
+        (``pop`` and ``append`` of a list are atomic.)
         """
         try:
             return self.free.pop()
@@ -67,12 +68,12 @@ class Integrator:
 
     @property
     def parameters(self) -> tuple[sp.Symbol, ...]:
-        """Those that stand in the system's expressions, by name: the order of the values of :meth:`begin`."""
+        """Parameters in the system's expressions, by name: the order of the values of :meth:`begin`."""
         return self.programs.parameters
 
     @cached_property
     def programs(self) -> ParameterPrograms:
-        """Programs of constants, for values that are doubles."""
+        """Programs of the constants."""
         return ParameterPrograms(self.mode_table)
 
     def _constants(self, values: tuple[Any, ...]) -> ModeConstants:
@@ -82,7 +83,7 @@ class Integrator:
         return ModeConstants(self.programs, tuple(chain.from_iterable(map(pair_of_exact, values))), lambda: exact)
 
     def start(self, problem: Problem, **settings: Any) -> Start:
-        """:meth:`begin` from a problem of this system, in exact numbers, with values of all parameters."""
+        """Return the start of a problem of this system, which has exact values of all parameters."""
         values = tuple(problem.system.parameters[symbol] for symbol in self.parameters)
         given = {"start": problem.start, "until": problem.until, "mode": problem.initial_mode}
         return self.begin(values, problem.initial, **given, **settings)
@@ -97,30 +98,32 @@ class Integrator:
         mode: Mapping[int, int] | None = None,
         **settings: Any,
     ) -> Start:
-        """Where a run starts: in microseconds where that is clearly off every surface.
+        """Return the start of a run, in microseconds if it is clearly off every surface.
 
-        Numbers are int, Fraction, float, which stands for the decimal number that it is printed as, or exact numbers of
-        SymPy.
+        Numbers are int, Fraction, exact SymPy numbers, or float (the decimal number that Python prints for it).
 
         Parameters
         ----------
         values : tuple of number
-            Of :attr:`parameters`, in their order.
+            Values of :attr:`parameters`, in their order.
         initial : sequence of number, shape (n,)
             State at the start.
         start, until : number
             Initial time and horizon [s].
         mode : mapping, optional
-            Surface -> -1, 0 or +1, for a start on a surface that the fields leave open.
+            Surface -> -1, 0 or +1, for a start on a surface from which several motions are possible.
         **settings
             ``tolerance``, ``landing`` and others of :func:`henon_ref.integrator.start.run_template`.
 
         Raises
         ------
         ModelError
-            Where the system has other values of its parameters, or an expression in them that no program evaluates.
+            If the system has other values of its parameters, or no program evaluates an expression in them.
         """
         time, end, *x = map(pair_of_exact, (start, until, *initial))
         block, point = run_template(self.mode_table.sizes, **settings), (start, *initial)
         exact = lambda: list(map(exact_expression, point))  # noqa: E731
-        return begin(self, self.constants(values), block, time, end, tuple(x), exact, mode or {})
+        workspace = self.workspace()
+        found = begin(workspace, self.constants(values), block, time, end, tuple(x), exact, mode or {})
+        self.free.append(workspace)
+        return found

@@ -1,8 +1,8 @@
-"""Where a run starts, in which mode, and what it is to do: in exact terms, then as the compiled loop takes it.
+"""Start of a run: its initial mode, its settings, and the block of memory that the compiled loop begins with.
 
-Signs of the surfaces at the start come from double-double with error bounds, else from balls (exactly where all numbers
-are rational); the mode off all surfaces, or on one that is left or slid on clearly, from compiled normal
-velocities; every other mode from :mod:`henon_ref.modes.selection`.
+The signs of the surfaces at the start are decided in double-double with error bounds, otherwise in balls (exactly if
+all numbers are rational). Compiled normal velocities decide a start off all surfaces, and on one surface with a clear
+crossing or slide; :mod:`henon_ref.modes.selection` decides every other start.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from struct import Struct
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -23,22 +23,19 @@ from henon_ref.modes.mode import replaced
 from henon_ref.modes.resets import REMAINING
 from henon_ref.trajectory import Status, Trajectory
 
-if TYPE_CHECKING:
-    from henon_ref.integrator.integrator import Integrator
-
 NO_LIMIT = 1 << 62
-"""More steps than any run takes."""
+"""Limit on steps that no run reaches."""
 MOST_STEPS = 100_000_000
-"""Steps of a run that has no limit of its own."""
+"""Default limit on the steps of a run."""
 
 
 def out_of_steps(steps: int, time: float) -> str:
-    """Why a run ends that has taken all steps that it may take."""
+    """Return the reason of a run that ends at its limit on steps."""
     return f"stopped after {steps} steps, as many as max_steps allows, at t = {time:.17g}"
 
 
 class Start:
-    """A problem's start and horizon as the compiled loop takes them.
+    """Start and horizon of a problem, as the compiled loop reads them.
 
     Attributes
     ----------
@@ -49,7 +46,7 @@ class Start:
     refused : Trajectory or None
         Result of every run if no initial mode exists; None if one exists.
     constants : ModeConstants
-        The compiled modes' constants at the problem's parameter values.
+        Constants of the compiled modes at the problem's parameter values.
     block : bytearray
         First part of a run's block of memory, up to ``end_of_state`` of ``struct places``.
     """
@@ -68,13 +65,13 @@ class Start:
 
     @property
     def scalars(self) -> Any:
-        """The block as a ``struct run``; changes of its fields hold for all later runs."""
+        """The block as ``struct run``; a change of a field applies to all later runs."""
         return ffi.cast("struct run *", ffi.from_buffer(self.block))
 
 
 @lru_cache(maxsize=64)
 def doubles_of(count: int) -> Struct:
-    """So many doubles, which it takes from an array in half the time of a slice and its list."""
+    """Struct of ``count`` doubles; its ``unpack`` takes half the time of a slice and ``tolist``."""
     return Struct(f"{count}d")
 
 
@@ -87,7 +84,7 @@ def run_template(
     stop_rising: int = 0,
     most_steps: int = MOST_STEPS,
 ) -> Any:
-    """Start of a run without numbers and mode, as :attr:`Start.block`, in doubles.
+    """Return a :attr:`Start.block`, in doubles, without numbers and mode.
 
     Parameters
     ----------
@@ -113,7 +110,7 @@ def run_template(
 
 
 def begin(
-    integrator: Integrator,
+    workspace: Workspace,
     constants: ModeConstants,
     template: Any,
     time: Pair,
@@ -122,13 +119,13 @@ def begin(
     exact: Callable[[], Sequence[Any]],
     mode: Mapping[int, int],
 ) -> Start:
-    """Start of a run, decided in microseconds if it is clearly off every surface.
+    """Return the start of a run, in microseconds if it is clearly off every surface.
 
     Parameters
     ----------
-    integrator : Integrator
+    workspace : Workspace
+        Memory that is free again afterwards.
     constants : ModeConstants
-        Of the integrator's system.
     template : cdata
         As :func:`run_template` returns it.
     time, until : Pair
@@ -137,22 +134,19 @@ def begin(
     exact : callable
         Returns time and state as exact numbers, of Python or SymPy; called only if pairs do not decide a sign.
     mode : mapping
-        Surface -> -1, 0 or +1, for a start on a surface that the fields leave open.
+        Surface -> -1, 0 or +1, for a start on a surface from which several motions are possible.
     """
-    workspace = integrator.workspace()
     signs = constants.start(workspace.run, template, until, time, x)
     clear = signs is None and not mode
     refused = None if clear else _entered(constants, workspace, signs or (), exact, mode)
-    start = Start(time, until, x, refused, constants, bytearray(workspace.memory))
-    integrator.free.append(workspace)
-    return start
+    return Start(time, until, x, refused, constants, bytearray(workspace.memory))
 
 
 def row_at_start(table: ModeTable, signs: Sequence[int]) -> tuple[int, int] | None:
-    """Row of a start's mode, and the surface that it is on (-1: none); None where Python has to decide the mode.
+    """Return the row of a start's mode and the surface that it lies on (-1: none); None if Python must decide the mode.
 
-    On a surface the row is that of the mode below it; those that may follow are compiled. Of contacts that do not act
-    on each other it is the mode's number. ``signs``: of the surfaces, then of the ``valid`` expressions.
+    On a surface this is the row of the mode below it, and all modes that may follow are compiled. For contacts that do
+    not act on each other it is the number of the mode. ``signs``: of the surfaces, then of the ``valid`` expressions.
     """
     count = len(table.system.surfaces)
     mode = tuple(signs[:count])
@@ -173,7 +167,7 @@ def _entered(
     exact: Callable[[], Sequence[Any]],
     given: Mapping[int, int],
 ) -> Trajectory | None:
-    """Let a run enter its mode; return the result of every run if no mode exists.
+    """Put a run into its initial mode; if no mode exists, return the result of every run.
 
     ``signs``: see :func:`row_at_start`.
     """
@@ -186,13 +180,13 @@ def _entered(
 
 
 def _entered_clearly(constants: ModeConstants, workspace: Workspace, signs: Sequence[int | None]) -> bool:
-    """Let a run enter a mode off all surfaces, or on one that is left or slid on clearly; False if it is another."""
+    """Put a run into a mode off all surfaces, or on one with a clear crossing or slide; False for other starts."""
     found = None if None in signs else row_at_start(constants.table, cast(Sequence[int], signs))
     return found is not None and _enter(constants, workspace, *found)
 
 
 def _enter(constants: ModeConstants, workspace: Workspace, row: int, surface: int) -> bool:
-    """Let a run enter a mode (``enter_at_start`` of ``kernel/start.c``); False if the one that follows is not clear."""
+    """Put a run into a mode (``enter_at_start`` of ``kernel/start.c``); False if the next mode is not clear."""
     contacts = constants.table.contacts
     mode = integers(written(row, contacts) if contacts else np.array([row]))
     return bool(kernel.enter_at_start(workspace.run, constants.update().tables, mode, surface))
@@ -201,8 +195,8 @@ def _enter(constants: ModeConstants, workspace: Workspace, row: int, surface: in
 def _decided(
     constants: ModeConstants, workspace: Workspace, signs: Sequence[int | None], given: Mapping[int, int]
 ) -> Trajectory | None:
-    """:func:`_entered`, decided by the fields and their derivatives."""
-    from henon_ref.modes.selection import contact_orders, mode_by_signs  # most starts have no use for it
+    """Put a run into the mode that the fields and their derivatives select, as :func:`_entered`."""
+    from henon_ref.modes.selection import contact_orders, mode_by_signs  # rarely needed
 
     table, system = constants.table, constants.table.system
     count, t = len(system.surfaces), workspace.run.time

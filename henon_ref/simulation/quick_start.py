@@ -1,7 +1,7 @@
-"""A start from numbers that need no reading: microseconds, where the exact way takes a millisecond.
+"""Start of a run from plain Python numbers, in microseconds; reading general arguments takes a millisecond.
 
-What it cannot read is left to the exact way, which also says what is wrong: other values than int and float, names that
-are not the system's, constants that are not finite.
+Arguments that need the reader (values other than int and float, unknown names, constants that are not finite) are left
+to it (:mod:`henon_ref.simulation.arguments`); it also reports errors.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ if TYPE_CHECKING:
     from henon_ref.simulation.dependent_parameters import Number
 
 KEPT = 64
-"""Parameter values of which the constants are kept."""
+"""Number of cached sets of parameter values."""
 CLEARLY = 1e-9
-"""What a condition on the parameters is above where rounding cannot have made it so."""
+"""A condition on the parameters above this value holds, whatever the rounding."""
 Values = tuple[float, ...]
-"""Of the parameters that stand in the equations, of each a pair."""
+"""Values of the parameters in the equations, a pair of doubles each."""
 Changes = tuple[tuple[str, float], ...]
-"""Parameters, and the values that they have in place of the system's."""
+"""(name, value) of the parameters whose values differ from the system's."""
 
 
 class QuickStart:
-    """Starts of one system, with the integrator of its structure, at one local error of a step."""
+    """Starts of one system at one local error of a step."""
 
     def __init__(self, system: System, integrator: Integrator, tolerance: float) -> None:
         self._system, self.integrator = system, integrator
@@ -50,13 +50,13 @@ class QuickStart:
         self._places = {symbol.name: 2 * at for at, symbol in enumerate(programs.parameters)}
         self._dependents: dict[tuple[str, ...], dict[str, Number] | None] = {}
         self._floats = {symbol.name: float(value) for symbol, value in self._own.items()}
-        # A kink may lie at the end of the range where it has a value, which decides whether it is open.
+        # The argument of a kink may lie at the edge of its domain, which decides whether its sign is open.
         self._in_kinks = bool(system.model.kinks) and not programs.start.is_rational
         self._constants = lru_cache(maxsize=KEPT)(self._made)
 
     @classmethod
     def of(cls, system: System, integrator: Integrator, tolerance: float) -> QuickStart | None:
-        """None for a system with expressions that no program evaluates, and one with exponents in time or states."""
+        """Return None if no program evaluates an expression of the system, or an exponent depends on time or states."""
         try:
             return None if system.has_moving_exponents else cls(system, integrator, tolerance)
         except ModelError:
@@ -70,7 +70,7 @@ class QuickStart:
         parameters: Mapping[Any, Any] | None,
         mode: Mapping[Any, Any] | None,
     ) -> Start | None:
-        """Where a run starts; None where that is to be found in the exact way."""
+        """Return the start of a run; None if the arguments need the reader."""
         plain = type(initial) is dict and (parameters is None or type(parameters) is dict)
         if not plain or not (mode is None or type(mode) is dict) or len(initial) != len(self._system.state):
             return None
@@ -87,12 +87,14 @@ class QuickStart:
         if self._in_kinks and kernel.UNCLEAR_SIGN in constants.signs(time, x):
             return None
         exact = lambda: list(map(exact_number, point))  # noqa: E731
-        found = begin(self.integrator, constants, self._template, time, end, tuple(x), exact, given)
+        workspace = self.integrator.workspace()
+        found = begin(workspace, constants, self._template, time, end, tuple(x), exact, given)
+        self.integrator.free.append(workspace)
         wrong = found.refused is not None and (given or found.refused.status == "failed")
-        return None if wrong else found  # the exact way has the words
+        return None if wrong else found  # the reader reports the error
 
     def _entries(self, mode: Mapping[Any, Any]) -> dict[int, int] | None:
-        """A mode by the surfaces' indices; None where it cannot be one."""
+        """Return a mode by index of the surfaces; None if it is invalid."""
         names = self._system.model.sign_names
         if any(name not in names or type(entry) is not int or entry not in (-1, 0, 1) for name, entry in mode.items()):
             return None
