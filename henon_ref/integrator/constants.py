@@ -1,4 +1,4 @@
-"""Constants of compiled modes at given parameter values, made in microseconds, and what decides modes with them."""
+"""Constants of compiled modes at given parameter values, computed in microseconds."""
 
 from __future__ import annotations
 
@@ -28,32 +28,32 @@ if TYPE_CHECKING:
     from henon_ref.modes.mode_evaluation import ModeEvaluation
 
 TABLES = ffi.sizeof("struct tables") // 8
-"""Length of the tables at the begin of a block, in doubles."""
+"""Length of the tables at the beginning of a block, in doubles."""
 _BLOCK = ffi.typeof("double[]")
 
 
 class LoopData(NamedTuple):
-    """What the compiled loop reads of the modes that are compiled, apart from a run's own memory."""
+    """Data of the compiled modes that the compiled loop reads, shared by runs."""
 
     compiled: CompiledModes
     memory: Any
-    """What the tables point into."""
+    """Memory that the tables point to."""
     tables: Any
     """``struct tables`` of ``henon_ref/kernel/kernel.h``."""
 
     @property
     def numbers(self) -> NDArray[np.float64]:
-        """(M, 2 or 3, K): for each mode the constants of its expansion, of its probe, and of the maps of resets where
-        compiled code makes jumps, rounded to double; behind them what the rounding lost of each. A copy."""
+        """Constants of each mode, shape (M, 2 or 3, K): of its expansion, its probe, and the maps of resets if compiled
+        code applies them; each row has the doubles, then their remainders. A copy."""
         shape = self.compiled.sources.shape
         memory = ffi.buffer(self.tables.numbers, 8 * self.compiled.sources.size)
         return np.frombuffer(memory, dtype=np.float64).reshape(shape).copy()
 
 
 class LoopProgram:
-    """Makes the constants of the modes that are compiled at one time, and those of the normal velocities behind them.
+    """Program of the constants of all compiled modes, followed by those of the normal velocities.
 
-    ``writer``: of programs in the parameters.
+    ``writer`` writes programs in the parameters.
     """
 
     def __init__(self, table: ModeTable, writer: ProgramWriter) -> None:
@@ -68,9 +68,9 @@ class LoopProgram:
         self._at_once = self.program.compiled(self._sources)
 
     def at(self, values: Sequence[float]) -> LoopData | None:
-        """Those of one point, at once; None where a constant holds functions, is not finite, or its terms cancel.
+        """Compute the constants at one point; None if one contains a function, is not finite, or suffers cancellation.
 
-        ``values``: of each parameter a pair.
+        ``values``: a pair of doubles for each parameter.
         """
         if self._at_once is None:
             return None
@@ -81,19 +81,19 @@ class LoopProgram:
 
     @property
     def bytes_a_point(self) -> int:
-        """Memory that :meth:`numbers` takes for each point."""
+        """Memory of :meth:`numbers` per point [bytes]."""
         return 8 * (self.program.places_a_point + self._sources.size)
 
     def numbers(self, values: NDArray[np.float64], exact: Callable[[int], Sequence[sp.Expr]]) -> NDArray[np.float64]:
-        """Those of some points with ``values``, shape (points, parameters, 2), a row each.
+        """Compute the constants at points with ``values``, shape (points, parameters, 2): one row per point.
 
-        ``exact``: the exact values of a point, by its number.
+        ``exact`` returns the exact values of a point, by index.
         """
         found = np.concatenate([np.zeros((len(values), 1)), self.program.pairs(values, exact)], axis=1)
         return np.take(found, self._sources, axis=1)
 
     def of(self, numbers: NDArray[np.float64]) -> LoopData:
-        """Data with constants that :meth:`numbers` has made, those of the first point."""
+        """Return data with the constants of the first point in the result of :meth:`numbers`."""
         tables = ffi.new("struct tables *", self._template[0])
         tables.numbers, behind = doubles(numbers), self.compiled.sources.size
         if tables.selection.velocities:
@@ -102,7 +102,7 @@ class LoopProgram:
 
 
 def _describe(tables: Any, mode_table: ModeTable, compiled: CompiledModes) -> None:
-    """Let tables point to modes that are compiled, all but their constants."""
+    """Fill tables with the compiled modes, except for their constants."""
     tables.modes, tables.count = ffi.from_buffer(compiled.records), len(compiled.records)
     tables.tapes, tables.length = compiled.sources.shape[1:]
     if mode_table.contacts and len(compiled.records):
@@ -116,20 +116,20 @@ def _describe(tables: Any, mode_table: ModeTable, compiled: CompiledModes) -> No
 
 
 class ParameterPrograms:
-    """Programs of one system, whose parameters have no values."""
+    """Programs of one system in its symbolic parameters."""
 
     def __init__(self, mode_table: ModeTable) -> None:
         self.table, self.system = mode_table, mode_table.system
         self.parameters = parameters_in(self.system)
-        """Symbols that stand in the system's expressions, by name: the order of all values."""
+        """Symbols in the system's expressions, by name; this is the order of all values."""
         self.surfaces = len(self.system.surfaces)
         self.pack = Struct(f"{2 * (2 + len(self.system.states) + len(self.parameters))}d").pack
-        """Makes the numbers of a start of pairs: horizon, initial time, states, parameters."""
+        """Packs the pairs of a start: horizon, initial time, states, parameters."""
         self._writer = ProgramWriter(self.parameters)
         self._loop: LoopProgram | None = None
 
     def loop(self) -> LoopProgram:
-        """For the modes that are compiled now."""
+        """Return the program for the modes compiled so far."""
         made = self._loop
         if made is None or made.compiled is not self.table.compiled:
             with one_at_a_time():
@@ -138,21 +138,21 @@ class ParameterPrograms:
 
     @cached_property
     def start(self) -> ConstantProgram:
-        """Surfaces, then ``valid`` expressions, in time, states and parameters."""
+        """Program of the surfaces, then the ``valid`` expressions, in time, states and parameters."""
         with one_at_a_time():
             symbols = (TIME, *self.system.states, *self.parameters)
             return constant_program(symbols, (*self.system.surfaces, *self.system.valid))
 
     @cached_property
     def shared_tapes(self) -> SharedTapes:
-        """What decides modes in Python, for all parameter values."""
-        from henon_ref.integrator.shared_tapes import SharedTapes  # most runs have no use for it
+        """Tapes that decide modes in Python, for all parameter values."""
+        from henon_ref.integrator.shared_tapes import SharedTapes  # rarely needed
 
         return SharedTapes(self.system, self.parameters)
 
 
 def parameters_in(system: FilippovSystem) -> tuple[sp.Symbol, ...]:
-    """Symbols of a system's expressions that are no states, no signs and not the time, by name."""
+    """Return the symbols in a system's expressions other than time, states and signs, by name."""
     expressions = [*system.field, *system.surfaces, *system.valid]
     for override in system.overrides.values():
         expressions += [*override.field, *(release.when for release in override.release)]
@@ -164,22 +164,22 @@ def parameters_in(system: FilippovSystem) -> tuple[sp.Symbol, ...]:
 
 @dataclass(eq=False)
 class ModeConstants:
-    """A system's compiled modes at given parameter values."""
+    """Compiled modes of a system at given parameter values."""
 
     programs: ParameterPrograms
     values: tuple[float, ...]
-    """Of the programs' parameters, in their order: of each a pair."""
+    """Pair of doubles of each parameter, in the order of the programs."""
     exact: Callable[[], Sequence[sp.Expr]]
     """Returns the values as exact numbers; called only if double-double does not decide."""
 
     def __post_init__(self) -> None:
         self.table = self.programs.table
         self.latest, self.is_finite = self._made()
-        """For the modes that were compiled at the last :meth:`update`, which replaces it as a whole; whether the
-        constants of the modes that were compiled first are finite."""
+        """Data of the modes compiled at the last :meth:`update`, which replaces it as a whole; whether the first
+        constants are finite."""
 
     def update(self) -> LoopData:
-        """Take in modes that have been compiled since."""
+        """Include the modes that have been compiled since the last update."""
         with one_at_a_time(), compiling():
             if self.latest.compiled is not self.table.compiled:
                 self.latest, _ = self._made()
@@ -194,7 +194,7 @@ class ModeConstants:
         return program.of(numbers), bool(np.isfinite(numbers).all())
 
     def start(self, run: Any, template: Any, until: Pair, t: Pair, x: Sequence[Pair]) -> list[int] | None:
-        """Write a start into a run's block (``start_run`` of ``kernel/start.c``).
+        """Write a start into the block of a run (``start_run`` of ``kernel/start.c``).
 
         Returns
         -------
@@ -210,23 +210,23 @@ class ModeConstants:
         return ffi.unpack(ffi.cast("int64_t *", memory), len(programs.start.outputs)) if compiled else self.signs(t, x)
 
     def signs(self, t: Pair, x: Sequence[Pair]) -> list[int]:
-        """Signs of the surfaces, then of the ``valid`` expressions, at a point, as :meth:`start` returns them."""
+        """Return the signs of surfaces and ``valid`` expressions at a point, as :meth:`start` does."""
         point = np.array([*t, *chain.from_iterable(x), *self.values]).reshape(1, -1, 2)
         found: list[int] = self.programs.start.signs_at(point)[0].tolist()
         return found
 
     def exact_signs(self, point: Sequence[Any]) -> list[int | None]:
-        """The same at a point of exact numbers; None where there is no value (see :meth:`ConstantProgram.signs`)."""
+        """Return the signs at a point of exact numbers; None for an expression without a value there."""
         return self.programs.start.signs((*point, *self.exact()))
 
     @cached_property
     def in_doubles(self) -> ModeEvaluation:
-        """The modes in double precision."""
+        """Modes in double precision."""
         return self.programs.shared_tapes.in_doubles(self.values[::2])
 
     @cached_property
     def precise(self) -> PreciseModes:
-        """The modes in multiprecision."""
+        """Modes in multiprecision."""
         from henon_ref.integrator.precise_modes import PreciseModes  # most runs have no use for it
 
         shared, values = self.programs.shared_tapes, tuple(self.exact())

@@ -1,4 +1,4 @@
-"""Runs of many points of one system: in compiled code, and those that it sets aside in Python, with the same bits."""
+"""Runs of many points of one system in compiled code; points set aside run from Python, with equal bits."""
 
 from __future__ import annotations
 
@@ -29,33 +29,33 @@ from henon_ref.modes.mode import Mode
 from henon_ref.trajectory import Status, Trajectory
 
 PROGRESS, END = record_dtype("progress"), record_dtype("end")
-"""Where a call that runs many points stands, and what it is to keep; and how the run of a point ended."""
+"""Records of the progress of a call that runs many points, and of the end of one run."""
 AT_ONCE = 4096
-"""Points whose constants are in memory at one time, at most."""
+"""Largest number of points whose constants are in memory at once."""
 MEMORY = 1 << 26
-"""Bytes that these constants take, about: fewer points at one time where a system has many modes."""
+"""Approximate limit on the memory of these constants [bytes]: with many modes, fewer points at once."""
 BUFFER = 16 * CHUNK
-"""Transitions that are kept before they are handed out, at first."""
+"""Initial capacity of the buffer of transitions."""
 PAUSE_STEPS = 1_000_000
-"""Steps from one look at interrupts to the next: some tenths of a second."""
+"""Number of steps between checks for interrupts (some tenths of a second)."""
 TRIES = 16
-"""Points set aside in a row for which no mode was compiled, before the call stops for such points no more."""
+"""Number of consecutive points set aside without a new mode after which the call no longer stops for them."""
 
 
 class Keep(NamedTuple):
-    """Which transitions are kept."""
+    """Selection of the transitions that are kept."""
 
     after: float = -np.inf
-    """None before this time [s]."""
+    """Transitions before this time are dropped [s]."""
     open_sticks: bool = False
-    """Whether of a stick that is open at ``after`` both ends are kept: its begin right before its release."""
+    """Whether both ends of a stick that is open at ``after`` are kept, its start directly before its release."""
 
 
 NOTHING = Keep(np.inf)
 
 
 class ExactPoint(NamedTuple):
-    """Numbers of a point as :meth:`Integrator.begin` takes them."""
+    """Numbers of a point, as arguments of :meth:`Integrator.begin`."""
 
     values: tuple[Any, ...]
     initial: Sequence[Any]
@@ -64,7 +64,7 @@ class ExactPoint(NamedTuple):
 
 
 def _pairs(numbers: ArrayLike, axes: int) -> NDArray[np.float64]:
-    """Pairs of doubles as they are; else of the decimal numbers that doubles are printed as (``axes``: at least)."""
+    """Return pairs of doubles unchanged, and doubles as pairs of the printed decimal numbers (``axes``: least ndim)."""
     found = np.asarray(numbers, dtype=np.float64)
     if found.ndim == max(axes, 1) + 1 and found.shape[-1] == 2:
         return found
@@ -72,32 +72,31 @@ def _pairs(numbers: ArrayLike, axes: int) -> NDArray[np.float64]:
 
 
 class PointRuns:
-    """Runs of many points: iterate once to do them, then read how they ended.
+    """Runs of many points: iterating does the runs; the attributes then hold their ends.
 
-    Iterating gives arrays of the transitions that are kept, of the type :attr:`transition_dtype`; those of one point
-    are in one array, in the order of time. Points come in order, but for those that are set aside. What is computed
-    depends neither on which points are done together nor on what was compiled before.
+    The iterator yields arrays of the kept transitions, of type :attr:`transition_dtype`; the transitions of one point
+    are in one array, in order of time. Points come in order, except those that are set aside. The results depend
+    neither on which points are run together nor on what was compiled before.
 
     Parameters
     ----------
     integrator : Integrator
-        Of a system without values of its parameters.
+        Integrator of a system without parameter values.
     values : array_like, shape (points or 1, parameters) or (points or 1, parameters, 2)
-        Of :attr:`Integrator.parameters`, in their order; one row: the same for all points.
+        Values of :attr:`Integrator.parameters`, in their order; one row applies to all points.
     initial : array_like, shape (points, n) or (points, n, 2)
     start, until : float or array_like, shape (points,) or (points, 2)
         Initial time and horizon [s].
     keep : Keep
-        By default nothing.
+        By default no transition is kept.
     mode : mapping, optional
-        Surface -> -1, 0 or +1, for starts on a surface that the fields leave open: each is decided in Python.
+        Surface -> -1, 0 or +1, for starts on a surface from which several motions are possible; Python decides these.
     exact : callable, optional
-        The exact numbers of a point, by its number: values, state, initial time, horizon. By default those that the
-        doubles are printed as.
+        Returns the exact numbers of a point, by index. By default the printed decimal numbers.
     **settings
-        Of :func:`henon_ref.integrator.start.run_template`.
+        Arguments of :func:`henon_ref.integrator.start.run_template`.
 
-    Doubles stand for the decimal numbers that they are printed as; with a last axis of length 2 they are pairs (see
+    Doubles stand for the decimal numbers that Python prints; arrays with a last axis of length 2 are pairs (see
     :mod:`henon_ref.integrator.pairs`).
 
     Attributes
@@ -105,9 +104,9 @@ class PointRuns:
     ends : ndarray, shape (points,) of :data:`END`
         Time, number of the mode, and counts at the end of each run.
     states : ndarray, shape (points, n)
-        States there.
+        States at the ends.
     others : dict of int to Trajectory
-        Of points that were set aside, how their runs ended; without transitions.
+        Results of the points that were set aside, without transitions.
     """
 
     def __init__(
@@ -139,23 +138,23 @@ class PointRuns:
 
     @property
     def modes(self) -> Sequence[Mode]:
-        """Modes by the numbers that transitions and ends hold."""
+        """Modes, indexed by the numbers in transitions and ends."""
         return list(self._numbers) if self.integrator.mode_table.contacts else self.integrator.mode_table.modes
 
     def numbers(self, modes: Iterable[Mode]) -> NDArray[np.int64]:
-        """Numbers of modes that are entries of contacts."""
+        """Return the numbers of modes of contacts."""
         found = [self._numbers.setdefault(mode, len(self._numbers)) for mode in modes]
         return np.array(found, dtype=np.int64)
 
     @property
     def transition_dtype(self) -> np.dtype[Any]:
-        """``point``, then the fields of :func:`henon_ref.integrator.records.transition_dtype`."""
+        """Type of a kept transition: ``point``, then :func:`henon_ref.integrator.records.transition_dtype`."""
         kind = transition_dtype(self.states.shape[1])
         assert kind.names is not None
         return np.dtype([("point", "i8"), *((name, kind[name]) for name in kind.names)], align=True)
 
     def status(self, point: int) -> tuple[Status, str]:
-        """How the run of a point ended, and why it is not ``ok``."""
+        """Return the status of a point's run, and the reason if it is not ``ok``."""
         if point in self.others:
             return self.others[point].status, self.others[point].reason
         if self.ends["code"][point] == kernel.BUDGET_SPENT:
@@ -163,14 +162,14 @@ class PointRuns:
         return "ok", ""
 
     def exact(self, point: int) -> ExactPoint:
-        """The exact numbers of a point."""
+        """Return the exact numbers of a point."""
         if self._exact is not None:
             return self._exact(point)
         values, (begin, until) = self.values[point if len(self.values) > 1 else 0], self.times[point, :, 0].tolist()
         return ExactPoint(tuple(values[:, 0].tolist()), self.initial[point, :, 0].tolist(), begin, until)
 
     def start(self, point: int) -> Start:
-        """Where the run of a point starts, as :class:`Run` takes it."""
+        """Return the start of a point's run."""
         values, initial, begin, until = self.exact(point)
         return self.integrator.begin(values, initial, start=begin, until=until, mode=self.given_mode, **self.settings)
 
@@ -184,7 +183,7 @@ class PointRuns:
 
 
 class _Part:
-    """The points from ``first`` up to before ``last``, whose constants are in memory together."""
+    """Points ``first`` to ``last - 1``, whose constants are in memory together."""
 
     def __init__(self, runs: PointRuns, first: int, last: int) -> None:
         self.runs, self.first, self.part = runs, first, slice(first, last)
@@ -200,7 +199,7 @@ class _Part:
         self.progress["steps"], self.progress["stop_aside"] = PAUSE_STEPS, True
 
     def run(self) -> Iterator[NDArray[Any]]:
-        """Do the runs, handing out transitions."""
+        """Do the runs; yield the kept transitions."""
         integrator = self.runs.integrator
         workspace = integrator.workspace()
         try:
@@ -238,7 +237,7 @@ class _Part:
             runs.ends["mode"][self.first + done] = runs.numbers(modes)[places]
 
     def _array(self, kept: NDArray[np.float64]) -> NDArray[Any]:
-        """Transitions that are kept, as they are handed out."""
+        """Convert rows of the buffer to the array of transitions that is yielded."""
         contacts, rows = self.runs.integrator.mode_table.contacts, kept
         if contacts:
             own, modes = numbered_rows(kept[:, 1:], contacts)
@@ -255,16 +254,16 @@ class _Part:
         return ffi.cast("struct progress *", ffi.from_buffer(self.memory))
 
     def _buffer(self, kept: NDArray[np.float64]) -> Any:
-        """Where transitions go; what it points to lasts as long as ``kept`` and :attr:`pending` do."""
+        """Return a ``struct buffer`` over ``kept`` and :attr:`pending`, which must outlive it."""
         buffer = ffi.new("struct buffer *")
         buffer.kept, (buffer.capacity, buffer.width) = doubles(kept), kept.shape
         buffer.pending, buffer.surfaces = doubles(self.pending), len(self.pending)
         return buffer
 
     def _rows(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Row, or words, of each point's mode at the start, and the surface that it starts on, -1 for none.
+        """Return the row (or words) of each point's initial mode, and the surface that it starts on (-1: none).
 
-        Where it is on one, the row is that of the mode below it; -1 where the start is not clear.
+        On a surface this is the row of the mode below it; it is -1 if the start is not clear.
         """
         runs, integrator = self.runs, self.runs.integrator
         values = np.broadcast_to(self.values, (len(self.numbers), *self.values.shape[1:]))
@@ -283,7 +282,7 @@ class _Part:
         return rows, surfaces
 
     def _constants(self, points: Any) -> LoopData:
-        """The modes that are compiled now with the constants of all points, or of the first where all have the same."""
+        """Return the compiled modes with the constants of all points, or of the first point if all are equal."""
         program = self.runs.integrator.programs.loop()
         numbers = program.numbers(
             self.values, lambda point: [exact_expression(v) for v in self.runs.exact(self.first + point).values]
@@ -292,7 +291,7 @@ class _Part:
         return program.of(numbers)
 
     def _handed_out(self) -> Iterator[NDArray[Any]]:
-        """Transitions of the points that are done; those of one that is at work move to the begin of the buffer."""
+        """Yield the transitions of finished points; those of the running point move to the start of the buffer."""
         progress = self.progress
         done = progress["kept_before"] if progress["running"] else progress["kept"]
         rest = self.kept[done : progress["kept"]].copy()
@@ -300,13 +299,13 @@ class _Part:
             found = self.kept[:done].copy()
             found.view(np.int64)[:, 0] += self.first
             yield self._array(found)
-        elif progress["running"]:  # one point has filled it
+        elif progress["running"]:  # one point has filled the buffer
             self.kept = np.empty((2 * len(self.kept), self.kept.shape[1]))
         self.kept[: len(rest)] = rest
         progress["kept"], progress["kept_before"] = len(rest), 0
 
     def _in_python(self, point: int) -> Iterator[NDArray[Any]]:
-        """Do the run of a point that is set aside."""
+        """Run a point that was set aside; yield its transitions."""
         runs, number = self.runs, self.first + point
         run, memory, ends = Run(runs.integrator, runs.start(number)), self.memory.copy(), runs.ends[number]
         memory["point"], self.pending[:, 0], ends["transitions"] = number, 0.0, 0

@@ -1,8 +1,8 @@
-"""One run from Python: calls the compiled mode loop, answers its return codes, and ends the run.
+"""One run from Python: calls the compiled mode loop, handles its return codes, and ends the run.
 
-The loop (``kernel/loop.c``) integrates mode after mode as long as double precision decides what follows. It returns
-with a code where it does not, where a mode has no machine code yet, and where the run ends; :mod:`mode_changes
-<henon_ref.integrator.mode_changes>` has the answers that let it go on.
+The loop (``kernel/loop.c``) integrates one mode after another while double precision decides the next mode. It returns
+a code if double precision does not decide, a mode has no machine code yet, or the run ends. :mod:`mode_changes
+<henon_ref.integrator.mode_changes>` handles the codes after which the run continues.
 """
 
 from __future__ import annotations
@@ -27,52 +27,52 @@ from henon_ref.trajectory import Counts, Decisions, Status, Trajectory, Transiti
 _tuple = tuple.__new__
 _counts: Callable[..., tuple[int, ...]] = Struct("6q").unpack_from
 _FIRST_COUNT: int = ffi.offsetof("struct run", "mode")
-"""Where in the block, in bytes, mode, steps, expansions, guard evaluations, transitions and guards below rounding
-are."""
+"""Offset in the block, in bytes, of mode, steps, expansions, guard evaluations, transitions and guards below
+rounding."""
 _STATE = 8 * STATE_PLACE
 _NO_SAMPLES = np.zeros((0, 2))
 _NO_DECISIONS = Decisions()
 
 
 class Jumped(NamedTuple):
-    """A jump of the state."""
+    """Jump of the state."""
 
     surfaces: tuple[int, ...]
-    """Those that reset it, in order."""
+    """Surfaces whose resets were applied, in order."""
     time: float
-    """[s]."""
+    """Time [s]."""
     before: tuple[float, ...]
-    """State before it."""
+    """State before the jump."""
     after: tuple[float, ...]
-    """State after it."""
+    """State after the jump."""
     mode: Mode
-    """Before it."""
+    """Mode before the jump."""
 
 
 class Run(State):
-    """One run: the compiled loop is called until the horizon, and its return codes are answered.
+    """One run: calls the compiled loop until the horizon, and handles its return codes.
 
-    It has a workspace of its own, some 100 kB, as long as it lives.
+    During its lifetime a run has a workspace of some 100 kB.
 
-    :meth:`to_horizon` goes to the horizon; :meth:`next_event` stops after each transition, so that whoever asks may
-    read and change :attr:`x` there (saltation of variational equations, say) before going on.
+    :meth:`to_horizon` runs to the horizon; :meth:`next_event` stops after each transition, so that the caller may read
+    and change :attr:`x` there (for example, for variational equations) before the run continues.
 
     Parameters
     ----------
-    integrator, start
-        Of one system.
+    integrator : Integrator
+    start : Start
     sample_times : ndarray, shape (k,), optional
     deadline : float, optional
-        Processor time after which the run stops with status ``timeout`` [s], what is compiled in the run apart.
+        Processor time, without compiling, after which the run stops with status ``timeout`` [s].
     block : int
-        Transitions kept in one block of memory, CHUNK at most; 1 to stop at each.
+        Number of transitions in one block of memory, at most CHUNK; 1 to stop at each transition.
     dense : int
-        Steps kept in one block of memory, for dense output; 0: no step is kept.
+        Number of steps in one block of memory, for dense output; 0: steps are not kept.
 
     Attributes
     ----------
     ended : Trajectory or None
-        How the run ended, once :meth:`stream` is through.
+        Result of the run, after :meth:`stream` has finished.
     """
 
     def __init__(
@@ -107,23 +107,23 @@ class Run(State):
 
     @property
     def steps(self) -> NDArray[Any]:
-        """Steps taken so far that are kept, shape (k,) of :func:`.records.step_dtype`, in order of time.
+        """Kept steps so far, shape (k,) of :func:`.records.step_dtype`, in order of time.
 
-        A step holds from its time up to its length, where the next one begins; one that ends in an event ends there.
+        The polynomial of a step holds from its time over its length, up to the next step or an event.
         """
         kept = self.step_blocks if self._steps is None else [*self.step_blocks, self._steps[: self.scalars.dense_steps]]
         kind = step_dtype(len(self.start.x), self.scalars.order)
         return np.concatenate(kept).view(kind)[:, 0] if kept else np.zeros(0, dtype=kind)
 
     def go_back(self, state: NDArray[np.float64]) -> None:
-        """Go back to where the run stood when :attr:`state` was this; what it handed out since is void."""
+        """Return to an earlier :attr:`state`; transitions and steps since then are invalid."""
         self.state[:] = state
         self.passed_at = -1
 
     def to_horizon(self) -> Trajectory:
-        """Go to the horizon (or to where the run ends before it)."""
+        """Run to the horizon, or to an earlier end of the run."""
         end = self._advance()
-        if end is not None:  # short, as most are: no clock is needed
+        if end is not None:  # most runs are short and need no clock
             return end
         deadline = Deadline(self.deadline)
         while (end := self._advance()) is None:
@@ -132,9 +132,9 @@ class Run(State):
         return end
 
     def stream(self) -> Iterator[TransitionArray]:
-        """Go to the horizon, handing transitions out as they come: memory does not grow with the run.
+        """Run to the horizon and yield the transitions in blocks, so that memory does not grow with the run.
 
-        What ended the run is :attr:`ended` afterwards; its transitions are those not handed out before.
+        Afterwards :attr:`ended` is the result; its transitions are those of the last block.
         """
         while (end := self._advance()) is None:
             for records in self.blocks:
@@ -145,10 +145,10 @@ class Run(State):
             yield cast(TransitionArray, end.transitions)
 
     def next_event(self) -> Transition | Trajectory:
-        """Go to the next transition; the trajectory instead where the run ends before one."""
-        self.blocks.clear()  # transitions handed out already
+        """Run to the next transition and return it; if the run ends before, return the trajectory."""
+        self.blocks.clear()  # transitions returned before
         self.scalars.transitions = 0
-        if self.scalars.steps > 0:  # the state may have been changed
+        if self.scalars.steps > 0:  # the caller may have changed the state
             self.scalars.more_digits = 0
         while (end := self._advance(stop=True)) is None:
             if self.scalars.transitions:
@@ -157,7 +157,7 @@ class Run(State):
         return end
 
     def last_jump(self) -> Jumped | None:
-        """The jump of the state at the event that :meth:`next_event` has come to; None where the state went on."""
+        """Return the jump at the last event of :meth:`next_event`; None if the state did not jump there."""
         records = np.concatenate([*self.blocks, self.workspace.transitions[: self.scalars.transitions]])
         resets = [t for t in self._array(records) if t.kind == "reset"]
         if not resets:
@@ -166,7 +166,7 @@ class Run(State):
         return Jumped(surfaces, resets[0].time, before, resets[-1].state, resets[0].from_mode)
 
     def _advance(self, *, stop: bool = False) -> Trajectory | None:
-        """Let the compiled loop run until it needs something; None if the run goes on."""
+        """Call the compiled loop once and handle its return code; None if the run continues."""
         refused = self.start.refused
         if refused is not None:
             unasked = self.samples is _NO_SAMPLES
@@ -184,7 +184,7 @@ class Run(State):
         elif code == kernel.BUDGET_SPENT and self.scalars.steps >= self.scalars.most_steps:
             return self._end("failed", out_of_steps(self.scalars.most_steps, self.time))
         elif code not in (kernel.BLOCK_FULL, kernel.BUDGET_SPENT):
-            from henon_ref.integrator.mode_changes import answered  # most runs have no use for it
+            from henon_ref.integrator.mode_changes import answered  # rarely needed
 
             ending = answered(self, code)
             return None if ending is None else self._end(*ending)
@@ -214,7 +214,7 @@ class Run(State):
         samples = sample_modes = None
         if self.samples is not _NO_SAMPLES:
             samples, sample_modes = self._sampled_states(), self._sampled_modes()
-        # As the tuples they are, past Python's constructors: a tenth of a short run.
+        # Built as plain tuples: the constructors would cost a tenth of a short run.
         counts = _tuple(Counts, counted)
         if self.decisions is not _NO_DECISIONS:
             counts.decisions = self.decisions

@@ -1,4 +1,4 @@
-"""A run's block as Python sees it, and what is kept of the run."""
+"""Python view of a run's memory block, and the data that the run keeps."""
 
 from __future__ import annotations
 
@@ -24,47 +24,47 @@ if TYPE_CHECKING:
 
 
 class State:
-    """A run's block, views of its parts, and what is kept of the run.
+    """Memory block of a run, views of its parts, and the data that the run keeps.
 
-    A run sets its attributes itself: a call costs a tenth of a short run.
+    :class:`Run` sets the attributes; a call of another ``__init__`` would cost a tenth of a short run.
     """
 
     integrator: Integrator
     start: Start
     workspace: Workspace
-    """The run's own as long as it lives."""
+    """Memory that belongs to the run during its lifetime."""
     scalars: Any
-    """``struct run`` of the kernel's header, at the begin of the block."""
+    """``struct run`` of the kernel's header, at the beginning of the block."""
     state: NDArray[np.float64]
-    """A copy of the start's, in the run's own workspace."""
+    """Part of the workspace, initialized from the start."""
     blocks: list[NDArray[np.float64]]
-    """Transitions that have left the loop's own memory."""
+    """Blocks of transitions that were moved out of the loop's memory."""
     step_blocks: list[NDArray[np.float64]]
     """Full blocks of steps: rows of :func:`henon_ref.integrator.records.step_dtype`, as doubles."""
     samples: NDArray[np.float64]
-    """Times at which samples are wanted; states and mode there."""
+    """Sample times, with the states and mode there."""
     decisions: Decisions
-    """How often Python was needed so far, by cause."""
+    """Number of calls of Python so far, by cause."""
     motion: PreciseMotion | None
-    """The motion from the start in more digits, where they have been asked for."""
+    """Motion from the start in multiprecision, once it has been needed."""
     passed_at: int
-    """Steps taken when a branch point was last passed."""
+    """Number of steps at the last branch point that was passed."""
     _steps: NDArray[np.float64] | None
-    """The block of steps that is being filled; None where none is kept."""
+    """Current block of steps; None if steps are not kept."""
 
     @property
     def guards(self) -> tuple[Guard, ...]:
-        """Guards of the present mode, in the order of its row."""
+        """Guards of the current mode, in the order of its row."""
         return self.integrator.mode_table.guards(self.mode)
 
     @property
     def mode(self) -> Mode:
-        """Present mode."""
+        """Current mode."""
         return self.integrator.mode_table.mode(self.row)
 
     @property
     def row(self) -> int:
-        """Its row, or number (:meth:`henon_ref.integrator.mode_table.ModeTable.row`)."""
+        """Row or number of the current mode (:meth:`henon_ref.integrator.mode_table.ModeTable.row`)."""
         return read(self._entries) if self.integrator.mode_table.contacts else int(self.scalars.mode)
 
     @row.setter
@@ -73,17 +73,17 @@ class State:
             self.scalars.mode = row
         elif row != self.row:
             self._entries[:] = written(row, self.integrator.mode_table.contacts)
-            self.scalars.stepped_mode = -1  # the loop looks which mode it is
+            self.scalars.stepped_mode = -1  # makes the loop look up the mode
 
     @property
     def _entries(self) -> NDArray[np.int64]:
-        """Words of the mode's entries, where it is no row: a view."""
+        """View: words of the mode's entries, if modes are numbers."""
         last = len(self.state) - self.scalars.guards
         return self.state[last - words_of(self.integrator.mode_table.contacts) : last].view(np.int64)
 
     @property
     def until(self) -> tuple[float, float]:
-        """Horizon [s] and what rounding it lost; a later one may be set to go on from where the run stands."""
+        """Horizon as a pair of doubles [s]; a later horizon may be set to continue the run."""
         return float(self.scalars.horizon), float(self.scalars.horizon_low)
 
     @until.setter
@@ -96,17 +96,17 @@ class State:
 
     @property
     def x(self) -> NDArray[np.float64]:
-        """Present state, shape (n,): a view."""
+        """View: current state, shape (n,)."""
         return self._vector(0)
 
     @property
     def x_low(self) -> NDArray[np.float64]:
-        """What rounding it lost: a view; whoever changes ``x`` sets it to 0 there."""
+        """View: remainder of the state's rounding; set it to 0 where ``x`` is changed."""
         return self._vector(1)
 
     @property
     def before_jump(self) -> NDArray[np.float64]:
-        """State before the last jump, shape (n,): a view."""
+        """View: state before the last jump, shape (n,)."""
         return self._vector(2)
 
     def _of_guards(self, k: int) -> NDArray[np.int64]:
@@ -115,65 +115,65 @@ class State:
 
     @property
     def known_zeros(self) -> NDArray[np.int64]:
-        """Known zeros of each guard at the present point: a view."""
+        """View: number of known zeros of each guard at the current point."""
         return self._of_guards(0)
 
     @property
     def hits(self) -> NDArray[np.int64]:
-        """1 for each guard that is at zero: a view."""
+        """View: 1 for each guard that is at zero."""
         return self._of_guards(1)
 
     @property
     def since(self) -> NDArray[np.float64]:
-        """Since when each guard has been below its rounding [s] (``rounding_place`` of the kernel)."""
+        """Time since which each guard has been below its rounding error [s] (``rounding_place`` of the kernel)."""
         return self.state[len(self.state) - self.scalars.guards :]
 
     @property
     def time(self) -> float:
-        """Present time [s], rounded to double."""
+        """Current time [s], rounded to double."""
         return float(self.scalars.time)
 
     @property
     def now(self) -> Pair:
-        """The same with what rounding lost of it."""
+        """Current time as a pair of doubles [s]."""
         return float(self.scalars.time), float(self.scalars.time_low)
 
     @property
     def exact_time(self) -> arb:
-        """Both together."""
+        """Current time as a ball [s]."""
         high, low = self.now
         return arb(high) + arb(low)
 
     def left(self, time: Pair) -> float:
-        """From a time to the horizon [s]."""
+        """Return the time left to the horizon [s]."""
         until, until_low = self.until
         return (until - time[0]) + (until_low - time[1])
 
     @property
     def exact_state(self) -> list[arb]:
-        """Present state likewise."""
+        """Current state as balls."""
         return [arb(high) + arb(low) for high, low in zip(self.x.tolist(), self.x_low.tolist(), strict=True)]
 
     def count(self, cause: str) -> None:
-        """Note why Python was needed."""
+        """Count a call of Python by its cause."""
         self.decisions = self.decisions._replace(**{cause: getattr(self.decisions, cause) + 1})
 
     def close_block(self) -> None:
-        """Keep the transitions that the loop's own memory holds."""
+        """Move the transitions out of the loop's memory."""
         self.blocks.append(self.workspace.transitions[: self.scalars.transitions].copy())
         self.scalars.transitions = 0
 
     def close_steps(self) -> None:
-        """Keep the steps of a block that is full, and give the loop another one."""
+        """Keep a full block of steps, and start another block."""
         assert self._steps is not None
         self.step_blocks.append(self._steps[: self.scalars.dense_steps])
         self._steps = np.empty_like(self._steps)
         self.scalars.dense, self.scalars.dense_steps = doubles(self._steps), 0
 
     def keep_step(self, length: float) -> NDArray[np.float64] | None:
-        """Keep the step that leads to an event located in multiprecision: the compiled loop has not taken it.
+        """Keep a step that Python takes, such as the step to an event located in multiprecision.
 
-        Returns its coefficients, a view; None where no step is kept.
+        Returns a view of its coefficients; None if steps are not kept.
         """
         scalars, shape = self.scalars, (self.x.size, self.scalars.order + 1)
         if self._steps is None:
@@ -190,14 +190,14 @@ class State:
         return coefficients
 
     def keep_line(self, length: float, state: Sequence[float]) -> None:
-        """Keep a step of which no series is there, as a straight line: impacts up to rest, or past a branch point."""
+        """Keep a step without a series as a straight line: accumulating impacts, or a branch point."""
         lines = self.keep_step(length) if length > 0.0 else None
         if lines is not None:
             lines[:, 0], lines[:, 2:] = self.x, 0.0
             lines[:, 1] = (np.asarray(state) - self.x) * (self.scalars.unit / length)
 
     def fill_samples_on_line(self, length: float, state: Sequence[float]) -> None:
-        """Fill the samples on such a step."""
+        """Fill the samples on a step that is kept as a straight line."""
         scalars, samples, contacts = self.scalars, self.samples, self.integrator.mode_table.contacts
         while scalars.next_sample < len(samples):
             row = samples[scalars.next_sample]
@@ -219,6 +219,6 @@ class State:
         self.x_low[:] = [low for _, low in state]
 
     def below_rounding_since(self) -> tuple[tuple[int, float], ...]:
-        """Surfaces that have been below their rounding, and since when [s]; -1 for an expression of the model's end."""
+        """Return (surface, time [s]) of surfaces below their rounding error; -1 for a ``valid`` expression."""
         surfaces = len(self.integrator.system.surfaces)
         return tuple((i if i < surfaces else -1, t) for i, t in enumerate(self.since.tolist()) if t < math.inf)

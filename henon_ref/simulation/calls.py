@@ -1,4 +1,4 @@
-"""Calls that do not fit a function: one error that names what was meant, and what is allowed."""
+"""Errors of calls with wrong arguments: one message with the probable and the allowed names."""
 
 from __future__ import annotations
 
@@ -20,28 +20,28 @@ SCIPY = {
     "t_span": "write until=10, and start=1 where it does not begin at 0",
     "y0": "write initial={'x': 1, 'v': 0}",
     "events": "every surface of the system is located: see run.transitions; stop={'s': 'falling'} ends the run on one",
-    "method": "there is one method; rtol says how exact it is",
+    "method": "leave it out; there is one method, whose accuracy rtol sets",
     "atol": "leave it out; rtol is relative to each state's own size, whatever its unit",
     "jac": "derivatives are taken from the system's expressions",
     **dict.fromkeys(("max_step", "min_step", "first_step"), "steps follow from rtol, and pass over no event"),
-    **dict.fromkeys(("vectorized", "jac_sparsity", "lband", "uband"), "there is nothing that it could say here"),
+    **dict.fromkeys(("vectorized", "jac_sparsity", "lband", "uband"), "leave it out; it has no equivalent here"),
 }
-"""Arguments of SciPy's solve_ivp -> what is written here, in functions that take ``rtol``."""
+"""Arguments of SciPy's solve_ivp -> the equivalent here, for functions with ``rtol``."""
 
 
 class CallError(ArgumentError, TypeError):
-    """Arguments that a function does not have, or lacks."""
+    """Unknown or missing arguments of a function."""
 
 
 def explained(function: Callable[P, R]) -> Callable[P, R]:
-    """The function; a call that does not fit it raises a :class:`CallError` that says what does."""
+    """Decorate a function: a call with unknown or missing arguments raises a :class:`CallError`."""
 
     @wraps(function)
     def called(*arguments: P.args, **options: P.kwargs) -> R:
         try:
             return function(*arguments, **options)
         except TypeError as error:
-            if error.__traceback__ is None or error.__traceback__.tb_next is not None:  # it arose within
+            if error.__traceback__ is None or error.__traceback__.tb_next is not None:  # raised inside the function
                 raise
             raise CallError(_misfit(function, arguments, options) or str(error)) from None
 
@@ -49,7 +49,7 @@ def explained(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def explained_methods(cls: type[C]) -> type[C]:
-    """The class; calls of it and of its public methods are explained likewise."""
+    """Decorate the constructor and the public methods of a class with :func:`explained`."""
     for name, own in list(vars(cls).items()):
         if isfunction(own) and (name == "__init__" or not name.startswith("_")):
             setattr(cls, name, explained(own))
@@ -57,7 +57,7 @@ def explained_methods(cls: type[C]) -> type[C]:
 
 
 def check_words(function: str, given: Iterable[str], known: Sequence[str], others: Sequence[str] = ()) -> None:
-    """Refuse words that a function has no arguments of; ``others`` are known, too, but too many to be listed."""
+    """Raise CallError for an unknown keyword; ``others`` are also allowed, but not listed in the message."""
     for word in given:
         if word not in known and word not in others:
             meant = did_you_mean(word, [*known, *others])
@@ -66,7 +66,7 @@ def check_words(function: str, given: Iterable[str], known: Sequence[str], other
 
 
 def _misfit(function: Callable[..., Any], arguments: Sequence[Any], options: Mapping[str, Any]) -> str:
-    """What is wrong with a call; empty where something is missing, which Python's own words say."""
+    """Return the message for a wrong call; empty if an argument is missing (Python's message is used)."""
     name = function.__qualname__.removesuffix(".__init__")
     parameters = signature(function).parameters
     own, given = [p for p in parameters.values() if p.name != "self"], len(arguments) - ("self" in parameters)

@@ -1,4 +1,4 @@
-"""From the arguments of a run to where the reference starts it, and from what that returned to how the run ended."""
+"""Launch of a run: from its arguments to the integrator and start, and from the trajectory to the outcome."""
 
 from __future__ import annotations
 
@@ -24,21 +24,19 @@ from henon_ref.terminal import notice_if_slow
 from henon_ref.trajectory import Counts, Status, Trajectory
 
 MOST_PREPARED = 32
-"""Tolerances of one system that are kept."""
+"""Largest number of cached tolerances of one system."""
 KEPT = 64
-"""Systems and orders that are kept compiled; the one not used for the longest time goes first."""
+"""Largest number of cached compiled systems and orders; the least recently used one is dropped."""
 
 _kept: OrderedDict[tuple[object, int, frozenset[int]], Integrator] = OrderedDict()
 _lock = Lock()
 
 
 def integrator_of(system: System, tolerance: float, open_kinks: frozenset[int] = frozenset()) -> Integrator:
-    """What runs a system, with any values of its parameters, at the order of a local error.
+    """Return the integrator of a system, for any values of its parameters, at the order for a local error.
 
-    ``open_kinks``: see :class:`henon_ref.modes.system.FilippovSystem`.
-
-    It is compiled the first time that a system of this structure is asked for. One thread compiles at a time; the
-    others wait for it.
+    ``open_kinks``: see :class:`henon_ref.modes.system.FilippovSystem`. The integrator is created at the first request
+    for a system of this structure. One thread creates an integrator at a time; other threads wait.
     """
     key = system.structure, order_for(tolerance), open_kinks
     with _lock:
@@ -53,17 +51,17 @@ def integrator_of(system: System, tolerance: float, open_kinks: frozenset[int] =
 
 
 class Launch(NamedTuple):
-    """A run that is ready to go."""
+    """Run that is ready to start."""
 
     base: System
     parameters: Mapping[Any, Any] | None
-    """In place of the base's."""
+    """Values that replace those of ``base``."""
     stop: Mapping[Any, str] | None
     integrator: Integrator
     start: Start
 
     def ended(self, trajectory: Trajectory) -> Trajectory:
-        """What the run returned, with the words for a run that was to stop, and no mode where there was none."""
+        """Return the trajectory with the reason of a requested stop, and without hidden kinks."""
         if self.start.refused is not None:
             return trajectory._replace(end_mode=())
         found = trajectory.transitions
@@ -71,7 +69,7 @@ class Launch(NamedTuple):
             last = found[-1] if len(found) else None
             if last is not None and (last.time, last.time_low) != self.start.until and last.time == trajectory.end_time:
                 name = self.base.model.sign_names[last.surface]
-                trajectory = trajectory._replace(reason=f"the run stopped on the surface of {name}, as it was to")
+                trajectory = trajectory._replace(reason=f"the run stopped on the surface of {name}, as requested")
         if self.base.model.kinks:
             from henon_ref.modes.kinks import HiddenKinks
 
@@ -92,7 +90,7 @@ def launch(
     stop: Mapping[Any, str] | None,
     max_steps: int,
 ) -> Launch:
-    """Read the arguments of :func:`henon_ref.simulate`; an ArgumentError for invalid ones."""
+    """Read the arguments of :func:`henon_ref.simulate`; ArgumentError if one is invalid."""
     if not isinstance(system, System):
         example = ", such as System(['x', 'v'], field=['v', '-x']): the field as text, not a function"
         meant = ": write scene.system()" if hasattr(system, "system") else example if callable(system) else ""
@@ -107,7 +105,7 @@ def launch(
     stopping = stop_of(system, stop) if stop else (0, 0)
     if begin is not None and quick is not None:
         integrator = quick.integrator
-    else:  # what is wrong is said before anything is compiled
+    else:  # errors are reported before anything is compiled
         error = local_error(tolerance_of(tolerance))
         own, problem = problem_of(system, initial, until=until, start=start, parameters=parameters, mode=mode)
         with notice_if_slow("compiling the system"):
@@ -116,7 +114,7 @@ def launch(
                 begin = integrator.start(problem, tolerance=error, landing=HENON)
             if tolerance not in system.prepared:
                 quick = _prepared(system, tolerance)
-                if quick is not None:  # its compiled functions are loaded now, not by the second run
+                if quick is not None:  # loads its compiled functions now, not in the second run
                     quick(initial, until, start, parameters, mode)
     if stop or max_steps != MOST_STEPS:
         run = begin.scalars
@@ -126,7 +124,7 @@ def launch(
 
 
 def _prepared(system: System, tolerance: float) -> QuickStart | None:
-    """What later runs at a tolerance begin with."""
+    """Prepare the starts of later runs at a tolerance."""
     if len(system.prepared) >= MOST_PREPARED:
         system.prepared.clear()
     error = local_error(tolerance)
@@ -135,28 +133,28 @@ def _prepared(system: System, tolerance: float) -> QuickStart | None:
 
 
 class Outcome:
-    """How a run ended, and what it took.
+    """End of a run, and its work.
 
     Attributes
     ----------
     system : System
-        With the parameters of the run.
+        System with the parameters of the run.
     trajectory : Trajectory
-        What the reference returned.
+        Result of the integrator.
     status : str
-        ``ok``, or how the run ended before its horizon: ``nonunique``, ``invalid``, ``diverged``, ``failed``.
+        ``ok``, or the way in which the run ended early: ``nonunique``, ``invalid``, ``diverged``, ``failed``.
     success : bool
-        Whether it is ``ok``.
+        Whether the status is ``ok``.
     message : str
-        How the run ended, in one sentence.
+        End of the run in one sentence.
     counts : Counts
-        ``steps``, ``rhs_evaluations``, ``event_evaluations``, as :class:`henon_ref.baselines.henon.HenonSolver` counts;
-        and ``decisions``, how often the run went to Python, by cause (:class:`henon_ref.trajectory.Decisions`).
+        ``steps``, ``rhs_evaluations``, ``event_evaluations``, as in :class:`henon_ref.baselines.henon.HenonSolver`; and
+        ``decisions``, the number of calls of Python by cause (:class:`henon_ref.trajectory.Decisions`).
     undecided_after : dict of str to float
-        Surfaces that have been below their own rounding, and since when [s]: of these no later transition is told, for
-        double precision does not decide it.
+        Surface -> time since which it has been below its rounding error [s]. Double precision does not decide its later
+        transitions, so that none is reported.
     final_mode : str
-        Mode at the end, such as ``s1=-1 s2=0``; empty where there is none to begin with.
+        Mode at the end, such as ``s1=-1 s2=0``; empty if no initial mode exists.
     """
 
     def __init__(self, base: System, parameters: Mapping[Any, Any] | None, trajectory: Trajectory) -> None:

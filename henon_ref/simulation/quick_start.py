@@ -101,16 +101,16 @@ class QuickStart:
         return {names.index(name): entry for name, entry in mode.items()}
 
     def _constants_of(self, parameters: Mapping[Any, Any] | None) -> ModeConstants | None:
-        """Constants at the system's values, or with some of them changed; None if the exact way has to find them."""
+        """Return the constants at the system's values, some of them changed; None if the values need the reader."""
         if not parameters:
             return self._constants(self._values, ())
         values = self._changed(parameters)
         return None if values is None else self._constants(values, tuple(parameters.items()))
 
     def _changed(self, parameters: Mapping[Any, Any]) -> Values | None:
-        """Values of the parameters, some of them others; None where they are not to be had like that.
+        """Return the values with some parameters changed; None if they need the reader.
 
-        (A fraction could not be told from its pair afterwards, a decimal number can.)
+        (Fractions need it: the exact value of a decimal number follows from its double, that of a fraction does not.)
         """
         pairs = {}
         for name, value in parameters.items():
@@ -128,7 +128,7 @@ class QuickStart:
             if not math.isfinite(pair[0]):
                 return None
             place = self._places.get(name)
-            if place is not None:  # else nothing depends on it
+            if place is not None:  # the equations depend on it
                 values[place : place + 2] = pair
         if self._conditions is not None and not self._clearly_allowed(
             {name: high for name, (high, _) in pairs.items()}
@@ -137,7 +137,7 @@ class QuickStart:
         return tuple(values)
 
     def _dependents_of(self, names: tuple[str, ...]) -> dict[str, Number] | None:
-        """What follows some parameters; None where that is not all that they change."""
+        """Return the parameters that depend on given ones; None if more than numbers changes (or an exponent)."""
         if names not in self._dependents:
             from henon_ref.simulation.dependent_parameters import Number, following
 
@@ -153,13 +153,13 @@ class QuickStart:
 
     @cached_property
     def _conditions(self) -> Callable[..., list[float]] | None:
-        """What a scene wants of its parameters to be above zero: it is read for this where one of them is changed."""
+        """Function that evaluates the conditions of a scene on its parameters; compiled when a parameter is changed."""
         with one_at_a_time():
             wanted = self._system.conditions
             return sp.lambdify(list(self._own), wanted, "math") if wanted else None
 
     def _clearly_allowed(self, parameters: Mapping[str, float]) -> bool:
-        """Whether a scene allows these values beyond what rounding could change."""
+        """Whether the conditions of the scene hold for these values by more than rounding."""
         assert self._conditions is not None
         try:
             found = self._conditions(**{**self._floats, **parameters})
@@ -168,13 +168,13 @@ class QuickStart:
         return all(condition > CLEARLY for condition in found)
 
     def _made(self, values: Values, changes: Changes) -> ModeConstants | None:
-        """Constants at some values; None where some of them are not finite."""
+        """Return the constants at given values; None if a constant is not finite."""
         programs = self.integrator.programs
         made = ModeConstants(programs, values, lambda: self._exact(changes))
         return made if made.is_finite else None
 
     def _exact(self, changes: Changes) -> list[sp.Expr]:
-        """Exact values: the system's own, or the decimal numbers that others are printed as, and what follows these."""
+        """Return the exact values of all parameters: changed ones as printed decimal numbers, and their dependents."""
         given = dict(changes)
         known = {symbol.name: value for symbol, value in self._own.items()}
         known |= {name: exact_expression(value) for name, value in given.items()}

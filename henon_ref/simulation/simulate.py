@@ -1,8 +1,8 @@
-"""One run of a system: all of it at once, or its transitions as they come.
+"""Simulation of one run: the complete run, or a stream of its transitions.
 
 The method is a Taylor series method (Jorba and Zou, *Exp. Math.* 14 (2005) 99-117) with Hénon's landing on the surfaces
-(Hénon, *Physica D* 5 (1982) 412-413) and Filippov's sliding (Filippov, 1988). A system is compiled once an order;
-it may be simulated from several threads at once.
+(Hénon, *Physica D* 5 (1982) 412-413) and Filippov's sliding (Filippov, 1988). A system is compiled once per order, and
+may be simulated from several threads at once.
 """
 
 from __future__ import annotations
@@ -34,44 +34,44 @@ def simulate(
     stop: Mapping[Any, str] | None = None,
     max_steps: int = MOST_STEPS,
 ) -> Solution:
-    """Simulate one run of a piecewise-smooth system, every transition located.
+    """Simulate one run of a piecewise-smooth system and locate every transition.
 
     Parameters
     ----------
     system : System
     initial : mapping, or array of shape (n,)
-        State -> number (int, float, Fraction, or text in parameters), or numbers in the order of the states. A system
-        from a case has its own, with start, horizon and mode.
+        State -> number (int, float, Fraction, or text in the parameters), or numbers in the order of the states. A
+        system from a case has default initial values, start, horizon and mode.
     until : number
-        Horizon: the run ends here [s].
+        Horizon, the end of the run [s].
     start : number, optional
-        Initial time [s]; 0 (or that of the case) if left out.
+        Initial time [s]; by default 0, or that of the case.
     rtol : float
-        Tolerance, from 1e-16 to below 1: a tenth of it is the local error of a step relative to each state's size.
+        Tolerance, from 1e-16 to below 1: a tenth of it is the local error of a step relative to the size of each state.
     parameters : mapping, optional
-        Values in place of the system's; parameters that are expressions in them follow.
+        Values that replace the system's; parameters that depend on them are recomputed.
     mode : mapping, optional
-        Sign -> -1, 0 or +1, for a start on a surface that the fields leave open.
+        Sign -> -1, 0 or +1, for a start on a surface from which several motions are possible.
     dense_output : bool
-        Keep the steps' polynomials: memory grows with the number of steps.
+        Keep the polynomials of the steps; memory grows with the number of steps.
     stop : mapping, optional
-        Sign -> ``"falling"`` or ``"rising"``: the run ends where that surface's expression falls (rises) to zero.
+        Sign -> ``"falling"`` or ``"rising"``: the run ends when the surface's expression falls (rises) to zero.
     max_steps : int
-        Steps after which the run ends ``failed``.
+        Number of steps after which the run ends with status ``failed``.
 
     Returns
     -------
     Solution
-        Of any run that began; where it ended otherwise than planned ``success`` is False, and ``message`` says why.
+        If the run ended before its horizon, ``success`` is False and ``message`` gives the reason.
 
     Raises
     ------
     HenonRefError
-        Also a ValueError, before anything runs, for invalid arguments.
+        Also a ValueError, before the run, if an argument is invalid.
 
     Examples
     --------
-    A block that slides to rest: x'' = -F sgn(x') from x' = 1 stops after 1/F.
+    A block that slides to rest: x'' = -F sgn(x') with x'(0) = 1 stops at t = 1/F.
 
     >>> block = System(["x", "v"], {"F": 0.5}, {"s": "v"}, ["v", "-F*s"])
     >>> run = simulate(block, {"x": 0, "v": 1}, until=3)
@@ -98,7 +98,7 @@ def stream(
     stop: Mapping[Any, str] | None = None,
     max_steps: int = MOST_STEPS,
 ) -> TransitionStream:
-    """The transitions of a run as they come; nothing is kept, so that memory does not grow with the horizon.
+    """Simulate one run and yield its transitions; none is stored, so that memory does not grow with the horizon.
 
     Parameters
     ----------
@@ -108,13 +108,13 @@ def stream(
     Returns
     -------
     TransitionStream
-        An iterator over named tuples ``time_s, kind, surface, from_mode, to_mode``, then the states by name. How the
-        run ended is its ``outcome`` once it is through.
+        An iterator over named tuples ``time_s, kind, surface, from_mode, to_mode``, then the states by name. Its
+        attribute ``outcome`` describes the end of the run after the last transition.
 
     Raises
     ------
     HenonRefError
-        Also a ValueError, at once, for invalid arguments.
+        Also a ValueError, at once, if an argument is invalid.
 
     Examples
     --------
@@ -126,12 +126,12 @@ def stream(
 
 
 class TransitionStream(Iterator[Any]):
-    """An iterator over the transitions of one run, which goes on as they are asked for and keeps none.
+    """Iterator over the transitions of one run, which advances on request and stores none.
 
     Attributes
     ----------
     outcome : Outcome or None
-        How the run ended, once it is through.
+        End of the run; None before the last transition.
     """
 
     def __init__(self, made: Launch) -> None:
@@ -154,12 +154,12 @@ class TransitionStream(Iterator[Any]):
 
 
 def load_run(path: str | Path) -> Solution:
-    """The run that :meth:`Solution.save` has written: the same transitions and sticks, and ``sol(t)`` to the last bit.
+    """Read a run written by :meth:`Solution.save`: equal transitions and sticks, and ``sol(t)`` to the last bit.
 
     Raises
     ------
     ArgumentError
-        Also a ValueError, for a file that cannot be read, or is none of these.
+        Also a ValueError, if the file cannot be read or is not such a run.
     """
     from henon_ref.simulation.run_file import read_run
 
