@@ -29,9 +29,9 @@ MEANINGS: Mapping[str, str] = {
     "jumps": "The state jumps: an impact, a reset.",
     "several surfaces": "More than one surface: several contacts, friction and a stop, a chain of blocks.",
     "graze or close roots": "A surface is touched, or nearly so, or crossed twice within a short time.",
-    "no transition": "Nothing happens, and nothing may be reported.",
-    "ends early": "The exact run stops before its horizon: the future is not unique, the model ends, the state "
-    "diverges.",
+    "no transition": "The exact run has no transition, and none may be reported.",
+    "ends early": "The exact run stops before its horizon: the solution is not unique, the model is no longer valid, "
+    "or the state diverges.",
 }
 
 
@@ -67,7 +67,7 @@ def at_a_glance() -> str:
         reach = f"{len(best.walls)} of {counted}"
         elsewhere = "none" if other is None else f"{code(other.solver)} {_cell([other], best, named=False)}"
         lines.append((f"{name}: {_began(MEANINGS.get(kind, ''))}", f"{code(best.solver)} {reach}", elsewhere))
-    return Table(("kind of case", "take, right in", "else, right in (×time)"), "lll", lines).markdown
+    return Table(("kind of case", "best solver, right in", "best of another package (×time)"), "lll", lines).markdown
 
 
 def _began(sentence: str) -> str:
@@ -85,10 +85,10 @@ def recommendations() -> str:
         other = _fastest([row for row in rows if _package(row) != own], IN_SHORT)
         counted = len(readings_for(rows, IN_SHORT))
         words = f"- **[{kind.capitalize()}](#{_place(kind)}), {IN_SHORT} digits:** "
-        words += f"take {code(best.solver)}{_tolerance(best.solver)}. "
-        words += f"At one of its settings it gets there in {len(best.walls)} of {counted} readings."
+        words += f"use {code(best.solver)}{_tolerance(best.solver)}. "
+        words += f"At one of its settings it reaches them in {len(best.walls)} of {counted} readings."
         if other is not None:
-            words += f" Of the other packages: {code(other.solver)}, in {len(other.walls)}{_tolerance(other.solver)}."
+            words += f" Best of another package: {code(other.solver)}, in {len(other.walls)}{_tolerance(other.solver)}."
         if kind in MEANINGS:
             words += f" ({MEANINGS[kind]})"
         lines.append(words)
@@ -102,7 +102,7 @@ def _place(kind: str) -> str:
 
 def _tolerance(solver: str) -> str:
     found = loosest(solver, IN_SHORT)
-    return f", beginning with a relative tolerance of {found}" if found else ""
+    return f", starting with a relative tolerance of {found}" if found else ""
 
 
 def by_kind_of_case() -> str:
@@ -116,7 +116,7 @@ def _section(kind: str, rows: Sequence[MatrixRow]) -> Iterator[str]:
         levels |= {f"{level} digits": level for level in LEVELS}
     yield f"### {kind.capitalize()}"
     timed = len(readings_for(rows, levels.get(f"{LEVELS[0]} digits", ANY)))
-    words = "" if kind in WITHOUT_TIMES else f", {timed} of them with a transition to time"
+    words = "" if kind in WITHOUT_TIMES else f", {timed} of them with a timed transition"
     yield f"{MEANINGS.get(kind, '')} {len(readings_for(rows, ANY))} readings{words}.".strip()
     fastest = {level: _fastest(rows, level) for level in levels.values()}
     lines = [

@@ -15,7 +15,7 @@ def table() -> str:
             registry.distribution(name) or "",
             "step" if registry.fixed_step(name) else "tolerance",
             registry.restart_of(name) or "",
-            "yes" if name in registry.default_names() else "when named",
+            "yes" if name in registry.default_names() else "only if named",
         )
         for name in registry.names()
     ]
