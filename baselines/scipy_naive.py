@@ -87,7 +87,7 @@ class ScipyNaive(LibrarySolver):
         if any(problem.initial_mode.values()):
             raise UnsupportedError(f"{self.name} has the sign 0 on a surface, so it cannot begin there on a given side")
         if problem.system.overrides:
-            raise UnsupportedError(f"{self.name} knows no sliding, so it cannot do one that the case replaces")
+            raise UnsupportedError(f"{self.name} has no sliding mode that a 'sliding' override could replace")
         method = getattr(self.loaded(), self.method)
         return _Naive(self, problem, method, max(asked.rtol, 100.0 * EPSILON), asked.atol, Work(asked.deadline)).run
 

@@ -267,7 +267,7 @@ def main() -> None:
     if request["step"] is None:
         return respond(stream, version, "unsupported", "time stepping is driven by a step")
     if own.own_slide:
-        return respond(stream, version, "unsupported", "a relay has Filippov's slides, no other ones")
+        return respond(stream, version, "unsupported", "a relay supports Filippov's sliding only")
     times: list[float] = []
     for number in range(1 - request["untimed"], request["timed"] + 1):
         began = time.monotonic()

@@ -42,7 +42,7 @@ def problem_text(problem: Problem, start: Mode) -> messages.Problem:
     """
     system = problem.system
     if len(system.surfaces) != 1:
-        raise UnsupportedError(f"the protocol hands over one surface, not {len(system.surfaces)}")
+        raise UnsupportedError(f"the protocol supports exactly one surface, not {len(system.surfaces)}")
     if system.resets:
         raise UnsupportedError("the protocol does not support jumps of the state")
     modes = [text for side in (-1, 0, 1) if (text := _mode_text(system, (side,))) is not None]
