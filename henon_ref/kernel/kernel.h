@@ -337,7 +337,8 @@ struct levels {
     double eps;              /* distance from 1 to the next double */
     double blown_up;         /* a larger state has blown up */
     double state_rounding;   /* relative error that a state may have */
-    double known_zero_level; /* coefficients of known zeros are divided out up to this part of the next one */
+    double known_zero_level; /* known zeros of order m are divided out if coefficients 0 to m - 1 are below this part of
+                                coefficient m */
     double operation_error;  /* bound of the relative error of one operation in double-double */
     double accurate;         /* largest relative error of a constant */
     double clearance;        /* a touch is no larger than this multiple of the noise */

@@ -13,7 +13,7 @@
 
 /* A piece on which the polynomial is no larger than this multiple of its rounding noise is a touch. */
 #define CLEARANCE 4.0
-/* Coefficients before a known zero's first one are divided out up to this part of that coefficient. */
+/* Known zeros of order m are divided out only if coefficients 0 to m - 1 are below this part of coefficient m. */
 #define KNOWN_ZERO_LEVEL 1e-9
 /* Number of pieces after which pieces are only halved. */
 #define CUT_PIECES 32

@@ -6,14 +6,15 @@
 #define SHORTEST_UNIT 1e-280
 /* Factor by which the unit is shortened if even coefficients of low order are infinite. */
 #define OVERFLOW_REDUCTION 1e-100
-/* A run has stalled after this many consecutive steps that are too short to move a double's time. */
+/* A run has stalled when the weights of steps too short to move a double's time, 1 unless given below, exceed this
+ * sum. */
 #define STALLED_STEPS 1000
-/* A step too short to move even the compensated time, on which no state grows, counts as so many of them. */
+/* Weight of a step too short to move even the compensated time, on which no state grows. */
 #define LOST_WEIGHT 100
-/* A step cut short before a singularity, on which no state grows, counts as so many of them. */
+/* Weight of a step cut short before a singularity, on which no state grows. */
 #define CUT_WEIGHT 200
-/* A step of which the branch point of a guard leaves less than the part SHARP_CUT counts as SHARP_CUT_WEIGHT of them:
- * forty in a row lead from any scale to the rounding of a root's argument, where predictions are only noise. */
+/* A step that the branch point of a guard cuts to less than the part SHARP_CUT has the weight SHARP_CUT_WEIGHT: forty
+ * in a row lead from any scale to the rounding of a root's argument, where predictions are only noise. */
 #define SHARP_CUT 0.125
 #define SHARP_CUT_WEIGHT 25
 
