@@ -210,7 +210,8 @@ def _override(source: Source, sign: str, names: Names) -> SlidingOverride:
 
 
 def _wrong_length(rates: int, states: Collection[str]) -> str:
-    return f"'field' has {rates} {'entry' if rates == 1 else 'entries'}; it must have one for each state ({len(states)}): {listed(states)}"
+    entries = "1 entry" if rates == 1 else f"{rates} entries"
+    return f"'field' has {entries}; it must have one for each state ({len(states)}): {listed(states)}"
 
 
 # -- the start ------------------------------------------------------------------------------------------
