@@ -57,7 +57,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ],
         cwd=ROOT, capture_output=True, text=True, check=False,
     )  # fmt: skip
-    assert (built.returncode, built.stderr) == (0, "")
+    assert built.returncode == 0, built.stderr  # a warning is an error; what kernels print as they end is none
     return folder / "html"
 
 

@@ -75,8 +75,8 @@ def test_what_is_no_such_file_is_said(tmp_path: Path) -> None:
     np.savez(tmp_path / "later.npz", about=np.array('{"format": 2}'))
     for name, words in (
         ("none", "cannot read"),
-        ("text", "no run that"),
-        ("other.npz", "no run that"),
+        ("text", "not a run written"),
+        ("other.npz", "not a run written"),
         ("later.npz", "format 2; this version reads format 1"),
     ):
         with pytest.raises(ValueError, match=words) as refused:

@@ -61,7 +61,7 @@ def test_a_surface_that_changes_nothing_is_not_felt_by_a_step() -> None:
 @installed
 def test_a_slide_that_is_not_filippov_s_is_not_supported() -> None:
     problem = henon_ref.load_case("static_belt").readings[0].problem
-    with pytest.raises(UnsupportedError, match="Filippov's slides"):
+    with pytest.raises(UnsupportedError, match="Filippov's sliding only"):
         RELAY.prepare(problem, step=1e-2)()
 
 
