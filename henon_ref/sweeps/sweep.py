@@ -107,9 +107,8 @@ def sweep(
     -------
     SweepTable
         Data frame with one row for each point, in the order of the points: their columns, ``status``, and the
-        observations. A run that ends before its horizon has its row, too. Ragged observations are data frames in the
-        attribute ``frames``; their column ``point`` is the number of the row. All numbers are the same to the last
-        bit, however the points are divided into chunks and by whatever they are run.
+        observations; also for a run that ends early. Ragged observations are data frames in the attribute ``frames``;
+        their column ``point`` is the number of the row. All numbers have equal bits for any chunks and any executor.
 
     Raises
     ------
