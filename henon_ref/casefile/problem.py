@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING
 
 import sympy as sp
 
-from henon_ref.casefile.grammar import NOT_STATES, TAKEN, name_problem
 from henon_ref.casefile.source import Names, Path, Source
 from henon_ref.errors import ModelError
-from henon_ref.modes.algebra import MAX_SIZE
-from henon_ref.modes.bounds import exact_sign, put
+from henon_ref.expressions.algebra import MAX_SIZE
+from henon_ref.expressions.bounds import exact_sign, put
+from henon_ref.expressions.grammar import NOT_STATES, TAKEN, name_problem
+from henon_ref.expressions.traversal import size
 from henon_ref.modes.preparation import with_held_loops, with_rational_exponents
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.switched_field import Release, Reset, SlidingOverride
 from henon_ref.modes.system import FilippovSystem
-from henon_ref.taylor.size import size
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import listed
 

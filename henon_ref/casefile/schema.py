@@ -17,9 +17,9 @@ from types import MappingProxyType
 from typing import Annotated, Any, Literal
 
 from henon_ref.casefile.form import NONE, Form, Scalar, Size, read_form
-from henon_ref.casefile.grammar import MAX_STATES, MOST_STATES
 from henon_ref.casefile.source import Source
 from henon_ref.casefile.tree import MappingNode
+from henon_ref.expressions.grammar import MAX_STATES, MOST_STATES
 from henon_ref.text import shortened
 
 MAX_NAME = 64

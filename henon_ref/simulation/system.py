@@ -10,13 +10,13 @@ from typing import Any
 
 import sympy as sp
 
-from henon_ref.casefile.expressions import parse_expression, parse_number
 from henon_ref.casefile.problem import written_model
 from henon_ref.casefile.schema import check_form
 from henon_ref.casefile.source import Source
 from henon_ref.casefile.tree import MappingNode, ScalarNode, child, merged
-from henon_ref.casefile.work import Work
 from henon_ref.errors import ArgumentError, ExpressionError, HenonRefError
+from henon_ref.expressions.evaluation import parse_expression, parse_number
+from henon_ref.expressions.operations import Work
 from henon_ref.modes.preparation import parameters_in_exponents, with_rational_exponents
 from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.calls import explained
