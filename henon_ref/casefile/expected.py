@@ -8,9 +8,9 @@ from dataclasses import replace
 import sympy as sp
 
 from henon_ref.casefile.schema import CaseForm, Exact, Expect, Orbit
-from henon_ref.casefile.source import Names, Source
 from henon_ref.expressions.bounds import exact_sign
 from henon_ref.modes.problem import Problem
+from henon_ref.system.source import Names, Source
 from henon_ref.text import did_you_mean, listed
 
 

@@ -13,7 +13,6 @@ from typing import Annotated, Any, TypeVar
 
 from henon_ref.casefile.case import check_model, check_surfaces
 from henon_ref.casefile.form import NONE, Form, Scalar, Size, read_form
-from henon_ref.casefile.problem import build_problem
 from henon_ref.casefile.schema import (
     CaseForm,
     CaseName,
@@ -28,9 +27,6 @@ from henon_ref.casefile.schema import (
     Tolerance,
     whole_number,
 )
-from henon_ref.casefile.source import Path as KeyPath
-from henon_ref.casefile.source import Source
-from henon_ref.casefile.tree import MappingNode, Node, ScalarNode, SequenceNode, child
 from henon_ref.casefile.yaml_file import read_yaml
 from henon_ref.errors import ArgumentError
 from henon_ref.integrator.start import MOST_STEPS
@@ -39,6 +35,10 @@ from henon_ref.sweeps.observe import KINDS
 from henon_ref.sweeps.plan import RTOL, Plan, check_after, planned
 from henon_ref.sweeps.points import Points, check_names, continuation, grid, random, table
 from henon_ref.sweeps.work import Observation
+from henon_ref.system.problem import build_problem
+from henon_ref.system.source import Path as KeyPath
+from henon_ref.system.source import Source
+from henon_ref.system.tree import MappingNode, Node, ScalarNode, SequenceNode, child
 from henon_ref.text import did_you_mean, listed
 
 

@@ -1,4 +1,4 @@
-"""Tree of a case file, in which every key and value has its line and column."""
+"""Tree of a description, in which every key and value has its line and column in the case file."""
 
 from __future__ import annotations
 

@@ -11,7 +11,6 @@ from typing import TypeVar
 
 import sympy as sp
 
-from henon_ref.casefile.tree import MappingNode, Place, ScalarNode, SequenceNode, child, locate
 from henon_ref.errors import CaseError, ExpressionError
 from henon_ref.expressions.evaluation import (
     FIELD,
@@ -27,6 +26,7 @@ from henon_ref.expressions.evaluation import (
 )
 from henon_ref.expressions.grammar import MAX_STATES, may_have_kinks, name_problem
 from henon_ref.expressions.operations import Work, key_of, overlaid
+from henon_ref.system.tree import MappingNode, Place, ScalarNode, SequenceNode, child, locate
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed
 
