@@ -31,8 +31,8 @@ from henon_ref.baselines.restart import LIFT, Restart
 from henon_ref.baselines.smooth_mode import SmoothMode
 from henon_ref.baselines.work import Work
 from henon_ref.errors import UnsupportedError
+from henon_ref.expressions.traversal import Rules, Walk, fold, fraction
 from henon_ref.modes.callables import ARITHMETIC, rounded
-from henon_ref.taylor.fold import Rules, Walk, fold, fraction
 from henon_ref.taylor.tape import TIME
 
 STAGES = 6

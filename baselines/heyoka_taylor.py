@@ -35,10 +35,10 @@ from henon_ref.baselines.restart import LEAST, LIFT, SPAN, Fresh, Restart, dips,
 from henon_ref.baselines.scipy_ivp import scouting
 from henon_ref.baselines.work import Work
 from henon_ref.errors import UnsupportedError
+from henon_ref.expressions.grammar import ELEMENTARY
+from henon_ref.expressions.traversal import Rules, Walk, fold, fraction
 from henon_ref.jit.processor_time import compiling
 from henon_ref.modes.callables import ARITHMETIC, rounded
-from henon_ref.taylor.fold import Rules, Walk, fold, fraction
-from henon_ref.taylor.rules import FUNCTIONS
 from henon_ref.taylor.tape import TIME
 
 CHUNK = 4096
@@ -327,7 +327,7 @@ def to_heyoka(expression: sp.Expr, variables: Mapping[sp.Symbol, Any]) -> Any:
 
     def function(e: sp.Expr, walk: Walk[Any]) -> Any:
         name = e.func.__name__
-        if name not in FUNCTIONS:
+        if name not in ELEMENTARY:
             raise UnsupportedError(f"heyoka has no {name}")
         return getattr(hy, name)(walk(e.args[0]))
 

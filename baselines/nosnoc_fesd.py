@@ -39,12 +39,12 @@ from henon_ref.baselines.scipy_ivp import RK45
 from henon_ref.baselines.sundials import ADAMS
 from henon_ref.baselines.work import DeadlinePassed, Work
 from henon_ref.errors import UnsupportedError
+from henon_ref.expressions.grammar import FUNCTIONS
 from henon_ref.modes.callables import rounded
 from henon_ref.modes.kinks import visible
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.problem import Problem
 from henon_ref.solver import Run
-from henon_ref.taylor.rules import FUNCTIONS
 from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Status, Trajectory
 
@@ -251,7 +251,7 @@ def _model(casadi: Any, problem: Problem, clocked: bool) -> dict[str, Any]:
 
     def converted(expressions: list[sp.Expr]) -> Any:
         exprs = [rounded(system.numeric(e)) for e in expressions]
-        functions = {name: getattr(casadi, name) for name in (*FUNCTIONS, "sqrt")}
+        functions = {name: getattr(casadi, name) for name in FUNCTIONS}
         values = sp.lambdify(names, exprs, modules=[functions], cse=True, dummify=True)(*casadi.vertsplit(state))
         return casadi.vertcat(*values)
 

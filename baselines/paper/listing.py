@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from henon_ref.baselines.paper.compiled import COMPILER, ffi, lib, rows
 from henon_ref.errors import UnsupportedError
-from henon_ref.modes.algebra import simplified
+from henon_ref.expressions.algebra import simplified
 from henon_ref.modes.mode import Mode, transition_kind
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem

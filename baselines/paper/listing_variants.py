@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from henon_ref.baselines.paper.compiled import ffi, lib, rows
 from henon_ref.baselines.paper.listing import EDGES, PRINTED_STEP, effective_changes, listing_parameters
 from henon_ref.casefile.case import load_case
-from henon_ref.casefile.shipped import shipped_folder
+from henon_ref.casefile.files import shipped_folder
 
 Floats = NDArray[np.float64]
 

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from henon_ref.baselines.paper.compiled import ffi, flags, lib, rows
+from henon_ref.expressions.bounds import double_double
 from henon_ref.jit.ir_writer import declarations
 from henon_ref.jit.native_module import NativeModule
-from henon_ref.modes.bounds import double_double
 from henon_ref.modes.equations import Guard
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.system import FilippovSystem

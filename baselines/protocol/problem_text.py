@@ -16,12 +16,12 @@ from sympy.printing.str import StrPrinter
 from henon_ref.baselines.protocol import messages
 from henon_ref.baselines.surface_functions import is_linear
 from henon_ref.errors import ModelError, UnsupportedError
+from henon_ref.expressions.grammar import FUNCTIONS
 from henon_ref.modes import equations
 from henon_ref.modes.callables import rounded
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem
-from henon_ref.taylor.rules import FUNCTIONS
 from henon_ref.text import spelled
 
 RESERVED = ("t", "pow")
@@ -160,7 +160,7 @@ class _Printer(StrPrinter):
 
     def _print_Function(self, expr: sp.Expr) -> str:  # noqa: N802
         name = expr.func.__name__
-        if name not in (*FUNCTIONS, "sqrt", "pow"):
+        if name not in (*FUNCTIONS, "pow"):
             raise UnsupportedError(f"the protocol has no function {name}")
         return f"{name}({', '.join(map(self._print, expr.args))})"
 

@@ -18,9 +18,9 @@ from typing import Any, Literal
 import sympy as sp
 
 from henon_ref.errors import ArgumentError, ModelError
+from henon_ref.expressions.traversal import size
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.simulation.system import System
-from henon_ref.taylor.size import size
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import listed, shortened
 

@@ -1,5 +1,4 @@
-"""Reading case files: YAML, keys and values, expressions, scenes.
+"""Reading case files: YAML, keys and values, readings, expected results.
 
-A fault in a file raises :class:`~henon_ref.errors.CaseError` with its line and column; a fault in an expression that is
-in no file raises :class:`~henon_ref.errors.ExpressionError` with its offset in the text.
+A fault in a file raises :class:`~henon_ref.errors.CaseError` with its line and column.
 """

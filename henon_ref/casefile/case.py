@@ -17,10 +17,9 @@ from pathlib import Path
 from typing import Any
 
 from henon_ref.casefile import expected
-from henon_ref.casefile.assembly import Scene
+from henon_ref.casefile.files import located
 from henon_ref.casefile.form import read_form
 from henon_ref.casefile.notebook import case_html
-from henon_ref.casefile.problem import build_problem, read_scene
 from henon_ref.casefile.schema import (
     READING_KEYS,
     CaseForm,
@@ -32,15 +31,16 @@ from henon_ref.casefile.schema import (
     file_name,
     one_line,
 )
-from henon_ref.casefile.shipped import located
-from henon_ref.casefile.source import Path as KeyPath
-from henon_ref.casefile.source import Source
-from henon_ref.casefile.tree import MappingNode, ScalarNode, merged
 from henon_ref.casefile.yaml_file import parse_yaml, read_yaml
 from henon_ref.errors import CaseError
-from henon_ref.modes.bounds import exact_sign
+from henon_ref.expressions.bounds import exact_sign
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.switched_field import SlidingOverride
+from henon_ref.system.assembly import Scene
+from henon_ref.system.problem import build_problem, read_scene
+from henon_ref.system.source import Path as KeyPath
+from henon_ref.system.source import Source
+from henon_ref.system.tree import MappingNode, ScalarNode, merged
 from henon_ref.text import did_you_mean, listed, message
 
 DEFAULT_READING = "default"

@@ -5,11 +5,26 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 from dataclasses import replace
 
+import sympy as sp
+
 from henon_ref.casefile.schema import CaseForm, Exact, Expect, Orbit
-from henon_ref.casefile.source import Names, Source
-from henon_ref.modes.bounds import Rounded, exact_sign
+from henon_ref.expressions.bounds import exact_sign
 from henon_ref.modes.problem import Problem
+from henon_ref.system.source import Names, Source
 from henon_ref.text import did_you_mean, listed
+
+
+class Rounded:
+    """Exact number that is compared by its double first, and exactly only if the doubles nearly agree."""
+
+    def __init__(self, exact: sp.Expr) -> None:
+        self.exact = exact
+        self.value = float(exact)
+
+    def __lt__(self, other: Rounded) -> bool:
+        if abs(self.value - other.value) > 1e-12 * (abs(self.value) + abs(other.value)):
+            return self.value < other.value
+        return self.exact != other.exact and exact_sign(other.exact - self.exact) > 0
 
 
 def exact(source: Source, form: CaseForm, names: Names, problem: Problem) -> Exact | None:

@@ -1,47 +1,76 @@
-"""Case files that a command is given: paths of files or folders, or names of shipped cases."""
+"""Case files by path or name: files, folders, and the cases that are installed with the package.
+
+The latter are in ``cases/`` at the top of the repository; a wheel contains that folder, stored truths included, as
+``henon_ref/cases``.
+"""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection, Sequence
+from difflib import get_close_matches
+from functools import cache
 from pathlib import Path
 
-from henon_ref.casefile.case import Case, load_case
-from henon_ref.casefile.shipped import SUFFIXES, located, yaml_files
 from henon_ref.errors import CaseError
+from henon_ref.text import listed
+
+SUFFIXES = (".yaml", ".yml")
+_PACKAGE = Path(__file__).resolve().parents[1]
 
 
-def read_cases(
-    paths: Sequence[Path],
-    *,
-    solvers: Collection[str] | None = None,
-    fixed_step: Callable[[str], bool] | None = None,
-) -> list[Case]:
-    """Read the case files; a folder means all case files in it, except those in a folder ``truth``.
+def shipped_folder() -> Path:
+    """Return the folder of the shipped cases, in an installed wheel or in a clone of the repository."""
+    inside = _PACKAGE / "cases"
+    return inside if inside.is_dir() else _PACKAGE.parent / "cases"
+
+
+@cache
+def shipped_names() -> dict[str, Path]:
+    """Return the names of all shipped cases and folders of cases, with their paths.
+
+    A case in a folder has two names, such as ``grazing`` and ``hard/grazing``; ``cases`` means all cases.
+    """
+    top = shipped_folder()
+    if not top.is_dir():
+        return {}
+    files = yaml_files(top)
+    names = {"cases": top}
+    names |= {folder.relative_to(top).as_posix(): folder for folder in {file.parent for file in files} - {top}}
+    names |= {file.stem: file for file in files}
+    return names | {file.relative_to(top).with_suffix("").as_posix(): file for file in files}
+
+
+def yaml_files(folder: Path) -> list[Path]:
+    """Return the case files below a folder in order, except those in a folder ``truth``."""
+    return sorted(
+        file
+        for file in folder.rglob("*")
+        if file.suffix in SUFFIXES and "truth" not in file.relative_to(folder).parts[:-1] and file.is_file()
+    )
+
+
+def located(path: str | Path) -> Path:
+    """Return the file or folder of an existing path, or else of the shipped cases of that name.
 
     Parameters
     ----------
-    paths : sequence of Path
-    solvers, fixed_step : optional
-        See :func:`henon_ref.casefile.case.load_case`.
+    path : str or Path
+        ``my_case.yaml``, ``my_folder``, ``fig8``, ``hard``, ``hard/grazing``.
 
     Raises
     ------
     CaseError
-        If a file is not a case, a folder contains no case, or two cases have the same name.
+        If the name is neither. (A missing file ``.yaml`` raises an error when it is read.)
     """
-    cases: dict[str, Case] = {}
-    # Several paths may lead to the same file; it is read once, under its first path.
-    files: dict[str, Path] = {}
-    for path in paths:
-        for found in case_files(path):
-            files.setdefault(os.path.realpath(found), found)
-    for file in files.values():
-        case = load_case(file, solvers=solvers, fixed_step=fixed_step)
-        if case.name in cases:
-            raise CaseError(f"the name '{case.name}' is also that of {cases[case.name].path}", file=str(file))
-        cases[case.name] = case
-    return list(cases.values())
+    path = Path(path)
+    if os.path.lexists(path) or path.is_absolute() or path.suffix in SUFFIXES:
+        return path
+    names = shipped_names()
+    if (name := path.as_posix()) in names:
+        return names[name]
+    similar = get_close_matches(name, names, n=3, cutoff=0.5)
+    hint = f"similar names: {listed(similar)}" if similar else "henon-ref cases lists the names"
+    raise CaseError(f"no file, folder or shipped case has this name; {hint}", file=str(path))
 
 
 def case_files(path: Path) -> list[Path]:

@@ -14,9 +14,9 @@ from functools import cache
 from types import MappingProxyType, NoneType
 from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
-from henon_ref.casefile.grammar import MAX_STATES
-from henon_ref.casefile.source import Source
-from henon_ref.casefile.tree import MappingNode, Node, Place, ScalarNode, SequenceNode, to_python
+from henon_ref.expressions.grammar import MAX_STATES
+from henon_ref.system.source import Source
+from henon_ref.system.tree import MappingNode, Node, Place, ScalarNode, SequenceNode, to_python
 from henon_ref.text import did_you_mean, listed, shortened
 
 AnyForm = TypeVar("AnyForm", bound="Form")

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from henon_ref.casefile.grammar import NOT_STATES, may_have_kinks
-from henon_ref.casefile.tree import MappingNode, Node, ScalarNode, SequenceNode, child, merged
 from henon_ref.casefile.yaml_file import read_yaml
 from henon_ref.errors import CaseError
+from henon_ref.expressions.grammar import NOT_STATES, may_have_kinks
+from henon_ref.system.tree import MappingNode, Node, ScalarNode, SequenceNode, child, merged
 
 CONTACTS = ("friction", "stop")
 """Kinds of connections that create a surface."""

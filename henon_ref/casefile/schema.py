@@ -1,7 +1,7 @@
 """Form of a case file: its keys, the values that they hold, and the messages for other values.
 
 Forms only check the form; the meaning of expressions is checked where they are read
-(:mod:`henon_ref.casefile.problem`, :mod:`henon_ref.casefile.expected`). A system is built from the tree of the file,
+(:mod:`henon_ref.system.problem`, :mod:`henon_ref.casefile.expected`). A system is built from the tree of the file,
 not from its form. Forms that are kept in a reading are also dataclasses.
 """
 
@@ -17,9 +17,9 @@ from types import MappingProxyType
 from typing import Annotated, Any, Literal
 
 from henon_ref.casefile.form import NONE, Form, Scalar, Size, read_form
-from henon_ref.casefile.grammar import MAX_STATES, MOST_STATES
-from henon_ref.casefile.source import Source
-from henon_ref.casefile.tree import MappingNode
+from henon_ref.expressions.grammar import MAX_STATES, MOST_STATES
+from henon_ref.system.source import Source
+from henon_ref.system.tree import MappingNode
 from henon_ref.text import shortened
 
 MAX_NAME = 64
@@ -151,7 +151,7 @@ class SystemForm(Form):
 
 
 class SceneForm(Form):
-    """Bodies and connections; nothing else is part of the equations (:mod:`henon_ref.casefile.scene`)."""
+    """Bodies and connections; nothing else is part of the equations."""
 
     parameters: Annotated[Mapping[str, Expression], "name: number, or expression in other parameters"] = NONE
     bodies: Annotated[

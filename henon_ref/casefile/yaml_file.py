@@ -18,8 +18,8 @@ from ruamel.yaml import events as ev
 from ruamel.yaml.error import MarkedYAMLError
 from ruamel.yaml.reader import ReaderError
 
-from henon_ref.casefile.tree import MappingNode, Node, Place, Scalar, ScalarNode, SequenceNode
 from henon_ref.errors import CaseError
+from henon_ref.system.tree import MappingNode, Node, Place, Scalar, ScalarNode, SequenceNode
 from henon_ref.text import shortened
 
 MAX_BYTES = 256 * 1024

@@ -9,18 +9,17 @@ import sympy as sp
 from flint import arb, fmpq, fmpz
 
 from henon_ref.errors import ModelError
-from henon_ref.modes.algebra import simplified
-from henon_ref.modes.bounds import terms
-from henon_ref.taylor.fold import Rules, Walk, fold
-from henon_ref.taylor.rules import FUNCTIONS
-from henon_ref.taylor.size import size
+from henon_ref.expressions.algebra import simplified
+from henon_ref.expressions.bounds import terms
+from henon_ref.expressions.grammar import ELEMENTARY
+from henon_ref.expressions.traversal import Rules, Walk, fold, size
 
 PATIENCE = 400
 """Largest number of operations for which a proof is tried, since algebra may not end; a quarter of it if the expression
 has symbols."""
 
 _FUNCTIONS: dict[str, Callable[[arb], arb]] = {
-    name: getattr(arb, name) for name in (*FUNCTIONS, "asinh", "acosh", "atanh")
+    name: getattr(arb, name) for name in (*ELEMENTARY, "asinh", "acosh", "atanh")
 } | {"Abs": abs}
 
 

@@ -14,10 +14,10 @@ from henon_ref.enclosure.contact_proof import is_proven
 from henon_ref.enclosure.enclosure import UndecidedError
 from henon_ref.enclosure.model import ModeModel, SystemModel, solve_for_states
 from henon_ref.errors import ModelError
+from henon_ref.expressions.algebra import up_to_a_number
 from henon_ref.modes.equations import Guard, Refusal
 from henon_ref.modes.held_groups import Broken, Numbers, by_groups, decide_groups, order_of
 from henon_ref.modes.mode import Mode, mode_text, replaced
-from henon_ref.modes.switched_field import up_to_a_number
 
 ORDER = 6
 """Highest derivative examined for the sign of a guard."""

@@ -12,12 +12,12 @@ from matplotlib.animation import FuncAnimation
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from henon_ref.casefile.assembly import Scene
-from henon_ref.casefile.bodies import Body
 from henon_ref.figures import style
 from henon_ref.figures.motion import Motion
 from henon_ref.figures.scene import HALF, blank, draw_body, draw_symbol, lines_of, places_of
 from henon_ref.modes.system import FilippovSystem
+from henon_ref.system.assembly import Scene
+from henon_ref.system.bodies import Body
 from henon_ref.taylor.tape import TIME
 
 ALONE, AMONG_OTHERS = 0.45, 0.22

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.casefile.assembly import Connection, Scene
-from henon_ref.casefile.bodies import Body
 from henon_ref.figures import style
 from henon_ref.figures.description import describe
+from henon_ref.system.assembly import Connection, Scene
+from henon_ref.system.bodies import Body
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

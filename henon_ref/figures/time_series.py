@@ -10,13 +10,13 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.casefile.case import Reading
+from henon_ref.expressions.traversal import size
 from henon_ref.figures import style
 from henon_ref.figures.description import describe
 from henon_ref.figures.motion import Motion, limits_around, runs_of, symbol, velocity_of, widen
 from henon_ref.modes.latex import latex
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.system import FilippovSystem
-from henon_ref.taylor.size import size
 from henon_ref.taylor.tape import TIME
 
 if TYPE_CHECKING:

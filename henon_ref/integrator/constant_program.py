@@ -21,11 +21,11 @@ from flint import arb, fmpq
 from numpy.typing import NDArray
 
 from henon_ref.errors import ModelError
+from henon_ref.expressions.bounds import double_double
+from henon_ref.expressions.grammar import ELEMENTARY
+from henon_ref.expressions.traversal import Rule, Rules, Walk, fold
 from henon_ref.kernel.shared import LEVELS, doubles, ffi, integers, kernel
-from henon_ref.modes.bounds import double_double
 from henon_ref.precision import working_precision
-from henon_ref.taylor.fold import Rule, Rules, Walk, fold
-from henon_ref.taylor.rules import FUNCTIONS
 
 ADD, MULTIPLY, POWER, SQRT = kernel.ADD, kernel.MULTIPLY, kernel.POWER, kernel.SQRT
 """Operations of compiled code; the second operand of POWER is an integer, not a register."""
@@ -35,7 +35,7 @@ FUNCTION = 4
 """Operation evaluated by python-flint; its second operand is the number of the function."""
 POWER_OF = 5
 """Power with an exponent in a register, evaluated by python-flint."""
-NAMES = (*FUNCTIONS, "Abs")
+NAMES = (*ELEMENTARY, "Abs")
 """Functions of one argument, by number."""
 BITS = 256
 """Precision of python-flint's balls for functions and signs [bits]."""

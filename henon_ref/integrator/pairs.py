@@ -10,7 +10,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import ArrayLike, NDArray
 
-from henon_ref.modes.bounds import double_double
+from henon_ref.expressions.bounds import double_double
 
 Pair = tuple[float, float]
 """Number as its nearest double and the remainder."""

@@ -13,10 +13,10 @@ from typing import Any, Protocol
 import sympy as sp
 from flint import arb
 
+from henon_ref.expressions.grammar import FUNCTIONS
 from henon_ref.modes.equations import Guard
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.system import FilippovSystem
-from henon_ref.taylor.rules import FUNCTIONS
 from henon_ref.taylor.series import FLOAT, Ring
 
 NO_VALUE = (ZeroDivisionError, ValueError, OverflowError)
@@ -31,7 +31,7 @@ ORDER = 8
 """Number of derivatives that are computed before a contact counts as one that never separates."""
 DIGITS = 75
 """Decimal digits of constants in balls: more than the working precision has."""
-RING = Ring({name: getattr(arb, name) for name in (*FUNCTIONS, "sqrt")}, arb.__pow__)
+RING = Ring({name: getattr(arb, name) for name in FUNCTIONS}, arb.__pow__)
 
 Leading = tuple[int, int]
 """(index, sign) of the first non-zero coefficient of a Taylor series."""

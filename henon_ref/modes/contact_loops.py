@@ -32,10 +32,10 @@ from sympy.polys.matrices import DomainMatrix
 from sympy.utilities.iterables import connected_components
 
 from henon_ref.errors import ModelError
-from henon_ref.modes.algebra import AGREE, expanded, sample, simplified
-from henon_ref.modes.bounds import put
+from henon_ref.expressions.algebra import expanded, simplified
+from henon_ref.expressions.bounds import put
 from henon_ref.modes.equations import Guard
-from henon_ref.modes.switched_field import SwitchedField
+from henon_ref.modes.switched_field import AGREE, SwitchedField
 from henon_ref.text import listed
 
 SIDES = (1, -1)
@@ -203,7 +203,7 @@ def _weights(
         unit = weights.setdefault(known, sp.S.One) / shares[known]
         for i, share in shares.items():
             weight = unit * share
-            size, old = sample(system, (weight, weights.get(i, weight)))
+            size, old = system.sample((weight, weights.get(i, weight)))
             if not size > 0 or abs(size - old) > AGREE * size:
                 names = listed([system.sign_names[k] for k in sorted(relation)])
                 raise ModelError(f"the loads of the contacts of the loop {names} are not action and reaction: {weight}")
@@ -220,7 +220,7 @@ def _share(
 ) -> sp.Expr:
     """Return the slope of a contact's load in a free sign."""
     slopes = [-way * sp.diff(put(put(ends[way].expression, signs), dict(others)), free) for way in sorted(ends)]
-    share, last = sample(system, (slopes[0], slopes[-1]))
+    share, last = system.sample((slopes[0], slopes[-1]))
     if abs(last - share) > AGREE * (1 + abs(share)) or share == 0:
         raise ModelError(f"{system.sign_names[ends[1].index]} does not carry the load around its loop of contacts")
     return slopes[0]

@@ -23,7 +23,7 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.errors import ModelError
-from henon_ref.modes.bounds import put
+from henon_ref.expressions.bounds import put
 from henon_ref.modes.decision import with_entries
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.system import FilippovSystem

@@ -25,8 +25,8 @@ import numpy as np
 import sympy as sp
 
 from henon_ref.errors import ModelError
-from henon_ref.modes.algebra import cancelled, constant_slope, sample
-from henon_ref.modes.bounds import put
+from henon_ref.expressions.algebra import cancelled
+from henon_ref.expressions.bounds import put
 from henon_ref.modes.decoupled_contacts import (
     Contact,
     SwitchedEquations,
@@ -106,7 +106,7 @@ def _own_states(system: SwitchedField) -> dict[int, int]:
     while left:
         for k, x in enumerate(states):
             users = [i for i in left if x in system.surfaces[i].free_symbols]
-            if len(users) == 1 and constant_slope(system.surfaces[users[0]], x, states) is not None:
+            if len(users) == 1 and system.constant_slope(system.surfaces[users[0]], x) is not None:
                 found[users[0]] = k
                 del left[users[0]]
                 break
@@ -175,7 +175,7 @@ def _definite(system: SwitchedField, own: Mapping[int, int], forces: Forces) -> 
     count = len(forces.slopes)
     entries = [forces.slopes[i].get(j, sp.S.Zero) for i in range(count) for j in range(count)]
     ways = [put(put(forces.friction[i], {system.signs[i]: sp.S.One}), _there(system, i, own[i])) for i in range(count)]
-    found = sample(system, (*entries, *ways))
+    found = system.sample((*entries, *ways))
     if not all(value.is_real for value in found):  # a root in a branch that is not used at the sample point
         return False
     values = np.array([float(v) for v in found])
@@ -200,7 +200,7 @@ def _definite(system: SwitchedField, own: Mapping[int, int], forces: Forces) -> 
 
 def _there(system: SwitchedField, index: int, state: int) -> dict[sp.Symbol, sp.Expr]:
     h, x = system.surfaces[index], system.states[state]
-    return {x: sp.expand(x - h / constant_slope(h, x, system.states))}
+    return {x: sp.expand(x - h / system.constant_slope(h, x))}
 
 
 class _Solution:

@@ -20,8 +20,8 @@ from itertools import chain
 
 import sympy as sp
 
-from henon_ref.modes.algebra import leaves_out
-from henon_ref.modes.bounds import put
+from henon_ref.expressions.algebra import leaves_out
+from henon_ref.expressions.bounds import put
 from henon_ref.modes.equations import Guard, ModeEquations, by_pattern
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.switched_field import SwitchedField

@@ -20,14 +20,14 @@ import sympy as sp
 from sympy.utilities.iterables import connected_components
 
 from henon_ref.errors import ModelError
-from henon_ref.modes.algebra import AGREE, MAX_SIZE, coefficients, expanded, sample, simplified
-from henon_ref.modes.bounds import put
+from henon_ref.expressions.algebra import MAX_SIZE, coefficients, expanded, simplified
+from henon_ref.expressions.bounds import put
+from henon_ref.expressions.traversal import total_size
 from henon_ref.modes.contact_loops import independent, loop_ends, relations
 from henon_ref.modes.equations import Guard, along
 from henon_ref.modes.linear_system import solution, surfaces_solved
 from henon_ref.modes.sliding import attraction_guards
-from henon_ref.modes.switched_field import SwitchedField
-from henon_ref.taylor.size import total_size
+from henon_ref.modes.switched_field import AGREE, SwitchedField
 from henon_ref.text import listed
 
 
@@ -190,8 +190,8 @@ class _Joint:
         free = [self.system.signs[max(relation)] for relation in self.relations]
         none = dict.fromkeys(free, sp.S.Zero)
         found = {s: put(value, none) for s, value in self.shared.items()} | none
-        moved = sample(self.system, [put(rate, self.shared) - put(rate, found) for rate in rates])
-        sizes = sample(self.system, [put(rate, found) for rate in rates])
+        moved = self.system.sample([put(rate, self.shared) - put(rate, found) for rate in rates])
+        sizes = self.system.sample([put(rate, found) for rate in rates])
         if any(abs(change) > AGREE * (1 + abs(size)) for change, size in zip(moved, sizes, strict=True)):
             raise ModelError(
                 "contacts that hold together in a loop have more than one motion: " + _names(self.system, self.group)
@@ -249,7 +249,7 @@ def _balanced(system: SwitchedField, index: int) -> bool:
         return False
     made = _Joint(system, (index,), frozenset((index,)))
     count = len(own.field)
-    values = sample(system, [put(e, made.on_surface) for e in (*own.field, *made.field)])
+    values = system.sample([put(e, made.on_surface) for e in (*own.field, *made.field)])
     pairs = zip(values[:count], values[count:], strict=True)
     return all(abs(kept - derived) <= AGREE * (1 + abs(derived)) for kept, derived in pairs)
 

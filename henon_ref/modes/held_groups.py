@@ -46,7 +46,7 @@ from itertools import product
 import sympy as sp
 
 from henon_ref.errors import ModelError
-from henon_ref.modes.bounds import exact_sign
+from henon_ref.expressions.bounds import exact_sign
 from henon_ref.modes.contact_loops import closed
 from henon_ref.modes.contact_problem import (
     Accelerations,

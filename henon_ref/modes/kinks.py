@@ -12,11 +12,11 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.modes.algebra import MAX_DERIVED, constant_slope
-from henon_ref.modes.bounds import put
+from henon_ref.expressions.algebra import MAX_DERIVED
+from henon_ref.expressions.bounds import put
+from henon_ref.expressions.traversal import size
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.system import FilippovSystem
-from henon_ref.taylor.size import size
 
 TransitionT = TypeVar("TransitionT", bound=Any)
 """Dataclass with ``surface``, ``from_mode`` and ``to_mode``."""
@@ -105,7 +105,7 @@ def _vanishes(system: FilippovSystem, jump: sp.Expr, surface: sp.Expr) -> bool:
         return False
     on_surface = [{surface: sp.S.Zero, -surface: sp.S.Zero}]
     for state in system.states:
-        slope = constant_slope(surface, state, system.states)
+        slope = system.constant_slope(surface, state)
         if slope is not None:
             on_surface.append({state: state - surface / slope})
     return any(sp.expand(jump.xreplace(values)) == 0 for values in on_surface)

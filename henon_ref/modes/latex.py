@@ -9,8 +9,8 @@ from functools import lru_cache
 
 import sympy as sp
 
+from henon_ref.expressions.traversal import size, total_size
 from henon_ref.modes.switched_field import SwitchedField
-from henon_ref.taylor.size import size, total_size
 from henon_ref.text import spelled
 
 MOST_OPERATIONS, MOST_IN_ALL = 500, 2_500

@@ -13,10 +13,10 @@ from sympy.solvers.solveset import NonlinearError
 from sympy.utilities.iterables import connected_components
 
 from henon_ref.errors import ModelError
-from henon_ref.modes.algebra import constant_slope, measured
-from henon_ref.modes.bounds import terms
+from henon_ref.expressions.algebra import measured
+from henon_ref.expressions.bounds import terms
+from henon_ref.expressions.traversal import size
 from henon_ref.modes.switched_field import SwitchedField
-from henon_ref.taylor.size import size
 from henon_ref.taylor.tape import TIME
 
 MAX_SYMBOLIC = 4
@@ -157,7 +157,7 @@ def surfaces_solved(
             for k, x in enumerate(states)
             if k not in kept
             and x in system.surfaces[i].free_symbols
-            and constant_slope(system.surfaces[i], x, states) is not None
+            and system.constant_slope(system.surfaces[i], x) is not None
         ]
         for i in sliding
     }
@@ -194,7 +194,7 @@ def _on_surfaces(
     """Return each solved state in terms of time and the states that remain free on the surfaces."""
     surfaces = [system.surfaces[i] for i in solved]
     if all(len(h.free_symbols & set(unknown)) == 1 for h in surfaces):
-        return {x: _solved(h, x, system.states) for h, x in zip(surfaces, unknown, strict=True)}
+        return {x: _solved(system, h, x) for h, x in zip(surfaces, unknown, strict=True)}
     if sum(size(h, MAX_JOINT) for h in surfaces) > MAX_JOINT:
         return {}
     try:
@@ -204,6 +204,5 @@ def _on_surfaces(
     return dict(zip(unknown, next(iter(found)), strict=True)) if len(found) == 1 else {}
 
 
-def _solved(surface: sp.Expr, x: sp.Symbol, states: Sequence[sp.Symbol]) -> sp.Expr:
-    slope = constant_slope(surface, x, states)
-    return sp.expand(-surface.xreplace({x: sp.S.Zero}) / slope, deep=False)
+def _solved(system: SwitchedField, surface: sp.Expr, x: sp.Symbol) -> sp.Expr:
+    return sp.expand(-surface.xreplace({x: sp.S.Zero}) / system.constant_slope(surface, x), deep=False)

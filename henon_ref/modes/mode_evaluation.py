@@ -15,7 +15,7 @@ import sympy as sp
 from flint import arb
 
 from henon_ref.errors import ModelError
-from henon_ref.modes.algebra import leaves_out
+from henon_ref.expressions.algebra import leaves_out
 from henon_ref.modes.arithmetic import BALLS, DOUBLES, NO_VALUE, ORDER, RING, Arithmetic, Leading
 from henon_ref.modes.equations import Guard, ModeEquations, ModeTape
 from henon_ref.modes.mode import Mode, replaced

@@ -25,7 +25,7 @@ from typing import Any
 
 import sympy as sp
 
-from henon_ref.modes.bounds import put
+from henon_ref.expressions.bounds import put
 from henon_ref.modes.equations import Guard, along
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.switched_field import Release, SlidingOverride

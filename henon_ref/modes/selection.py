@@ -21,8 +21,8 @@ from typing import Any, Protocol
 import sympy as sp
 
 from henon_ref.errors import ModelError
+from henon_ref.expressions.bounds import exact_sign
 from henon_ref.modes.arithmetic import CLEAR, NO_VALUE, Point
-from henon_ref.modes.bounds import exact_sign
 from henon_ref.modes.consistency import broken_guards, indeterminate
 from henon_ref.modes.contact_loops import Relation, relations
 from henon_ref.modes.decision import Decision, ended, explained, several, with_entries

@@ -12,7 +12,7 @@ sliding then attracts, because positive d_i exist for which the sum of d_i (abs(
 of all modes add up to 1.
 
 The work on an expression is linear in its size, or is done only for expressions known to be small
-(:mod:`henon_ref.modes.algebra`), because equations are derived from untrusted text, also in processes without a
+(:mod:`henon_ref.expressions.algebra`), because equations are derived from untrusted text, also in processes without a
 deadline. Equations that would be too large are refused.
 """
 
@@ -26,20 +26,19 @@ import sympy as sp
 from sympy.utilities.iterables import strongly_connected_components
 
 from henon_ref.errors import ModelError
-from henon_ref.modes.algebra import (
+from henon_ref.expressions.algebra import (
     MAX_DERIVED,
     MAX_SIZE,
     coefficients,
-    constant_slope,
     expanded,
     known_positive,
     simplified,
 )
-from henon_ref.modes.bounds import put
+from henon_ref.expressions.bounds import put
+from henon_ref.expressions.traversal import size, total_size
 from henon_ref.modes.equations import Guard, Refusal, along
 from henon_ref.modes.linear_system import EXPLICIT, determinant, rational, solution, surfaces_solved
 from henon_ref.modes.switched_field import SwitchedField
-from henon_ref.taylor.size import size, total_size
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import listed
 
@@ -104,7 +103,7 @@ def filippov_sliding(
         h = system.surfaces[i]
         rates = [sp.S.Zero if j == k else rate for j, rate in enumerate(result)]
         others = along(h, system.states, tuple(rates))
-        result[k] = -put(others, on_surface) / constant_slope(h, system.states[k], system.states)
+        result[k] = -put(others, on_surface) / system.constant_slope(h, system.states[k])
     _small((*result, *(g.expression for g in guards)), signs)
     return tuple(result), tuple(guards), {i: equivalent[s] for i, s in zip(sliding, signs, strict=True)}
 

@@ -5,7 +5,7 @@ An override replaces Filippov's sliding, a reset is a jump of the state. :mod:`h
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from dataclasses import field as dataclass_field
 from functools import cached_property, wraps
@@ -13,10 +13,15 @@ from typing import Any, Literal, TypeVar, cast
 
 import sympy as sp
 
-from henon_ref.modes.bounds import put
+from henon_ref.expressions.algebra import MAX_DERIVED, coefficients, up_to_a_number
+from henon_ref.expressions.bounds import put
+from henon_ref.expressions.traversal import size
 from henon_ref.modes.equations import Guard, along
 from henon_ref.modes.mode import Mode
+from henon_ref.taylor.tape import TIME
 
+DIGITS, AGREE = 40, sp.Float("1e-25")
+"""Digits of sampled values, and relative difference up to which two sampled values agree."""
 Method = TypeVar("Method", bound=Callable[..., Any])
 
 
@@ -122,6 +127,22 @@ class SwitchedField:
     def _normal(self) -> tuple[sp.Expr, ...]:
         return tuple(along(h, self.states, self.field) for h in self.surfaces)
 
+    def constant_slope(self, surface: sp.Expr, state: sp.Symbol) -> sp.Expr | None:
+        """Return the factor of a state in a surface if it is constant (no time, no states) and not zero; else None."""
+        found = coefficients(surface, [state])
+        if found is not None:
+            slope = found.get(state)
+        else:
+            slope = sp.diff(surface, state) if size(surface, MAX_DERIVED) <= MAX_DERIVED else None
+        return None if slope is None or slope == 0 or slope.free_symbols & {TIME, *self.states} else slope
+
+    def sample(self, expressions: Sequence[sp.Expr]) -> list[sp.Expr]:
+        """Return values of expressions at the parameters' values and quotients of primes as time-dependent symbols."""
+        symbols = sorted(set().union(*(e.free_symbols for e in expressions)), key=str)
+        numbers = {s: sp.Rational(sp.prime(k + 7), sp.prime(k + 17)) for k, s in enumerate(symbols)}
+        numbers |= {TIME: sp.Rational(3, 7), **self.parameters}
+        return [sp.N(put(e, numbers), DIGITS) for e in expressions]
+
     def held_inside(self, index: int) -> bool:
         """Check whether the hold zone of its override, not the slip fields, decides sticking on a surface."""
         return index in self.overrides and self.overrides[index].entry == "inside"
@@ -151,11 +172,3 @@ class SwitchedField:
             if i != j:
                 found[j] = i, own * sign
         return found
-
-
-def up_to_a_number(expression: sp.Expr) -> tuple[sp.Expr, int]:
-    """Return the expression without its numerical factor, and the sign of this factor; nothing is expanded."""
-    number, rest = expression.as_independent(*expression.free_symbols, as_Add=False)
-    _, form = rest.as_content_primitive()
-    turned = form.could_extract_minus_sign()
-    return (-form if turned else form), (1 if number.is_positive else -1) * (-1 if turned else 1)

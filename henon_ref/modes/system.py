@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING
 import sympy as sp
 
 from henon_ref.errors import ModelError
-from henon_ref.modes.algebra import has_no_value, leaves_out
-from henon_ref.modes.bounds import put
+from henon_ref.expressions.algebra import has_no_value, leaves_out
+from henon_ref.expressions.bounds import put
 from henon_ref.modes.contact_loops import closed, relations
 from henon_ref.modes.equations import Guard, ModeEquations, Refusal
 from henon_ref.modes.mode import Mode, replaced

@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from henon_ref.casefile.problem import build_problem
 from henon_ref.casefile.schema import check_form
-from henon_ref.casefile.source import Source
-from henon_ref.casefile.tree import MappingNode, Node
 from henon_ref.errors import ArgumentError, HenonRefError
 from henon_ref.modes.problem import Problem
 from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.system import System
-from henon_ref.simulation.written import argument_error, mapping, tree_of, written, written_name
+from henon_ref.system.problem import build_problem
+from henon_ref.system.python_values import argument_error, mapping, tree_of, written, written_name
+from henon_ref.system.source import Source
+from henon_ref.system.tree import MappingNode, Node
 from henon_ref.text import did_you_mean, listed, shortened
 
 DIRECTIONS = ("falling", "rising")

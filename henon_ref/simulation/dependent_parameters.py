@@ -10,9 +10,9 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
+from henon_ref.expressions.bounds import double_double
 from henon_ref.integrator.constant_program import constant_program
 from henon_ref.integrator.pairs import Pair, exact_expression
-from henon_ref.modes.bounds import double_double
 from henon_ref.simulation.system import System
 
 

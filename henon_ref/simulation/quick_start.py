@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING, Any, cast
 import sympy as sp
 
 from henon_ref.errors import ModelError
+from henon_ref.expressions.bounds import double_double
 from henon_ref.integrator.constants import ModeConstants
 from henon_ref.integrator.integrator import Integrator
 from henon_ref.integrator.pairs import Pair, exact_expression, exact_number, pair_of
 from henon_ref.integrator.start import Start, begin, run_template
 from henon_ref.kernel.shared import kernel
-from henon_ref.modes.bounds import double_double
 from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.system import System
 

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from henon_ref.casefile.bodies import STATE_NAMES
-from henon_ref.casefile.source import Source
-from henon_ref.casefile.tree import MappingNode, Node, Place
 from henon_ref.errors import ArgumentError
 from henon_ref.simulation.calls import check_words, explained_methods
 from henon_ref.simulation.system import System
-from henon_ref.simulation.written import mapping, sequence, tree_of, written_name
+from henon_ref.system.bodies import STATE_NAMES
+from henon_ref.system.python_values import mapping, sequence, tree_of, written_name
+from henon_ref.system.source import Source
+from henon_ref.system.tree import MappingNode, Node, Place
 from henon_ref.text import listed
 
 if TYPE_CHECKING:
@@ -265,8 +265,8 @@ class Scene:
 
     def _drawable(self) -> Any:
         """Return the scene with its expressions parsed."""
-        from henon_ref.casefile.problem import read_scene
         from henon_ref.figures.scene import MOST_BODIES
+        from henon_ref.system.problem import read_scene
 
         if len(self._bodies) > MOST_BODIES:
             raise ArgumentError(f"the scene has {len(self._bodies)} bodies; a picture shows at most {MOST_BODIES}")

@@ -10,17 +10,15 @@ from typing import Any
 
 import sympy as sp
 
-from henon_ref.casefile.expressions import parse_expression, parse_number
-from henon_ref.casefile.problem import written_model
 from henon_ref.casefile.schema import check_form
-from henon_ref.casefile.source import Source
-from henon_ref.casefile.tree import MappingNode, ScalarNode, child, merged
-from henon_ref.casefile.work import Work
 from henon_ref.errors import ArgumentError, ExpressionError, HenonRefError
+from henon_ref.expressions.evaluation import parse_expression, parse_number
+from henon_ref.expressions.operations import Work
 from henon_ref.modes.preparation import parameters_in_exponents, with_rational_exponents
 from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.calls import explained
-from henon_ref.simulation.written import (
+from henon_ref.system.problem import MODEL_KEYS, written_model
+from henon_ref.system.python_values import (
     Number,
     OwnStart,
     argument_error,
@@ -31,11 +29,10 @@ from henon_ref.simulation.written import (
     tree_of,
     written_name,
 )
+from henon_ref.system.source import Source
+from henon_ref.system.tree import MappingNode, ScalarNode, child, merged
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed
-
-MODEL_KEYS = ("system", "scene", "sliding", "resets")
-"""Keys of a case file that define the system."""
 
 
 class System:
@@ -278,15 +275,16 @@ class System:
 
     def work(self) -> Work:
         """Work record that holds this system as already built, for reading more keys of its tree."""
-        nodes = tuple(self.tree.entries.get(key) for key in MODEL_KEYS)
-        return Work(built={("system", *map(id, nodes)): (nodes, (self.model, self._names))})
+        work = Work()
+        Source(self.tree, work=work).once("system", MODEL_KEYS, lambda: (self.model, self._names))
+        return work
 
     @cached_property
     def conditions(self) -> list[sp.Expr]:
         """Expressions in the parameters that the scene requires to be > 0."""
         if not Source(self.tree).has_scene:
             return []
-        from henon_ref.casefile.scene import conditions
+        from henon_ref.system.scene import conditions
 
         return conditions(Source(self.tree))
 

@@ -21,13 +21,13 @@ import numpy as np
 import sympy as sp
 
 from henon_ref.errors import HenonRefError
+from henon_ref.expressions.grammar import FUNCTIONS
 from henon_ref.simulation.dense_output import DenseOutput
 from henon_ref.simulation.simulate import simulate
 from henon_ref.simulation.system import System
 from henon_ref.sweeps.observations import moving_expression, rank_in_run
 from henon_ref.sweeps.table_files import Columns, Vector
 from henon_ref.sweeps.work import Observation, Runs
-from henon_ref.taylor.rules import FUNCTIONS
 from henon_ref.taylor.series import Ring, along
 from henon_ref.taylor.tape import build_tape
 
@@ -43,7 +43,7 @@ MOST_PIECES = 4096
 MOST_NUMBERS = 1 << 22
 """Largest number of coefficients of steps in memory at one time; one run alone may exceed it."""
 _NAMES = {"asin": "arcsin", "acos": "arccos", "atan": "arctan"}
-NUMPY = Ring({name: getattr(np, _NAMES.get(name, name)) for name in (*FUNCTIONS, "sqrt")}, np.power)
+NUMPY = Ring({name: getattr(np, _NAMES.get(name, name)) for name in FUNCTIONS}, np.power)
 """Ring of arrays of doubles."""
 
 

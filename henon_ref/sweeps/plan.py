@@ -138,10 +138,15 @@ def _checked(observe: Sequence[Observation], system: System, until: float) -> tu
         if not isinstance(observation, Observation):
             raise ArgumentError(f"observe holds {str(observation)[:60]}; wanted observations of henon_ref.observe")
         observation.check(system)
-        after = getattr(observation, "after", None)
-        if after is not None and after >= until:
-            raise ArgumentError(f"'after' of '{observation.kind}' is {after:g}; it must be earlier than the horizon")
+        check_after(observation, until)
     return tuple(observe)
+
+
+def check_after(observation: Observation, until: float) -> None:
+    """Raise ArgumentError if an observation begins at the horizon or later."""
+    after = getattr(observation, "after", None)
+    if after is not None and after >= until:
+        raise ArgumentError(f"'after' of '{observation.kind}' is {after:g}; it must be earlier than the horizon")
 
 
 def _tables(work: Work, points: Points) -> dict[str, tuple[str, ...]]:

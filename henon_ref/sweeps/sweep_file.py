@@ -13,7 +13,6 @@ from typing import Annotated, Any, TypeVar
 
 from henon_ref.casefile.case import check_model, check_surfaces
 from henon_ref.casefile.form import NONE, Form, Scalar, Size, read_form
-from henon_ref.casefile.problem import build_problem
 from henon_ref.casefile.schema import (
     CaseForm,
     CaseName,
@@ -28,17 +27,18 @@ from henon_ref.casefile.schema import (
     Tolerance,
     whole_number,
 )
-from henon_ref.casefile.source import Path as KeyPath
-from henon_ref.casefile.source import Source
-from henon_ref.casefile.tree import MappingNode, Node, ScalarNode, SequenceNode, child
 from henon_ref.casefile.yaml_file import read_yaml
-from henon_ref.errors import ArgumentError, CaseError
+from henon_ref.errors import ArgumentError
 from henon_ref.integrator.start import MOST_STEPS
 from henon_ref.simulation.system import System
 from henon_ref.sweeps.observe import KINDS
-from henon_ref.sweeps.plan import RTOL, Plan, planned
+from henon_ref.sweeps.plan import RTOL, Plan, check_after, planned
 from henon_ref.sweeps.points import Points, check_names, continuation, grid, random, table
 from henon_ref.sweeps.work import Observation
+from henon_ref.system.problem import build_problem
+from henon_ref.system.source import Path as KeyPath
+from henon_ref.system.source import Source
+from henon_ref.system.tree import MappingNode, Node, ScalarNode, SequenceNode, child
 from henon_ref.text import did_you_mean, listed
 
 
@@ -99,10 +99,11 @@ def load_sweep(path: str | Path) -> SweepFile:
     source = Source(MappingNode(tree.place, common, tree.keys, tree.size), str(path))
     case = read_form(CaseForm, source)
     check_model(source, case)
-    check_surfaces(source, case, build_problem(source)[0])
+    problem, _ = build_problem(source)
+    check_surfaces(source, case, problem)
     system = System.from_tree(source.tree)
     points = _points(whole, system, Path(path).parent)
-    observations = [_observation(whole, system, k) for k in range(len(form.observe))]
+    observations = [_observation(whole, system, float(problem.until), k) for k in range(len(form.observe))]
     initial = {name: source.text(("initial", name)) for name in system.state}
     plan = _placed(
         whole,
@@ -188,7 +189,7 @@ def _known(source: Source, path: KeyPath, allowed: tuple[str, ...]) -> None:
             raise source.error((*path, name), message, key=True)
 
 
-def _observation(source: Source, system: System, k: int) -> Observation:
+def _observation(source: Source, system: System, until: float, k: int) -> Observation:
     (kind,) = source.keys(("observe", k))
     path: KeyPath = ("observe", k, kind)
     if kind not in KINDS:
@@ -203,6 +204,7 @@ def _observation(source: Source, system: System, k: int) -> Observation:
     arguments = {} if nothing else _value(source, node)
     made = _placed(source, path, lambda: _called(KINDS[kind], arguments), key=True)
     _placed(source, path, lambda: made.check(system), key=True)
+    _placed(source, (*path, "after"), lambda: check_after(made, until))
     return made
 
 
@@ -225,6 +227,5 @@ def _value(source: Source, node: Node | None) -> Any:
         return node.value
     number = float(node.value)
     if not math.isfinite(number):
-        place = {"line": node.place.line, "column": node.place.column}
-        raise CaseError(f"{node.text} is not a finite number", file=source.file, **place)
+        raise source.error_at(node.place, f"{node.text} is not a finite number")
     return number

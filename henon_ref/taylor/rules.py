@@ -14,8 +14,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-FUNCTIONS = ("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log")
-"""Elementary functions allowed in a field, by their SymPy names; a square root is a power."""
 SELF, ARGUMENT = "y", "a"
 
 

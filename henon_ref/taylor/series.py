@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from operator import add, mul, sub
 from typing import Any
 
+from henon_ref.expressions.grammar import FUNCTIONS
 from henon_ref.taylor.rules import (
-    FUNCTIONS,
     RULES,
     SELF,
     IntegralOfProduct,
@@ -33,7 +33,7 @@ class Ring:
     """(base, constant exponent) -> base**exponent."""
 
 
-FLOAT = Ring({name: getattr(math, name) for name in (*FUNCTIONS, "sqrt")}, math.pow)
+FLOAT = Ring({name: getattr(math, name) for name in FUNCTIONS}, math.pow)
 
 
 def expand(

@@ -14,9 +14,8 @@ from dataclasses import dataclass, replace
 import sympy as sp
 
 from henon_ref.errors import ModelError
-from henon_ref.taylor.fold import fraction
+from henon_ref.expressions.traversal import fraction, size
 from henon_ref.taylor.rules import RULES, Linear, Product, Quotient
-from henon_ref.taylor.size import size
 
 TIME = sp.Symbol("t", real=True)
 """Symbol of time in every expression of a system [s]."""

@@ -12,8 +12,8 @@ import sympy as sp
 from slide import SLIDE, changed
 
 from henon_ref.casefile.case import Case, load_case, parse_case
-from henon_ref.casefile.grammar import TAKEN
 from henon_ref.errors import CaseError
+from henon_ref.expressions.grammar import TAKEN
 from henon_ref.harness.rows import TransitionRow
 from henon_ref.modes.switched_field import Release
 

@@ -11,8 +11,8 @@ from json_schema import faults
 
 from henon_ref.casefile.json_schema import case_schema, schema_text
 from henon_ref.casefile.schema import READING_KEYS, CaseForm
-from henon_ref.casefile.tree import PythonValue, to_python
 from henon_ref.casefile.yaml_file import read_yaml
+from henon_ref.system.tree import PythonValue, to_python
 
 CASES = Path(__file__).parents[2] / "cases"
 PUBLISHED = CASES / "case.schema.json"

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 import henon_ref
-from henon_ref.casefile import shipped
-from henon_ref.casefile.files import case_files, read_cases
-from henon_ref.casefile.shipped import located, shipped_folder, shipped_names
+from henon_ref.casefile import files
+from henon_ref.casefile.files import case_files, located, shipped_folder, shipped_names
 from henon_ref.errors import CaseError
+from henon_ref.harness.campaign.case_files import read_cases
 from henon_ref.harness.truth import store
 
 CASES = Path(__file__).parents[2] / "cases"
@@ -91,7 +91,7 @@ def test_a_wheel_has_them_inside_the_package(elsewhere: Path, monkeypatch: pytes
     package = elsewhere / "site-packages" / "henon_ref"
     (package / "cases").mkdir(parents=True)
     (package / "cases" / "only.yaml").write_text("")
-    monkeypatch.setattr(shipped, "_PACKAGE", package)
+    monkeypatch.setattr(files, "_PACKAGE", package)
     shipped_names.cache_clear()
     try:
         assert set(shipped_names()) == {"cases", "only"}

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from henon_ref.casefile.tree import Place, ScalarNode, child, locate, merged, to_python
 from henon_ref.casefile.yaml_file import MAX_BYTES, parse_yaml, read_yaml
 from henon_ref.errors import CaseError
+from henon_ref.system.tree import Place, ScalarNode, child, locate, merged, to_python
 
 
 def test_scalars_follow_the_core_schema_of_yaml_1_2() -> None:

@@ -11,8 +11,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from henon_ref.errors import ModelError
+from henon_ref.expressions.bounds import double_double
 from henon_ref.integrator.constant_program import constant_program
-from henon_ref.modes.bounds import double_double
 
 A, B, C = sp.symbols("a b c", real=True)
 EXPRESSIONS = (

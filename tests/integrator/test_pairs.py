@@ -9,8 +9,8 @@ from fractions import Fraction
 import numpy as np
 import sympy as sp
 
+from henon_ref.expressions.bounds import double_double
 from henon_ref.integrator import pairs
-from henon_ref.modes.bounds import double_double
 
 
 def test_the_examples() -> None:

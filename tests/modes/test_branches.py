@@ -13,7 +13,7 @@ import pytest
 import sympy as sp
 
 import henon_ref as hr
-from henon_ref.modes.algebra import leaves_out
+from henon_ref.expressions.algebra import leaves_out
 
 X, V, S = sp.symbols("x v s", real=True)
 FALL = math.sqrt(2 / 9.81)

@@ -11,9 +11,9 @@ from scipy.integrate import solve_ivp
 
 import henon_ref as hr
 from henon_ref.casefile.case import parse_case
+from henon_ref.expressions.algebra import has_no_value
 from henon_ref.harness.registry import solver
 from henon_ref.harness.truth.compute import compute
-from henon_ref.modes.algebra import has_no_value
 
 X, V = sp.symbols("x v", real=True)
 CASE = """\

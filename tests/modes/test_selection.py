@@ -11,10 +11,10 @@ from problems import make_problem
 from runs import kinds, run
 
 from henon_ref.baselines.henon import HENON_SOLVER
+from henon_ref.expressions.bounds import exact_sign
 from henon_ref.harness import registry
 from henon_ref.modes import mode_evaluation
 from henon_ref.modes.arithmetic import CLEAR, DOUBLES, rate_of
-from henon_ref.modes.bounds import exact_sign
 from henon_ref.modes.equations import Guard
 from henon_ref.modes.mode_evaluation import in_doubles
 from henon_ref.modes.selection import after_event, contact_orders, initial_mode, sign_after

@@ -23,7 +23,7 @@ HOLD = (
 NOT_NEEDED = (
     "pydantic", "ruamel", "pandas", "pyarrow", "matplotlib", "jinja2", "typer", "rich", "heyoka", "sksundae", "loky",
     "henon_ref.harness", "henon_ref.baselines", "henon_ref.sweeps", "henon_ref.figures",
-    "henon_ref.casefile.scene", "henon_ref.casefile.connections", "henon_ref.casefile.case",
+    "henon_ref.system.scene", "henon_ref.system.connections", "henon_ref.casefile.case",
 )  # fmt: skip
 
 

@@ -13,9 +13,9 @@ from PIL import Image
 
 import henon_ref as hr
 from henon_ref.casefile.case import reading_sources
-from henon_ref.casefile.connections import KINDS
-from henon_ref.casefile.tree import child, to_python
 from henon_ref.casefile.yaml_file import read_yaml
+from henon_ref.system.connections import KINDS
+from henon_ref.system.tree import child, to_python
 
 CASES = Path(__file__).parents[2] / "cases" / "scenes"
 SCENES = sorted(path for path in CASES.glob("*.yaml") if "scene:\n" in path.read_text())

@@ -11,7 +11,7 @@ import pytest
 import sympy as sp
 
 import henon_ref as hr
-from henon_ref.casefile.tree import as_written
+from henon_ref.system.tree import as_written
 from henon_ref.taylor.tape import build_tape
 
 x, v, t, force, mu, s = sp.symbols("x v t F μ s")

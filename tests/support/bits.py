@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from henon_ref.casefile.case import Reading, load_case
-from henon_ref.casefile.shipped import yaml_files
+from henon_ref.casefile.files import yaml_files
 from henon_ref.errors import UnsupportedError
 from henon_ref.harness.registry import fixed_step, solver
 from henon_ref.jit.target import target

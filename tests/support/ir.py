@@ -21,7 +21,7 @@ from pathlib import Path
 import sympy as sp
 
 from henon_ref.casefile.case import load_case
-from henon_ref.casefile.shipped import yaml_files
+from henon_ref.casefile.files import yaml_files
 from henon_ref.errors import ModelError
 from henon_ref.jit.ir_writer import row_length
 from henon_ref.modes.decoupled_contacts import switched_equations

@@ -10,7 +10,7 @@ from functools import cache
 from pathlib import Path
 
 from henon_ref.casefile.case import DEFAULT_READING, Case, load_case
-from henon_ref.casefile.shipped import yaml_files
+from henon_ref.casefile.files import yaml_files
 
 CASES = Path(__file__).parents[2] / "cases"
 

@@ -87,6 +87,7 @@ def test_a_scene_may_stand_in_place_of_a_system(tmp_path: Path) -> None:
         ("- sticks:", "- stick:", 17, 5, "did you mean 'sticks'"),
         ("{after: 20}", "{since: 20}", 17, 14, "unknown key 'since'"),
         ("sticks: {after: 20}", "sticks: {after: late}", 17, 5, "finite number"),
+        ("sticks: {after: 20}", "sticks: {after: 50}", 17, 21, "earlier than the horizon"),
         ("of: x, after", "of: q, after", 19, 5, "q"),
         ("v - vb", "v - v0", 8, 22, "v0"),
     ],

@@ -5,14 +5,16 @@ A worker loads each third-party solver before this process does, because importi
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import os
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
-from henon_ref.casefile.case import Case
-from henon_ref.casefile.files import read_cases
+from henon_ref.casefile.case import Case, load_case
+from henon_ref.casefile.files import case_files
+from henon_ref.errors import CaseError
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.options import Options
 from henon_ref.workers.pool import Jobs, WorkerPool
@@ -22,13 +24,46 @@ LOADING_SECONDS = 60.0
 """Limit on the processor time to import a third-party solver [s]."""
 
 
+def read_cases(
+    paths: Sequence[Path],
+    *,
+    solvers: Collection[str] | None = None,
+    fixed_step: Callable[[str], bool] | None = None,
+) -> list[Case]:
+    """Read the case files; a folder means all case files in it, except those in a folder ``truth``.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+    solvers, fixed_step : optional
+        See :func:`henon_ref.casefile.case.load_case`.
+
+    Raises
+    ------
+    CaseError
+        If a file is not a case, a folder contains no case, or two cases have the same name.
+    """
+    cases: dict[str, Case] = {}
+    # Several paths may lead to the same file; it is read once, under its first path.
+    files: dict[str, Path] = {}
+    for path in paths:
+        for found in case_files(path):
+            files.setdefault(os.path.realpath(found), found)
+    for file in files.values():
+        case = load_case(file, solvers=solvers, fixed_step=fixed_step)
+        if case.name in cases:
+            raise CaseError(f"the name '{case.name}' is also that of {cases[case.name].path}", file=str(file))
+        cases[case.name] = case
+    return list(cases.values())
+
+
 def load_cases(paths: Sequence[Path]) -> list[Case]:
     """Read case files and folders of case files, and check the solvers that they name.
 
     Raises
     ------
     CaseError
-        See :func:`henon_ref.casefile.files.read_cases`.
+        See :func:`read_cases`.
     """
     return read_cases(paths, solvers=registry.names(), fixed_step=fixed_step)
 

@@ -16,11 +16,11 @@ from henon_ref.casefile.case import Case, Reading
 from henon_ref.commands.exit_status import DONE, command_of
 from henon_ref.commands.typer_app import Cases, application, examples
 from henon_ref.errors import ModelError
+from henon_ref.expressions.traversal import size, total_size
 from henon_ref.harness.campaign.case_files import load_cases
 from henon_ref.harness.table import count
 from henon_ref.modes.mode import Mode, mode_text
 from henon_ref.modes.system import FilippovSystem
-from henon_ref.taylor.size import size, total_size
 from henon_ref.text import listed, message
 
 MOST_MODES = 9

@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
+from henon_ref.casefile.files import located, shipped_folder, yaml_files
 from henon_ref.casefile.outline import Outline, outline
-from henon_ref.casefile.shipped import located, shipped_folder, yaml_files
 from henon_ref.commands.exit_status import DONE, command_of
 from henon_ref.commands.typer_app import application, examples
 from henon_ref.errors import CaseError, UnavailableError

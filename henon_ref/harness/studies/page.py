@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from henon_ref.atomic_write import replace_file
 from henon_ref.casefile.case import Case, load_case
-from henon_ref.casefile.shipped import shipped_folder
+from henon_ref.casefile.files import shipped_folder
 from henon_ref.harness.campaign.campaign import compare_all
 from henon_ref.harness.campaign.comparison import Comparison
 from henon_ref.harness.campaign.options import Options

@@ -15,13 +15,13 @@ from resets import ball
 from henon_ref import load_case
 from henon_ref.baselines.protocol.problem_text import infix, problem_text, renamed
 from henon_ref.errors import UnsupportedError
+from henon_ref.expressions.grammar import FUNCTIONS
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem
-from henon_ref.taylor.rules import FUNCTIONS
 
 X, V, P = sp.symbols("x v p", real=True)
 SMOOTH = (sp.sin, sp.cos, sp.tan, sp.asin, sp.acos, sp.atan, sp.sinh, sp.cosh, sp.tanh, sp.exp, sp.log, sp.sqrt)
-NAMES = {name: getattr(math, name) for name in (*FUNCTIONS, "sqrt", "pow")}
+NAMES = {name: getattr(math, name) for name in (*FUNCTIONS, "pow")}
 
 
 def value(text: str, **point: float) -> float:

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import sympy as sp
 
-from henon_ref.casefile.assembly import Scene
 from henon_ref.errors import ModelError
+from henon_ref.expressions.traversal import size
 from henon_ref.harness.campaign.comparison import ReadingResult
 from henon_ref.harness.report.text.ranking import grouped
 from henon_ref.harness.table import Table
@@ -20,9 +20,9 @@ from henon_ref.modes.latex import general_form as general_form
 from henon_ref.modes.mode import Mode, mode_text
 from henon_ref.modes.resets import REMAINING, impact_of
 from henon_ref.modes.system import FilippovSystem
+from henon_ref.system.assembly import Scene
 from henon_ref.taylor.llvm.count import count
 from henon_ref.taylor.llvm.expansion import expansion_ir
-from henon_ref.taylor.size import size
 from henon_ref.taylor.tape import TIME, build_tape
 from henon_ref.text import markdown
 

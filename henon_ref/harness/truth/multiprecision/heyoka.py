@@ -12,9 +12,9 @@ import sympy as sp
 from flint import arb
 
 from henon_ref.errors import ModelError
+from henon_ref.expressions.grammar import ELEMENTARY
+from henon_ref.expressions.traversal import Rules, Walk, fold
 from henon_ref.harness.truth.multiprecision.numbers import decimal_digits, exact_text
-from henon_ref.taylor.fold import Rules, Walk, fold
-from henon_ref.taylor.rules import FUNCTIONS
 
 Number = Callable[[sp.Expr], Any]
 
@@ -116,7 +116,7 @@ def to_heyoka(
         if e in telling:
             return constant(e)
         name = e.func.__name__
-        if name not in FUNCTIONS:
+        if name not in ELEMENTARY:
             raise ModelError(f"heyoka has no Taylor recurrence for {e}: a field is smooth in t and x")
         return getattr(hy, name)(walk(e.args[0]))
 

@@ -14,8 +14,8 @@ import sympy as sp
 from flint import arb, arb_series, ctx
 
 from henon_ref.errors import ModelError
+from henon_ref.expressions.traversal import Rules, Walk, fold
 from henon_ref.harness.truth.multiprecision.numbers import exact_ball
-from henon_ref.taylor.fold import Rules, Walk, fold
 from henon_ref.taylor.tape import TIME
 
 ORDER = 12

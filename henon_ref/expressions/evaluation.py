@@ -1,9 +1,10 @@
 """Conversion of expressions to exact SymPy: the text of a case file, which is never executed, and SymPy itself.
 
-Text and SymPy are both read into operations (:mod:`henon_ref.casefile.parser`, :mod:`henon_ref.casefile.sympy_form`)
-and then evaluated by the same class, so that both forms obey the same rules. Every operation is checked before SymPy
-evaluates it, so that the work is bounded by the length of the expression: ``9**9**9**9`` is refused, not computed.
-:mod:`henon_ref.casefile.work` bounds the total work for one model and caches every value.
+Text and SymPy are both read into operations (:mod:`~henon_ref.expressions.parser`,
+:mod:`~henon_ref.expressions.sympy_form`) and then evaluated by the same class, so that both forms obey the same rules.
+Every operation is checked before SymPy evaluates it, so that the work is bounded by the length of the expression:
+``9**9**9**9`` is refused, not computed. :class:`~henon_ref.expressions.operations.Work` bounds the total work for one
+model and caches every value.
 """
 
 from __future__ import annotations
@@ -13,12 +14,8 @@ from typing import TypeAlias
 
 import sympy as sp
 
-from henon_ref.casefile.grammar import CONSTANT_FUNCTIONS, CONSTANTS, FUNCTIONS, KINK_FUNCTIONS, MAX_DEPTH
-from henon_ref.casefile.operations import Operation, checked_nesting
-from henon_ref.casefile.parser import parsed
-from henon_ref.casefile.work import CACHED, OPERATION, READ, Work, key_of, names_in, overlaid
 from henon_ref.errors import ExpressionError
-from henon_ref.modes.bounds import (
+from henon_ref.expressions.bounds import (
     MAX_TERMS,
     check_constant,
     check_domain,
@@ -29,6 +26,19 @@ from henon_ref.modes.bounds import (
     terms,
     with_known_functions,
 )
+from henon_ref.expressions.grammar import CONSTANT_FUNCTIONS, CONSTANTS, FUNCTIONS, KINK_FUNCTIONS, MAX_DEPTH
+from henon_ref.expressions.operations import (
+    CACHED,
+    OPERATION,
+    READ,
+    Operation,
+    Work,
+    checked_nesting,
+    key_of,
+    names_in,
+    overlaid,
+)
+from henon_ref.expressions.parser import parsed
 
 Written: TypeAlias = "str | sp.Expr"
 KINKED = (sp.Abs, sp.sign, sp.Max, sp.Min, sp.Piecewise, sp.Heaviside)
@@ -74,12 +84,12 @@ def parse_expression(written: Written, names: Mapping[str, sp.Expr], work: Work 
 
 
 def parse_field(written: Written, names: Mapping[str, sp.Expr], work: Work) -> tuple[sp.Expr, list[sp.Expr]]:
-    """Read a component of a field, which may have kinks and jumps (see :mod:`henon_ref.casefile.kinks`).
+    """Read a component of a field, which may have kinks and jumps (see :mod:`henon_ref.expressions.kinks`).
 
     Returns
     -------
     expression : Expr
-        With a :class:`henon_ref.casefile.kinks.Sgn` for the sign of each argument.
+        With a :class:`henon_ref.expressions.kinks.Sgn` for the sign of each argument.
     arguments : list of Expr
         Arguments of these signs, in order of appearance.
     """
@@ -102,7 +112,7 @@ def read(written: Written, names: Mapping[str, object], work: Work, functions: M
             work.charge(READ * len(written), 0)
             found = parsed(written, names.keys(), functions)
         else:
-            from henon_ref.casefile.sympy_form import operation_of  # not needed for text
+            from henon_ref.expressions.sympy_form import operation_of  # not needed for text
 
             found = operation_of(written, names.keys(), functions)
             work.charge(READ * found.length, 0)
@@ -241,7 +251,7 @@ class Walk:
                 return self._call(str(part.value), values, part.offset)
 
     def _kinked(self, part: Operation, depth: int) -> sp.Expr:
-        from henon_ref.casefile import kinks  # imported only for models with kinks
+        from henon_ref.expressions import kinks  # imported only for models with kinks
 
         arguments = [self._argument(argument, depth + 1) for argument in part.arguments]
         strict = [condition.kind in ("<", ">") for condition in part.arguments[1::2]]
@@ -259,7 +269,7 @@ class Walk:
         value = power(base, exponent, offset)
         if not self.kinked or not value.has(sp.Abs):
             return value
-        from henon_ref.casefile.kinks import call
+        from henon_ref.expressions.kinks import call
 
         return value.replace(sp.Abs, lambda u: call("abs", [u], offset))
 
@@ -279,7 +289,7 @@ class Walk:
         found: list[sp.Expr] = []
         for part in operation.parts():
             if part.kind == "call" and part.value in KINK_FUNCTIONS:
-                from henon_ref.casefile.kinks import compared
+                from henon_ref.expressions.kinks import compared
 
                 found += compared(str(part.value), [self._argument(a, 0) for a in part.arguments])
             elif part.kind == "^" or part.value == "sqrt":

@@ -9,15 +9,12 @@ rational function of symbols (``sin(x)``, ``sqrt(x)``, a giant number) counts as
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping
 from math import comb, prod
 
 import sympy as sp
 
-from henon_ref.modes.bounds import exact_sign, put, terms
-from henon_ref.modes.switched_field import SwitchedField, up_to_a_number
-from henon_ref.taylor.size import size
-from henon_ref.taylor.tape import TIME
+from henon_ref.expressions.bounds import exact_sign, terms
 
 MAX_TERMS, MAX_MONOMIALS = 50, 2_000
 """Largest number of expanded terms of numerator and denominator, and largest number of monomials up to their degrees,
@@ -32,8 +29,6 @@ MAX_SIZE = 100_000
 """Largest total size of the equations of a mode."""
 MAX_DERIVED = 400
 """Largest size of a nonlinear expression that is differentiated to test whether its derivative is constant."""
-DIGITS, AGREE = 40, sp.Float("1e-25")
-"""Digits of sampled values, and relative difference up to which two sampled values agree."""
 
 
 def simplified(expression: sp.Expr) -> sp.Expr:
@@ -58,6 +53,14 @@ def known_positive(expression: sp.Expr) -> bool:
     ):
         return False
     return bool(expression.is_positive)
+
+
+def up_to_a_number(expression: sp.Expr) -> tuple[sp.Expr, int]:
+    """Return the expression without its numerical factor, and the sign of this factor; nothing is expanded."""
+    number, rest = expression.as_independent(*expression.free_symbols, as_Add=False)
+    _, form = rest.as_content_primitive()
+    turned = form.could_extract_minus_sign()
+    return (-form if turned else form), (1 if number.is_positive else -1) * (-1 if turned else 1)
 
 
 def signed_form(expression: sp.Expr, still: Collection[sp.Symbol] = ()) -> tuple[object, int]:
@@ -143,16 +146,6 @@ def _coefficients(expression: sp.Expr, wanted: set[sp.Symbol]) -> dict[sp.Symbol
     return found
 
 
-def constant_slope(surface: sp.Expr, state: sp.Symbol, states: Collection[sp.Symbol]) -> sp.Expr | None:
-    """Return the factor of a state in a surface if it is constant (free of time and states) and not zero; else None."""
-    found = coefficients(surface, [state])
-    if found is not None:
-        slope = found.get(state)
-    else:
-        slope = sp.diff(surface, state) if size(surface, MAX_DERIVED) <= MAX_DERIVED else None
-    return None if slope is None or slope == 0 or slope.free_symbols & {TIME, *states} else slope
-
-
 def _rational(expression: sp.Expr, rule: Callable[[sp.Expr], sp.Expr], terms: int, monomials: int) -> sp.Expr:
     """Apply a rule to an expression as a rational function; other subexpressions are symbols to the rule."""
     extents = measured(expression)
@@ -230,14 +223,6 @@ def _terms(expression: sp.Expr) -> int:
             n = abs(int(exponent))
             count = min(count * comb(len(base.args) + n - 1, n), MAX_EXPANDED + 1)
     return count
-
-
-def sample(system: SwitchedField, expressions: Sequence[sp.Expr]) -> list[sp.Expr]:
-    """Return values of expressions at a point with quotients of primes as coordinates, and the system's parameters."""
-    symbols = sorted(set().union(*(e.free_symbols for e in expressions)), key=str)
-    numbers = {s: sp.Rational(sp.prime(k + 7), sp.prime(k + 17)) for k, s in enumerate(symbols)}
-    numbers |= {TIME: sp.Rational(3, 7), **system.parameters}
-    return [sp.N(put(e, numbers), DIGITS) for e in expressions]
 
 
 def leaves_out(

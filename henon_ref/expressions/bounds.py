@@ -9,7 +9,7 @@ from math import comb
 import sympy as sp
 
 from henon_ref.errors import ExpressionError, ModelError
-from henon_ref.taylor.rules import FUNCTIONS
+from henon_ref.expressions.grammar import ELEMENTARY
 from henon_ref.text import shortened
 
 MAX_BITS = 4_096
@@ -33,7 +33,7 @@ LARGEST = sp.Float("1.7976931348623157e308", 20)
 
 _DIGITS = 25
 """Decimal digits with which a number is compared with a bound: more than a double's 17."""
-_SMOOTH = tuple(getattr(sp, name) for name in FUNCTIONS)
+_SMOOTH = tuple(getattr(sp, name) for name in ELEMENTARY)
 
 
 def power(base: sp.Expr, exponent: sp.Expr, offset: int) -> sp.Expr:
@@ -255,16 +255,3 @@ def double_double(number: sp.Expr) -> tuple[float, float]:
         raise ModelError(f"not a finite real number: {number}")
     high = float(rest)
     return high, float(rest - sp.Float(high, 50))
-
-
-class Rounded:
-    """Exact number that is compared by its double first, and exactly only if the doubles nearly agree."""
-
-    def __init__(self, exact: sp.Expr) -> None:
-        self.exact = exact
-        self.value = float(exact)
-
-    def __lt__(self, other: Rounded) -> bool:
-        if abs(self.value - other.value) > 1e-12 * (abs(self.value) + abs(other.value)):
-            return self.value < other.value
-        return self.exact != other.exact and exact_sign(other.exact - self.exact) > 0

@@ -1,4 +1,4 @@
-"""One fold over SymPy expression trees, for every form that expressions are converted to.
+"""Traversals of SymPy expressions: conversion to another form, factors of a fraction, size.
 
 The trees have five kinds of nodes: numbers, sums, products, powers and functions. A form (balls, series, expressions of
 another library, text) gives one rule per kind; the fold visits every subexpression once.
@@ -6,7 +6,7 @@ another library, text) gives one rule per kind; the fold visits every subexpress
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
@@ -85,3 +85,24 @@ def fraction(e: sp.Expr) -> tuple[list[sp.Expr], list[sp.Expr]]:
         else:
             above.append(factor)
     return above, below
+
+
+def size(expression: sp.Expr, limit: int) -> int:
+    """Number of operations, symbols and numbers of an expression, each occurrence counted; at most limit + 1."""
+    waiting: list[sp.Basic] = [expression]
+    count = 0
+    while waiting and count <= limit:
+        part = waiting.pop()
+        count += 1
+        waiting += part.args
+    return count
+
+
+def total_size(expressions: Iterable[sp.Expr], limit: int) -> int:
+    """Total size of several expressions; at most limit + 1."""
+    count = 0
+    for expression in expressions:
+        count += size(expression, limit - count)
+        if count > limit:
+            break
+    return count

@@ -10,9 +10,9 @@ from collections.abc import Collection, Mapping
 
 import sympy as sp
 
-from henon_ref.casefile.grammar import CONSTANTS, EULER, MAX_DEPTH, NAME, check_name
-from henon_ref.casefile.operations import Operation
 from henon_ref.errors import ExpressionError
+from henon_ref.expressions.grammar import CONSTANTS, EULER, MAX_DEPTH, NAME, check_name
+from henon_ref.expressions.operations import Operation
 from henon_ref.text import shortened
 
 _CALLS = {sp.Abs: "abs", sp.Max: "max", sp.Min: "min"}
@@ -21,7 +21,7 @@ _COMPARISONS = (sp.StrictLessThan, sp.LessThan, sp.StrictGreaterThan, sp.Greater
 
 
 def operation_of(expression: sp.Expr, names: Collection[str], functions: Mapping[str, int]) -> Operation:
-    """Return the operations of a SymPy expression; ``names``, ``functions`` as in :func:`casefile.parser.parsed`."""
+    """Return the operations of a SymPy expression; ``names``, ``functions`` as in :func:`expressions.parser.parsed`."""
     found = _Reader().of(expression, 0)
     for part in found.parts():
         if part.kind == "name":

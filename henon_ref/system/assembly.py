@@ -8,10 +8,10 @@ from functools import cached_property
 
 import sympy as sp
 
-from henon_ref.casefile.bodies import Body
 from henon_ref.modes.resets import with_resting
 from henon_ref.modes.switched_field import Release, Reset, SlidingOverride
 from henon_ref.modes.system import FilippovSystem
+from henon_ref.system.bodies import Body
 
 
 @dataclass(frozen=True)

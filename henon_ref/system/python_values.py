@@ -1,6 +1,6 @@
 """Values from Python as the nodes of a case file's tree: names, numbers, expressions, lists and mappings.
 
-A system from Python is thus checked by the same code as one from a file (:mod:`henon_ref.casefile`).
+A system from Python is thus checked by the same code as one from a file (:mod:`henon_ref.system`).
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from typing import Any, NamedTuple
 import numpy as np
 import sympy as sp
 
-from henon_ref.casefile.expressions import Written
-from henon_ref.casefile.grammar import LONGEST_WHOLE, MAX_DIGITS, MAX_LENGTH, MAX_STATES, MOST_STATES
-from henon_ref.casefile.source import Source
-from henon_ref.casefile.tree import MappingNode, Node, Place, ScalarNode, SequenceNode, child
-from henon_ref.casefile.work import Work
 from henon_ref.errors import ArgumentError, HenonRefError
-from henon_ref.taylor.size import size
+from henon_ref.expressions.evaluation import Written
+from henon_ref.expressions.grammar import LONGEST_WHOLE, MAX_DIGITS, MAX_LENGTH, MAX_STATES, MOST_STATES
+from henon_ref.expressions.operations import Work
+from henon_ref.expressions.traversal import size
+from henon_ref.system.source import Source
+from henon_ref.system.tree import MappingNode, Node, Place, ScalarNode, SequenceNode, child
 from henon_ref.text import shortened
 
 NOWHERE = Place(0, 0)
@@ -69,7 +69,7 @@ def written(value: object, what: str) -> str:
     if isinstance(value, str):
         return str(value)
     if isinstance(value, sp.Expr):
-        from henon_ref.casefile.sympy_form import spelled_out  # for files and messages
+        from henon_ref.expressions.sympy_form import spelled_out  # for files and messages
 
         return spelled_out(value)
     if isinstance(value, bool):

@@ -9,10 +9,10 @@ import sympy as sp
 
 import henon_ref as hr
 from henon_ref.casefile.case import parse_case
-from henon_ref.casefile.expressions import parse_field
-from henon_ref.casefile.model_kinks import Kinks
-from henon_ref.casefile.work import Work
 from henon_ref.errors import ExpressionError
+from henon_ref.expressions.evaluation import parse_field
+from henon_ref.expressions.kinks import Kinks
+from henon_ref.expressions.operations import Work
 
 X, V, T, K = sp.symbols("x v t k", real=True)
 K1, K2, K3 = sp.symbols("kink1 kink2 kink3", real=True)

@@ -7,16 +7,16 @@ from pathlib import Path
 import pytest
 import sympy as sp
 
-from henon_ref.casefile import connections
 from henon_ref.casefile.case import load_case, parse_case
-from henon_ref.casefile.connections import KINDS
 from henon_ref.casefile.form import read_form
-from henon_ref.casefile.scene import build_scene, conditions
 from henon_ref.casefile.schema import CaseForm
-from henon_ref.casefile.source import Names, Source
 from henon_ref.casefile.yaml_file import parse_yaml
 from henon_ref.modes.switched_field import Release
 from henon_ref.modes.system import FilippovSystem
+from henon_ref.system import connections
+from henon_ref.system.connections import KINDS
+from henon_ref.system.scene import build_scene, conditions
+from henon_ref.system.source import Names, Source
 from henon_ref.taylor.tape import TIME, build_tape
 
 CASES = Path(__file__).parents[2] / "cases"

@@ -7,7 +7,6 @@ import re
 from collections.abc import Collection, Mapping
 
 from henon_ref.errors import ExpressionError
-from henon_ref.taylor.rules import FUNCTIONS as SMOOTH
 from henon_ref.text import did_you_mean, listed, shortened
 
 MAX_LENGTH = 10_000
@@ -27,7 +26,9 @@ MAX_DIGITS = 400
 LONGEST_WHOLE = 4 * MAX_DIGITS
 """Largest number of bits of a Python integer."""
 
-FUNCTIONS = (*SMOOTH, "sqrt")
+ELEMENTARY = ("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log")
+"""Functions of one argument that SymPy has as classes, by their names there; its square root is a power."""
+FUNCTIONS = (*ELEMENTARY, "sqrt")
 """Functions allowed in every expression, of one argument each."""
 MANY = 1_000
 """Stands for the arity of a function of two or more arguments."""

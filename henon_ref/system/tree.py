@@ -1,4 +1,4 @@
-"""Tree of a case file, in which every key and value has its line and column."""
+"""Tree of a description, in which every key and value has its line and column in the case file."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class ScalarNode:
         """Text as written; for a SymPy expression, its text as in a case file."""
         if isinstance(self.given, str):
             return self.given
-        from henon_ref.casefile.sympy_form import spelled_out  # not needed for files
+        from henon_ref.expressions.sympy_form import spelled_out  # not needed for files
 
         return spelled_out(self.given)
 

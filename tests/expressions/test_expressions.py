@@ -11,9 +11,9 @@ import sympy as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from henon_ref.casefile.expressions import parse_expression, parse_number
-from henon_ref.casefile.grammar import FUNCTIONS, MAX_NESTING, name_problem
 from henon_ref.errors import ExpressionError
+from henon_ref.expressions.evaluation import parse_expression, parse_number
+from henon_ref.expressions.grammar import FUNCTIONS, MAX_NESTING, name_problem
 
 NAMES = {name: sp.Symbol(name, real=True) for name in ("t", "x", "x1", "vp", "s")}
 T, X, X1, VP, S = NAMES.values()

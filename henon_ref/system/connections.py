@@ -11,11 +11,11 @@ from typing import Literal
 
 import sympy as sp
 
-from henon_ref.casefile.assembly import Hold, Impact, Surface
-from henon_ref.casefile.bodies import Body, Range
-from henon_ref.casefile.model_kinks import Kinks
-from henon_ref.casefile.source import Path, Source
 from henon_ref.errors import CaseError
+from henon_ref.expressions.kinks import Kinks
+from henon_ref.system.assembly import Hold, Impact, Surface
+from henon_ref.system.bodies import Body, Range
+from henon_ref.system.source import Path, Source
 from henon_ref.taylor.tape import TIME
 
 

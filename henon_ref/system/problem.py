@@ -8,21 +8,21 @@ from typing import TYPE_CHECKING
 
 import sympy as sp
 
-from henon_ref.casefile.grammar import NOT_STATES, TAKEN, name_problem
-from henon_ref.casefile.source import Names, Path, Source
 from henon_ref.errors import ModelError
-from henon_ref.modes.algebra import MAX_SIZE
-from henon_ref.modes.bounds import exact_sign, put
+from henon_ref.expressions.algebra import MAX_SIZE
+from henon_ref.expressions.bounds import exact_sign, put
+from henon_ref.expressions.grammar import NOT_STATES, TAKEN, name_problem
+from henon_ref.expressions.traversal import size
 from henon_ref.modes.preparation import with_held_loops, with_rational_exponents
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.switched_field import Release, Reset, SlidingOverride
 from henon_ref.modes.system import FilippovSystem
-from henon_ref.taylor.size import size
+from henon_ref.system.source import Names, Path, Source
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import listed
 
 if TYPE_CHECKING:
-    from henon_ref.casefile.assembly import Scene
+    from henon_ref.system.assembly import Scene
 
 MODEL_KEYS = ("system", "scene", "sliding", "resets")
 """Keys of a case file that determine its system."""
@@ -79,7 +79,7 @@ def written_model(source: Source) -> tuple[FilippovSystem, Names]:
 
 def read_scene(source: Source) -> tuple[Scene, Names]:
     """Return the scene of a case and its names; readings with the same scene share it."""
-    from henon_ref.casefile.scene import build_scene  # imported only for scenes
+    from henon_ref.system.scene import build_scene  # imported only for scenes
 
     return source.once("scene", ("scene",), lambda: build_scene(source))
 
@@ -101,7 +101,7 @@ def _system(source: Source) -> tuple[FilippovSystem, Names]:
     made = {sign: surface for sign, (surface, _) in surfaces.items()}
     field, kinks, sections = [rate for rate, _ in rates], frozenset[int](), tuple[sp.Expr, ...]()
     if any(arguments for _, arguments in (*surfaces.values(), *rates)):
-        from henon_ref.casefile.model_kinks import with_kinks  # imported only for models with kinks
+        from henon_ref.system.kinks import with_kinks  # imported only for models with kinks
 
         made, field, kinks, sections = with_kinks(source, names, surfaces, rates)
         names = Names.of(states, [sign.name for sign in made], values)

@@ -8,19 +8,23 @@ sign; it then shares that sign.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import product
 
 import sympy as sp
 
 from henon_ref.errors import ExpressionError
-from henon_ref.modes.bounds import shown, terms
-from henon_ref.modes.switched_field import up_to_a_number
+from henon_ref.expressions.algebra import signed_form, up_to_a_number
+from henon_ref.expressions.bounds import exact_sign, shown, terms
 
 MAX_INNER = 4
 """Largest number of kinks in the argument of another kink: each doubles the number of branches."""
 MAX_TERMS = 1_000
 """Largest number of terms, multiplied out, of a difference that is tested for zero."""
+
+
+Kinked = tuple[sp.Expr, list[sp.Expr]]
+"""Expression, and the arguments of its kinks in order of appearance."""
 
 
 class Sgn(sp.Function):
@@ -189,3 +193,92 @@ def _first(holds: Iterable[object]) -> int:
         if held:
             return count
     return count + 1
+
+
+class Kinks:
+    """Collection of the surfaces of a model's kinks; signs of expressions in parameters alone become numbers."""
+
+    def __init__(self, parameters: Mapping[sp.Symbol, sp.Expr]) -> None:
+        """``parameters``: parameter -> exact value."""
+        self.parameters = dict(parameters)
+        self.surfaces: dict[sp.Symbol, sp.Expr] = {}
+        """Sign -> its argument, as written first."""
+        self.declared: dict[sp.Symbol, sp.Expr] = {}
+        """Sign of a surface of the model -> the surface."""
+        self.conditions: list[sp.Expr] = []
+        """Expressions in parameters that were taken as positive, from the parameters' values."""
+        self.declared_late = False
+        """Whether a kink equals a surface that was declared after it."""
+        self._waiting: dict[sp.Symbol, sp.Expr] = {}
+        """Declared surfaces whose normal forms have not been computed."""
+        self._signs: dict[sp.Expr, sp.Expr] = {}
+        """Normal form -> its sign: a symbol, minus a symbol, or a number."""
+        self._known: dict[object, sp.Expr] = {}
+        """Form of :func:`~henon_ref.expressions.algebra.signed_form` -> its sign, a symbol or minus a symbol."""
+
+    def declare(self, sign: sp.Symbol, surface: sp.Expr) -> None:
+        """Declare a surface of the model: a kink that equals it up to a factor shares its sign."""
+        self.declared[sign] = self._waiting[sign] = surface
+        if self.surfaces:
+            self._take_in()
+
+    def _take_in(self) -> None:
+        """Compute the forms of the declared surfaces (postponed because models without kinks do not need them)."""
+        for sign, surface in self._waiting.items():
+            form, way = signed_form(surface, self.parameters)
+            own = self._known.setdefault(form, way * sign)
+            self.declared_late |= not own.free_symbols.isdisjoint(self.surfaces)
+        self._waiting.clear()
+
+    def resolved(self, expression: sp.Expr, arguments: Sequence[sp.Expr]) -> sp.Expr:
+        """Return an expression with symbols for its signs; ``arguments`` of its kinks in order of appearance."""
+        for argument in (part for whole in arguments for part in branches(whole)):
+            form, way = (argument, 1) if argument.is_number else up_to_a_number(argument)
+            if form not in self._signs and expression.has(Sgn(form)):
+                self._signs[form] = way * self._sign(argument)
+        found = ((sign, self._signs.get(sign.args[0])) for sign in expression.atoms(Sgn))
+        return expression.xreplace({sign: value for sign, value in found if value is not None})
+
+    def guard(
+        self, sign: sp.Symbol, expression: sp.Expr, arguments: Sequence[sp.Expr]
+    ) -> tuple[dict[sp.Symbol, sp.Expr], sp.Expr]:
+        """Return the surfaces of a guard that may have kinks, and its sign as an expression in their signs.
+
+        Without kinks the surface is the guard itself; with kinks each branch is a surface: ``s``, ``s_2``, ...
+        """
+        surfaces: dict[sp.Symbol, sp.Expr] = {}
+        signs: dict[sp.Expr, sp.Expr] = {}
+        parts = branches(expression)
+        for part in parts:
+            form, way = (part, 1) if part.is_number else up_to_a_number(part)
+            if Sgn(form) not in signs and not part.free_symbols <= set(self.parameters):
+                own = sp.Symbol(f"{sign.name}_{len(surfaces) + 1}", real=True) if surfaces else sign
+                surfaces[own] = part
+                signs[Sgn(form)] = way * own
+        return surfaces, self.resolved(sgn(expression).xreplace(signs), [*arguments, *parts])
+
+    def positive_part(self, expression: sp.Expr, arguments: Sequence[sp.Expr] = ()) -> sp.Expr:
+        """Return max(0, expression); the expression may have kinks, of ``arguments``."""
+        return self.resolved(chosen(expression, expression, sp.S.Zero), [*arguments, expression])
+
+    def limited(self, expression: sp.Expr, bound: sp.Expr) -> sp.Expr:
+        """Return the expression limited to [-bound, bound]."""
+        above, below = bound + expression, bound - expression
+        return self.resolved((sgn(above) * above - sgn(below) * below) / 2, [above, below])
+
+    def used(self, expression: sp.Expr) -> dict[sp.Symbol, sp.Expr]:
+        """Return the kinks whose signs occur in an expression."""
+        held = expression.free_symbols
+        return {sign: surface for sign, surface in self.surfaces.items() if sign in held}
+
+    def _sign(self, argument: sp.Expr) -> sp.Expr:
+        if argument.free_symbols <= set(self.parameters):
+            value = exact_sign(argument.xreplace(self.parameters))
+            self.conditions.append(-argument if value < 0 else argument)
+            return sp.Integer(value)
+        self._take_in()
+        form, way = signed_form(argument, self.parameters)
+        if form not in self._known:
+            sign = sp.Symbol(f"kink{len(self.surfaces) + 1}", real=True)
+            self.surfaces[sign], self._known[form] = argument, way * sign
+        return way * self._known[form]

@@ -11,7 +11,8 @@ from typing import TypeVar
 
 import sympy as sp
 
-from henon_ref.casefile.expressions import (
+from henon_ref.errors import CaseError, ExpressionError
+from henon_ref.expressions.evaluation import (
     FIELD,
     KINKED,
     NUMBER,
@@ -23,10 +24,9 @@ from henon_ref.casefile.expressions import (
     parse_number,
     read,
 )
-from henon_ref.casefile.grammar import MAX_STATES, may_have_kinks, name_problem
-from henon_ref.casefile.tree import MappingNode, Place, ScalarNode, SequenceNode, child, locate
-from henon_ref.casefile.work import Work, key_of, overlaid
-from henon_ref.errors import CaseError, ExpressionError
+from henon_ref.expressions.grammar import MAX_STATES, may_have_kinks, name_problem
+from henon_ref.expressions.operations import Work, key_of, overlaid
+from henon_ref.system.tree import MappingNode, Place, ScalarNode, SequenceNode, child, locate
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed
 
@@ -98,17 +98,17 @@ class Source:
         return may_have_kinks(written) if isinstance(written, str) else written.has(*KINKED)
 
     def expression(self, path: Path, names: Mapping[str, sp.Expr], note: str = "") -> sp.Expr:
-        """Read a smooth expression (see :func:`henon_ref.casefile.expressions.parse_expression`)."""
+        """Read a smooth expression (see :func:`henon_ref.expressions.evaluation.parse_expression`)."""
         with self.at(path, note):
             return parse_expression(self.written(path), names, self.work)
 
     def field(self, path: Path, names: Mapping[str, sp.Expr], note: str = "") -> tuple[sp.Expr, list[sp.Expr]]:
-        """Read a component of a field, which may have kinks (:func:`henon_ref.casefile.expressions.parse_field`)."""
+        """Read a component of a field, which may have kinks (:func:`henon_ref.expressions.evaluation.parse_field`)."""
         with self.at(path, note):
             return parse_field(self.written(path), names, self.work)
 
     def number(self, path: Path, names: Mapping[str, sp.Expr]) -> sp.Expr:
-        """Read an expression whose value is a number (see :func:`henon_ref.casefile.expressions.parse_number`)."""
+        """Read an expression whose value is a number (see :func:`henon_ref.expressions.evaluation.parse_number`)."""
         with self.at(path):
             return parse_number(self.written(path), names, self.work)
 

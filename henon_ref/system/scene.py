@@ -9,14 +9,15 @@ from collections.abc import Sequence
 
 import sympy as sp
 
-from henon_ref.casefile.assembly import Connection, Scene
-from henon_ref.casefile.bodies import Body, Quantities, read_bodies
-from henon_ref.casefile.connections import KINDS, Key, Kind, Link
-from henon_ref.casefile.grammar import MAX_STATES, name_problem
-from henon_ref.casefile.model_kinks import Kinks, check_kinks, resolved
-from henon_ref.casefile.source import Names, Path, Source
-from henon_ref.casefile.tree import MappingNode, ScalarNode, SequenceNode, child
-from henon_ref.casefile.work import names_in
+from henon_ref.expressions.grammar import MAX_STATES, name_problem
+from henon_ref.expressions.kinks import Kinks
+from henon_ref.expressions.operations import names_in
+from henon_ref.system.assembly import Connection, Scene
+from henon_ref.system.bodies import Body, Quantities, read_bodies
+from henon_ref.system.connections import KINDS, Key, Kind, Link
+from henon_ref.system.kinks import check_kinks, resolved
+from henon_ref.system.source import Names, Path, Source
+from henon_ref.system.tree import MappingNode, ScalarNode, SequenceNode, child
 from henon_ref.text import did_you_mean, listed
 
 CONNECTIONS = ("scene", "connections")

@@ -16,15 +16,15 @@ import pytest
 import sympy as sp
 
 from henon_ref.casefile import case as case_module
-from henon_ref.casefile import work as work_module
 from henon_ref.casefile.case import parse_case
-from henon_ref.casefile.expressions import Walk
 from henon_ref.errors import CaseError, ModelError
+from henon_ref.expressions import operations as operations_module
+from henon_ref.expressions.algebra import coefficients, expanded, known_positive, measured, simplified
+from henon_ref.expressions.bounds import put
+from henon_ref.expressions.evaluation import Walk
+from henon_ref.expressions.traversal import size
 from henon_ref.harness.report.text.model import as_written, general_form, mode_equations
 from henon_ref.harness.truth.proofs import prove
-from henon_ref.modes.algebra import coefficients, expanded, known_positive, measured, simplified
-from henon_ref.modes.bounds import put
-from henon_ref.taylor.size import size
 from henon_ref.taylor.tape import build_tape
 
 X, Y, S, U = (sp.Symbol(name, real=True) for name in "xysu")
@@ -289,7 +289,7 @@ def test_readings_with_the_same_system_share_it() -> None:
 
 
 def test_the_work_of_a_file_is_bounded(monkeypatch) -> None:
-    monkeypatch.setattr(work_module, "MAX_WORK", 2_000)
+    monkeypatch.setattr(operations_module, "MAX_WORK", 2_000)
     text = dense(30, lambda i: f"s{i} + {i}*x{i}")
     with pytest.raises(
         CaseError, match=r"too much work: .* 2000 characters are allowed; make the expressions"
@@ -308,18 +308,18 @@ def test_what_readings_hold_written_out_is_bounded(monkeypatch) -> None:
 
 
 def test_a_large_system_is_read_with_little_of_the_work_that_is_allowed(monkeypatch) -> None:
-    made: list[work_module.Work] = []
-    kept = work_module.Work.__init__
-    monkeypatch.setattr(work_module.Work, "__init__", lambda self: (made.append(self), kept(self))[0])
+    made: list[operations_module.Work] = []
+    kept = operations_module.Work.__init__
+    monkeypatch.setattr(operations_module.Work, "__init__", lambda self: (made.append(self), kept(self))[0])
     springs = [f"-x{j}*s{i}/(1 + 3*s{i}*(x{i} - 1/2))" for i, j in pairwise([0, *range(64)])]
     parse_case(dense(64, springs.__getitem__))
     parse_case(dense(64, lambda i: "+".join(f"{(i * j) % 7 + 1}*s{j}" for j in range(64))))
-    assert max(work.done for work in made) < work_module.MAX_WORK / 4
+    assert max(work.done for work in made) < operations_module.MAX_WORK / 4
 
 
 def test_exact_times_are_compared_by_their_digits(monkeypatch) -> None:
     asked: list[sp.Expr] = []
-    monkeypatch.setattr("henon_ref.modes.bounds.exact_sign", lambda number: asked.append(number) or 1)
+    monkeypatch.setattr("henon_ref.expressions.bounds.exact_sign", lambda number: asked.append(number) or 1)
     times = ", ".join(f"{i}*sqrt(2)/9" for i in range(1, 101))
     parse_case(belt("s") + f"exact: {{transition_times: [{times}]}}\n")
     assert asked == []

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import sympy as sp
 
-from henon_ref.casefile.grammar import (
+from henon_ref.errors import ExpressionError
+from henon_ref.expressions.grammar import (
     LETTER,
     LOOKALIKES,
     MANY,
@@ -23,8 +24,7 @@ from henon_ref.casefile.grammar import (
     TWO_CONDITIONS,
     check_name,
 )
-from henon_ref.casefile.operations import Operation
-from henon_ref.errors import ExpressionError
+from henon_ref.expressions.operations import Operation
 from henon_ref.text import shortened
 
 _TOKEN = re.compile(

@@ -9,10 +9,10 @@ from typing import Literal, TypeVar
 
 import sympy as sp
 
-from henon_ref.casefile.grammar import NAME, TAKEN, name_problem
-from henon_ref.casefile.source import WITH_VALUES, Path, Source
-from henon_ref.casefile.tree import MappingNode, ScalarNode, SequenceNode, child
-from henon_ref.modes.bounds import exact_sign
+from henon_ref.expressions.bounds import exact_sign
+from henon_ref.expressions.grammar import NAME, TAKEN, name_problem
+from henon_ref.system.source import WITH_VALUES, Path, Source
+from henon_ref.system.tree import MappingNode, ScalarNode, SequenceNode, child
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed
 
