@@ -87,10 +87,11 @@ _HINTS: dict[str, str] = {
 }
 
 
-def name_problem(name: str, *, parameter: bool = False) -> str:
+def name_problem(name: str, *, parameter: bool = False, state: bool = False) -> str:
     """Return why a state, surface or parameter must not have this name; empty if it may.
 
-    A parameter may be called ``e`` (such as a restitution); expressions then use it in place of Euler's number.
+    A parameter may be called ``e`` (such as a restitution); expressions then use it in place of Euler's number. A state
+    must not be called as a column of ``transitions.csv``.
     """
     if parameter and name == EULER:
         return ""
@@ -101,6 +102,8 @@ def name_problem(name: str, *, parameter: bool = False) -> str:
         return f"'{name}' is reserved (as t, pi, π, e, mode and all names of functions); choose another name"
     if keyword.iskeyword(name):
         return f"'{name}' is a keyword of Python; choose another name, such as '{name}_'"
+    if state and name in TAKEN:
+        return f"'{name}' is the name of another column of transitions.csv; choose another name"
     return ""
 
 

@@ -10,7 +10,7 @@ from typing import Literal, TypeVar
 import sympy as sp
 
 from henon_ref.expressions.bounds import exact_sign
-from henon_ref.expressions.grammar import NAME, TAKEN, name_problem
+from henon_ref.expressions.grammar import NAME, name_problem
 from henon_ref.system.source import WITH_VALUES, Path, Source
 from henon_ref.system.tree import MappingNode, ScalarNode, SequenceNode, child
 from henon_ref.taylor.tape import TIME
@@ -105,21 +105,14 @@ def read_bodies(quantities: Quantities) -> dict[str, Body]:
             raise source.error(path, message, key=True)
         body = _read(quantities, path)
         for i, state in enumerate(body.states):
-            problem = _state_problem(state.name, owners)
+            problem = name_problem(state.name, state=True)
+            if not problem and state.name in owners:
+                problem = f"'{state.name}' is already {owners[state.name]}; give other names by 'states'"
             if problem:
                 raise source.error((*path, "states", i), problem, key=True)
             owners[state.name] = f"a state of '{name}'"
         bodies[name] = body
     return bodies
-
-
-def _state_problem(name: str, owners: Mapping[str, str]) -> str:
-    problem = name_problem(name)
-    if not problem and name in owners:
-        problem = f"'{name}' is already {owners[name]}; give other names by 'states'"
-    if not problem and name in TAKEN:
-        problem = f"'{name}' is the name of another column of transitions.csv; give other names by 'states'"
-    return problem
 
 
 def _read(quantities: Quantities, path: Path) -> Body:

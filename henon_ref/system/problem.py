@@ -11,7 +11,7 @@ import sympy as sp
 from henon_ref.errors import ModelError
 from henon_ref.expressions.algebra import MAX_SIZE
 from henon_ref.expressions.bounds import exact_sign, put
-from henon_ref.expressions.grammar import NOT_STATES, TAKEN, name_problem
+from henon_ref.expressions.grammar import NOT_STATES, name_problem
 from henon_ref.expressions.traversal import size
 from henon_ref.modes.preparation import with_held_loops, with_rational_exponents
 from henon_ref.modes.problem import Problem
@@ -136,11 +136,9 @@ def _check_names(source: Source, states: list[str], signs: list[str], parameters
     for kind, found in (("state", states), ("surface", signs)):
         for i, name in enumerate(found):
             path: Path = ("system", "state", i) if kind == "state" else ("system", "surfaces", name)
-            problem = name_problem(name)
+            problem = name_problem(name, state=kind == "state")
             if not problem and name in seen:
                 problem = f"'{name}' is already the name of a {seen[name]}"
-            if not problem and kind == "state" and name in TAKEN:
-                problem = f"'{name}' is the name of another column of transitions.csv; choose another name"
             if problem:
                 raise source.error(path, problem, key=True)
             seen[name] = kind
