@@ -12,7 +12,7 @@ from henon_ref.harness.report.html.rendering import rendered
 from henon_ref.harness.report.text import choice
 from henon_ref.harness.report.text.markdown import environment
 from henon_ref.harness.report.text.matrix import MatrixRow, merged
-from henon_ref.harness.rows import rows_text
+from henon_ref.harness.result_files import rows_text
 from henon_ref.harness.score.kinds import CLOSE
 from henon_ref.harness.table import count
 

@@ -11,7 +11,8 @@ from henon_ref.casefile.case import Case
 from henon_ref.errors import CaseError
 from henon_ref.harness.report.folder import REPORT, RUNS
 from henon_ref.harness.report.text.ranking import LEVELS, readings_of
-from henon_ref.harness.rows import RunRow, read_rows, rows_text
+from henon_ref.harness.result_files import read_rows, rows_text
+from henon_ref.harness.rows import RunRow
 from henon_ref.harness.studies.page import write
 from henon_ref.harness.studies.pairs import (
     FIRST,
@@ -24,7 +25,7 @@ from henon_ref.harness.studies.pairs import (
     pairs_of,
     time_pairs,
 )
-from henon_ref.harness.studies.study import Asked, Made
+from henon_ref.harness.studies.study import StudyRequest, StudyResult
 from henon_ref.harness.table import Table, duration, setting, significant
 from henon_ref.harness.table import digits as shown_digits
 from henon_ref.text import code, markdown
@@ -37,7 +38,7 @@ OTHERS, FROM_C = "the cheapest other", "CVODE from C"
 CVODE_FROM_C = ("cvode-c-adams", "cvode-c-bdf")
 
 
-def run_paired_times(asked: Asked) -> Made:
+def run_paired_times(request: StudyRequest) -> StudyResult:
     """Time the reference and its rivals in interleaved runs on every reading, and write the page.
 
     Raises
@@ -45,15 +46,15 @@ def run_paired_times(asked: Asked) -> Made:
     CaseError
         If a case has no report.
     """
-    files = {case.name: (asked.rows or asked.folder.parent) / case.name / RUNS for case in asked.cases}
+    files = {case.name: (request.rows or request.folder.parent) / case.name / RUNS for case in request.cases}
     for file in files.values():
         if not file.is_file():
             raise CaseError(f"{file} is not there: henon-ref compare CASES --out {file.parents[1]} writes it")
     runs = {name: read_rows(RunRow, file) for name, file in files.items()}
-    timings = {case.name: list(timings_of(case, runs[case.name], asked.options.timeout)) for case in asked.cases}
+    timings = {case.name: list(timings_of(case, runs[case.name], request.options.timeout)) for case in request.cases}
     if not any(timings.values()):
-        return Made(None)
-    rows, failed = time_pairs(timings, asked.options, asked.observer)
+        return StudyResult(None)
+    rows, failed = time_pairs(timings, request.options, request.observer)
     every = [row for own in runs.values() for row in own]
     slower = slower_table(rows, every)
     context = {
@@ -65,9 +66,9 @@ def run_paired_times(asked: Asked) -> Made:
         "spread": spread_table(rows).markdown,
         "slower": slower.markdown if slower.rows else "",
         "failed": [markdown(each) for each in failed],
-        "origin": asked.origin,
+        "origin": request.origin,
     }
-    return Made(write(asked.folder, "paired_times", context, {RATIOS: rows_text(PairRow, rows)}))
+    return StudyResult(write(request.folder, "paired_times", context, {RATIOS: rows_text(PairRow, rows)}))
 
 
 def timings_of(case: Case, rows: Sequence[RunRow], deadline: float) -> Iterator[PairedTiming]:

@@ -18,10 +18,11 @@ from henon_ref.harness import registry
 from henon_ref.harness.campaign.truth_job import stored_statement
 from henon_ref.harness.report.folder import REPORT, RUNS
 from henon_ref.harness.report.text.ranking import LEVELS
-from henon_ref.harness.rows import NOT_RUN, Row, RunRow, earlier_rows, rows_text
+from henon_ref.harness.result_files import earlier_rows, rows_text
+from henon_ref.harness.rows import NOT_RUN, Row, RunRow
 from henon_ref.harness.score.errors import EARLY
 from henon_ref.harness.studies.page import rows_of, write
-from henon_ref.harness.studies.study import Asked, Made
+from henon_ref.harness.studies.study import StudyRequest, StudyResult
 from henon_ref.harness.table import Table, duration
 from henon_ref.text import code, markdown
 
@@ -111,28 +112,28 @@ def options_of(libraries: Sequence[str]) -> list[tuple[str, str, Adapter]]:
     return [option for option in found if option[0] in libraries]
 
 
-def run_restarts(asked: Asked) -> Made:
+def run_restarts(request: StudyRequest) -> StudyResult:
     """Run the study on all readings with a stored truth, and write its page; the remarks name the beaten defaults.
 
     Earlier rows of other cases and libraries are kept, so that the study can be made case by case.
     """
-    names = registry.expanded(asked.options.solvers or registry.default_names())
+    names = registry.expanded(request.options.solvers or registry.default_names())
     libraries = list(
         dict.fromkeys(registry.base_name(name) for name in names if isinstance(name, str) and registry.restart_of(name))
     )
-    cases = [own for case in asked.cases if (own := _with_truths(case, libraries)).readings]
+    cases = [own for case in request.cases if (own := _with_truths(case, libraries)).readings]
     if not cases or not libraries:
-        return Made(None)
+        return StudyResult(None)
     ways = [registry.with_restart(library, way) for library in libraries for way in registry.RESTARTS]
     options = options_of(libraries)
     solvers: tuple[Any, ...] = (*ways, *(solver for *_, solver in options))
-    changed = replace(asked.options, solvers=solvers, timed=False, folder=asked.folder)
-    every = [row for own in rows_of(cases, changed, asked.observer).values() for row in own]
+    changed = replace(request.options, solvers=solvers, timed=False, folder=request.folder)
+    every = [row for own in rows_of(cases, changed, request.observer).values() for row in own]
     rows = [row for row in every if row.solver in ways]
-    suite = merged(suite_rows(rows), earlier_rows(SuiteRow, asked.folder / SUITE))
+    suite = merged(suite_rows(rows), earlier_rows(SuiteRow, request.folder / SUITE))
     tried = option_rows(options, every)
     ran = {row.solver for row in tried}
-    tried += [row for row in earlier_rows(OptionRow, asked.folder / OPTIONS) if row.solver not in ran]
+    tried += [row for row in earlier_rows(OptionRow, request.folder / OPTIONS) if row.solver not in ran]
     tried.sort(key=lambda row: _place(row.solver))
     context = {
         "runs": f"{sum(row.runs for row in suite)}",
@@ -144,11 +145,11 @@ def run_restarts(asked: Asked) -> Made:
         "defaults": default_table(suite).markdown,
         "beaten": beaten_table(suite).markdown,
         "options": option_table(tried).markdown if tried else "",
-        "origin": asked.origin,
+        "origin": request.origin,
     }
     files = {RUNS: rows_text(RunRow, rows), SUITE: rows_text(SuiteRow, suite)}
     files |= {OPTIONS: rows_text(OptionRow, tried)} if tried else {}
-    return Made(write(asked.folder, "restarts", context, files), wrong_defaults(suite))
+    return StudyResult(write(request.folder, "restarts", context, files), wrong_defaults(suite))
 
 
 def _with_truths(case: Case, libraries: Sequence[str]) -> Case:

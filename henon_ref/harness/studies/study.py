@@ -22,7 +22,7 @@ def _silent() -> Observer:
 
 
 @dataclass(frozen=True)
-class Asked:
+class StudyRequest:
     """Request for a study; the entry of the study in :data:`STUDIES` lists the options that it uses."""
 
     cases: Sequence[Case]
@@ -39,7 +39,7 @@ class Asked:
 
 
 @dataclass(frozen=True)
-class Made:
+class StudyResult:
     """Result of a study."""
 
     page: Path | None
@@ -57,7 +57,7 @@ class Study:
     folder: str
     """Name of the study's folder in a folder of reports."""
     target: str
-    """``module:function`` in :mod:`henon_ref.harness.studies`; the function maps :class:`Asked` to :class:`Made`."""
+    """``module:function`` in :mod:`henon_ref.harness.studies`; maps :class:`StudyRequest` to :class:`StudyResult`."""
     summary: str
     takes: tuple[str, ...] = ()
     """Options of the command that the study accepts, in addition to the folder."""
@@ -68,7 +68,7 @@ class Study:
     every_run: tuple[str, ...] = ()
     """Files of all runs, which are too long for a repository."""
 
-    def make(self, asked: Asked) -> Made:
+    def make(self, request: StudyRequest) -> StudyResult:
         """Import the study's module and make its page.
 
         Raises
@@ -77,7 +77,7 @@ class Study:
             If the folder cannot be written.
         """
         module, _, function = self.target.partition(":")
-        made: Made = getattr(import_module(f"henon_ref.harness.studies.{module}"), function)(asked)
+        made: StudyResult = getattr(import_module(f"henon_ref.harness.studies.{module}"), function)(request)
         return made
 
 

@@ -29,6 +29,7 @@ Double precision is enough, because only a few digits of c_i are used. The point
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from math import inf
 from typing import Any
 
@@ -51,8 +52,6 @@ TOLERANCE = 1e-12
 """Tolerance of the variational equations, relative to the size of each component on the interval."""
 AT_ONCE = 1e-9
 """A guard counts as fallen if its root is nearer than this part of the mode's duration."""
-ALL: Mode = (1,)
-"""Cache key of equations that all modes share."""
 
 
 def conditioning(problem: Problem, transitions: Sequence[ReferenceTransition]) -> list[float]:
@@ -135,8 +134,9 @@ class _Variations:
 
     def __init__(self, system: FilippovSystem) -> None:
         self.system = system
-        self._flows: dict[Mode, Callable[..., Any]] = {}
-        self._functions: dict[Mode, Callable[..., Any]] = {}
+        self._flows: dict[Mode | None, Callable[..., Any]] = {}
+        self._functions: dict[Mode | None, Callable[..., Any]] = {}
+        """By mode; by None if all modes share their equations."""
         self._maps: dict[int, Callable[..., Any]] = {}
         self._shared = system.shared
 
@@ -260,17 +260,18 @@ class _Variations:
 
     def _normals(self, time: float, state: Vector) -> Vector:
         """Gradients of the surfaces, as rows."""
-        key: Mode = ()
-        if key not in self._functions:
-            system = self.system
-            rows = [[sp.diff(system.numeric(h), x) for x in system.states] for h in system.surfaces]
-            self._functions[key] = sp.lambdify([TIME, *system.states], rows, np, cse=True)
         with np.errstate(all="ignore"):
-            return np.array(self._functions[key](np.float64(time), *state), dtype=float)
+            return np.array(self._surface_gradients(np.float64(time), *state), dtype=float)
+
+    @cached_property
+    def _surface_gradients(self) -> Callable[..., Any]:
+        system = self.system
+        rows = [[sp.diff(system.numeric(h), x) for x in system.states] for h in system.surfaces]
+        return sp.lambdify([TIME, *system.states], rows, np, cse=True)
 
     def _at(self, mode: Mode, time: float, state: Vector) -> tuple[Vector, Vector, Vector, Vector]:
         """Field, guard values, guard gradients and guard rates."""
-        key = mode if self._shared is None else ALL
+        key = mode if self._shared is None else None
         if key not in self._functions:
             system = self.system
             written, ends = self._equations(mode)
@@ -294,7 +295,7 @@ class _Variations:
 
     def _flow(self, mode: Mode) -> Callable[..., Any]:
         """Function (t, state, switches) -> (field, its Jacobian) of a mode."""
-        key = mode if self._shared is None else ALL
+        key = mode if self._shared is None else None
         if key not in self._flows:
             states = self.system.states
             field = [self.system.numeric(f) for f in self._equations(mode)[0]]

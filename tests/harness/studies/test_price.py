@@ -20,7 +20,9 @@ from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.campaign.progress import Observer
 from henon_ref.harness.campaign.timing import MOST, Turns, interleaved
 from henon_ref.harness.report.manifest import provenance
-from henon_ref.harness.rows import RunRow, read_rows
+from henon_ref.harness.report.text.model import mode_tape, operations
+from henon_ref.harness.result_files import read_rows
+from henon_ref.harness.rows import RunRow
 from henon_ref.harness.studies.pairs import PairRow, TimedPair
 from henon_ref.harness.studies.price import compiling, effects
 from henon_ref.harness.studies.price.compiling import Ready, readiness, ready_table
@@ -51,9 +53,9 @@ CASES = Path(__file__).parents[3] / "cases"
 @pytest.mark.parametrize("body", effects.BODIES, ids=lambda body: body.name)
 def test_effects_that_are_named_cost_operations_even_at_zero(body: effects.Body) -> None:
     *added, _ = effects.additions(body)
-    every = effects.operations(added[-1][1].system)
+    every = operations(mode_tape(added[-1][1].system))
     for _, own, carried in added:
-        assert effects.operations(own.system) <= effects.operations(carried.system) == every
+        assert operations(mode_tape(own.system)) <= operations(mode_tape(carried.system)) == every
 
 
 def test_runs_of_added_effects_have_no_transition_and_those_that_stick_have() -> None:

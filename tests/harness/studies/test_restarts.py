@@ -12,7 +12,8 @@ from henon_ref.harness import registry
 from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.cli import study
 from henon_ref.harness.report.manifest import provenance
-from henon_ref.harness.rows import NOT_RUN, RunRow, earlier_rows, read_rows
+from henon_ref.harness.result_files import earlier_rows, read_rows
+from henon_ref.harness.rows import NOT_RUN, RunRow
 from henon_ref.harness.studies import restarts
 from henon_ref.harness.studies.restarts import (
     ENDINGS,
@@ -32,7 +33,7 @@ from henon_ref.harness.studies.restarts import (
     summary_table,
     wrong_defaults,
 )
-from henon_ref.harness.studies.study import Asked
+from henon_ref.harness.studies.study import StudyRequest
 from henon_ref.trajectory import Status
 
 REPORTS = Path(__file__).parents[3] / "reports"
@@ -229,9 +230,9 @@ def test_an_option_is_set_beside_the_library_as_it_is() -> None:
     assert line[2:] == ("3", "2", "3", "0", "1", "9", "9.5")
 
 
-def asked(folder: Path) -> Asked:
+def asked(folder: Path) -> StudyRequest:
     options = Options(solvers=("heyoka",), processes=1)
-    return Asked([load_case(CASES / "free_coulomb.yaml")], options, provenance("x"), folder)
+    return StudyRequest([load_case(CASES / "free_coulomb.yaml")], options, provenance("x"), folder)
 
 
 def test_every_restart_runs_on_every_reading_at_its_tolerances(tmp_path: Path) -> None:
