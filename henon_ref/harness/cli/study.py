@@ -87,7 +87,7 @@ def main(
     words += [*(["--rows FOLDER"] if rows else []), *([f"--timeout {timeout:g}"] if timeout else [])]
     origin = provenance(" ".join(words))
     with writing_into(folder, kept=KEPT if "resume" in own.takes else ""), locked([folder]), ProgressLine() as shown:
-        made = own.make(StudyRequest(loaded, options, origin, folder, shown, rows, status_line.show))
+        made = own.make(StudyRequest(loaded, options, origin, folder, shown, status_line.show, rows))
         discard(folder, loaded)
     status_line.clear()
     for remark in made.remarks:

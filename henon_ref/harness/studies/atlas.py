@@ -153,9 +153,7 @@ def run_atlas(request: StudyRequest) -> StudyResult:
 
 def solvers_of(rows: Sequence[RunRow]) -> list[str]:
     """Solvers that ran, in the registry's order."""
-    present = {row.solver for row in rows if outcome_of(row) is not None}
-    order = [name for name in registry.names() if name in present]
-    return order + sorted(present - set(order))
+    return registry.in_order(row.solver for row in rows if outcome_of(row) is not None)
 
 
 def count_table(rows: Sequence[RunRow]) -> Table:

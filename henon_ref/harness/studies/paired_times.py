@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from urllib.parse import quote
 
 import numpy as np
 
 from henon_ref.casefile.case import Case
 from henon_ref.errors import CaseError
-from henon_ref.harness.report.folder import REPORT, RUNS
+from henon_ref.harness.report.folder import RUNS
 from henon_ref.harness.report.text.ranking import LEVELS, readings_of
 from henon_ref.harness.result_files import read_rows, rows_text
 from henon_ref.harness.rows import RunRow
-from henon_ref.harness.studies.page import write
+from henon_ref.harness.studies.page import report_link, write
 from henon_ref.harness.studies.pairs import (
     FIRST,
     SECOND,
@@ -46,7 +45,8 @@ def run_paired_times(request: StudyRequest) -> StudyResult:
     CaseError
         If a case has no report.
     """
-    files = {case.name: (request.rows or request.folder.parent) / case.name / RUNS for case in request.cases}
+    assert request.rows is not None  # the command requires it
+    files = {case.name: request.rows / case.name / RUNS for case in request.cases}
     for file in files.values():
         if not file.is_file():
             raise CaseError(f"{file} is not there: henon-ref compare CASES --out {file.parents[1]} writes it")
@@ -88,9 +88,9 @@ def left_out(rows: Sequence[RunRow]) -> dict[str, list[str]]:
     for (case, reading), own in readings_of(rows).items():
         able = {row.solver for _, level in able_rows(own, LEVELS) for row in level if row.wall_s}
         if FIRST not in able:
-            found.setdefault(f"of `{FIRST}`", []).append(link(case, reading))
+            found.setdefault(f"of `{FIRST}`", []).append(report_link(case, reading))
         elif able == {FIRST}:
-            found.setdefault("of any other solver", []).append(link(case, reading))
+            found.setdefault("of any other solver", []).append(report_link(case, reading))
     return found
 
 
@@ -130,7 +130,7 @@ def slower_table(rows: Sequence[PairRow], runs: Sequence[RunRow]) -> Table:
     lines = []
     for problem, own in slower.items():
         row = max(own, key=lambda row: row.ratio)
-        cells = [link(*problem), bound(row.digits)]
+        cells = [report_link(*problem), bound(row.digits)]
         for solver, rtol, step, wall in (
             (FIRST, row.rtol, None, row.wall_s),
             (row.rival, row.rival_rtol, row.rival_step_s, row.rival_wall_s),
@@ -144,9 +144,3 @@ def slower_table(rows: Sequence[PairRow], runs: Sequence[RunRow]) -> Table:
     first, gets = code(FIRST), ("gets", "steps", "time")
     headings = ("reading", "digits", f"{first} at", *gets, "solver", "setting", *gets, f"times as long, {first}")
     return Table(headings, "lrrrrrlrrrrr", lines)
-
-
-def link(case: str, reading: str) -> str:
-    """Link to the report of a reading, whose folder is next to the study's."""
-    text, anchor = (case, "") if reading == "default" else (f"{case}, {reading}", f"#{quote(reading)}")
-    return f"[{markdown(text)}](../{quote(case)}/{REPORT}{anchor})"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,12 +13,6 @@ if TYPE_CHECKING:  # the command's help imports this module and must start quick
     from henon_ref.harness.campaign.options import Options
     from henon_ref.harness.campaign.progress import Observer
     from henon_ref.harness.report.manifest import Provenance
-
-
-def _silent() -> Observer:
-    from henon_ref.harness.campaign.progress import Observer
-
-    return Observer()
 
 
 @dataclass(frozen=True)
@@ -31,11 +25,11 @@ class StudyRequest:
     origin: Provenance
     folder: Path
     """Folder of the study, in a folder of reports."""
-    observer: Observer = field(default_factory=_silent)
-    rows: Path | None = None
-    """Folder of the reports whose rows the study reads; None: the folder that contains ``folder``."""
-    tell: Callable[[str], None] = lambda words: None
+    observer: Observer
+    show: Callable[[str], None]
     """Called with the progress of a study without runs."""
+    rows: Path | None = None
+    """Folder of the reports whose rows the study reads."""
 
 
 @dataclass(frozen=True)
@@ -83,26 +77,41 @@ class Study:
 
 STUDIES = {
     "price": Study(
-        "price", "price.page:run_price", "Times of every solver at every tolerance; what the parts of a run cost.",
-        ("cases", "solvers", "jobs", "resume"), jobs=1, every_run=("price.csv", "samples.csv"),
+        "price",
+        "price.page:run_price",
+        "Times of every solver at every tolerance, and of the parts of a run.",
+        ("cases", "solvers", "jobs", "resume"),
+        jobs=1,
+        every_run=("price.csv", "samples.csv"),
     ),
     "paired-times": Study(
-        "rivals", "paired_times:run_paired_times", "Times of henon, in turn with the cheapest other solvers.",
-        ("cases", "rows", "timeout", "jobs"), jobs=1,
-        nothing="no reading in which henon and another solver get to 3 digits", every_run=("ratios.csv",),
+        "rivals",
+        "paired_times:run_paired_times",
+        "Times of henon and of the cheapest other solvers, from alternating runs.",
+        ("cases", "rows", "timeout", "jobs"),
+        jobs=1,
+        nothing="no reading in which henon and another solver reach 3 digits",
+        every_run=("ratios.csv",),
     ),
     "atlas": Study(
-        "atlas", "atlas:run_atlas", "Ever closer grazes and pairs of roots, at tolerances from 1e-3 to 1e-13.",
+        "atlas",
+        "atlas:run_atlas",
+        "Grazes and pairs of roots at decreasing distances, at tolerances from 1e-3 to 1e-13.",
         ("cases", "solvers", "timeout", "jobs", "resume"),
         nothing="no case whose readings differ in a distance alone, or no solver that has a tolerance",
         every_run=("runs.csv",),
     ),
     "restarts": Study(
-        "restarts", "restarts:run_restarts", "Every library in every restart; which default another one beats.",
+        "restarts",
+        "restarts:run_restarts",
+        "Every library with every restart after an event; which defaults another restart beats.",
         ("cases", "solvers", "timeout", "jobs", "resume"),
-        nothing="no library to restart, or no reading with a stored truth", every_run=("runs.csv",),
+        nothing="no library to restart, or no reading with a stored truth",
+        every_run=("runs.csv",),
     ),
-    "causes": Study("causes", "causes:run_causes", "What libraries do by themselves, shown by each library alone."),
-    "paper": Study("paper", "paper.page:run_paper", "Everything that the paper computes, set against the paper."),
-}  # fmt: skip
+    "causes": Study(
+        "causes", "causes:run_causes", "Causes of failures of the libraries, each shown by a run of the library alone."
+    ),
+    "paper": Study("paper", "paper.page:run_paper", "Every number and equation of the paper, computed again."),
+}
 """Studies by name."""

@@ -95,9 +95,7 @@ def _shortest(rows: Sequence[RunRow]) -> float | None:
 
 def solvers_of(rows: Iterable[MatrixRow | RunRow]) -> list[str]:
     """Return the solvers of some rows, in the order of the registry."""
-    present = {row.solver for row in rows}
-    order = [solver for solver in registry.names() if solver in present]
-    return order + sorted(present - set(order))
+    return registry.in_order(row.solver for row in rows)
 
 
 def commits_of(rows: Sequence[MatrixRow]) -> list[str]:

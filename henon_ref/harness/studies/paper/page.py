@@ -73,7 +73,7 @@ def run_paper(request: StudyRequest) -> StudyResult:
     figures: dict[str, Figure] = {}
     files: dict[str, str] = {}
     for section in read_sections():
-        request.tell(section["title"])
+        request.show(section["title"])
         found = SECTIONS[section["of"]]()
         claims += claims_of(section, found)
         shown.append({"title": section["title"], "text": text_of(section, found)})

@@ -12,7 +12,7 @@ from henon_ref.harness.report.manifest import Provenance
 from henon_ref.harness.report.text.ranking import readings_of
 from henon_ref.harness.result_files import rows_text
 from henon_ref.harness.rows import Row, RunRow
-from henon_ref.harness.studies.page import write
+from henon_ref.harness.studies.page import shipped_problem, title, write
 from henon_ref.harness.studies.pairs import PairRow, TimedPair, own_words
 from henon_ref.harness.studies.price.compiling import Ready, readiness, ready_table
 from henon_ref.harness.studies.price.contacts import ManyContacts, contact_table, many_contacts
@@ -34,7 +34,7 @@ from henon_ref.harness.studies.price.ladder import (
     whole_table,
 )
 from henon_ref.harness.studies.price.landings import Landed, crest_crossings, landing_table, landings
-from henon_ref.harness.studies.price.measure import caches_in, in_fresh_process, orbit_problem, title
+from henon_ref.harness.studies.price.measure import caches_in, in_fresh_process
 from henon_ref.harness.studies.price.operations import Work, work
 from henon_ref.harness.studies.price.states import Size, draw_sizes, size_table, sizes
 from henon_ref.harness.studies.study import StudyRequest, StudyResult
@@ -82,11 +82,11 @@ def run_price(request: StudyRequest) -> StudyResult:
         rows=rows,
         pairs=timed,
         failed=failed,
-        work=work(orbit_problem()),
+        work=work(shipped_problem("fig8", "listing_limit")),
         ready=readiness(request.cases, timed),
         landings=[*landings(request.cases), *crest_crossings()],
         effects=effect_costs(),
-        growth=horizons(orbit_problem()),
+        growth=horizons(shipped_problem("fig8", "listing_limit")),
         sizes=chains,
         contacts=many_contacts(),
     )

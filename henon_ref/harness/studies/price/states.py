@@ -14,9 +14,9 @@ from henon_ref.figures import style
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.timing import Turns, interleaved
 from henon_ref.harness.rows import Row
-from henon_ref.harness.studies.page import largest_time_difference
+from henon_ref.harness.studies.page import largest_time_difference, shipped_problem
 from henon_ref.harness.studies.pairs import FIRST, own_part
-from henon_ref.harness.studies.price.measure import draw_line, finish, fitted, orbit_problem, problem_of
+from henon_ref.harness.studies.price.measure import draw_line, finish, fitted, problem_of
 from henon_ref.harness.table import Table, duration
 from henon_ref.modes.problem import Problem
 from henon_ref.simulation.system import System
@@ -99,7 +99,7 @@ def sizes(blocks: Sequence[int] = BLOCKS, solvers: Sequence[str] = SOLVERS) -> l
     """Time every solver on every chain, with and without transitions, in interleaved runs."""
     found = []
     for problem in (
-        orbit_problem(),
+        shipped_problem("fig8", "listing_limit"),
         chain_problem(3),
     ):  # import and compile everything that chains of all lengths share
         for name in solvers:
