@@ -37,6 +37,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
+from scipy.sparse import csr_array
 
 from henon_ref.harness.truth.reference import ReferenceTransition, instants
 from henon_ref.modes.equations import Guard
@@ -69,21 +70,31 @@ def conditioning(problem: Problem, transitions: Sequence[ReferenceTransition]) -
         c_i [s / unit of state]; ``inf`` for a graze.
     """
     transitions = tuple(transitions)
+    if not transitions:
+        return []
     flow = _Variations(problem.system)
-    n = len(problem.initial)
     time, state = float(problem.start), np.array([float(v) for v in problem.initial])
-    mode = transitions[0].from_mode if transitions else ()
-    spread = np.eye(n)[None]  # d x(now) / d x(t_j+), one matrix for each j so far
-    spread = spread @ flow.projector(mode, time, state) if transitions else spread
+    mode = transitions[0].from_mode
+    projector = flow.projector(mode, time, state)
+    passed: list[tuple[Vector, Vector]] = []
+    """For each earlier instant: derivative from just after it to just after the next one, and its projector."""
+
+    def growth(row: Vector) -> float:
+        """Largest norm of the derivative of a time, whose derivative by the last ``x(t_j+)`` is a row."""
+        norms = [np.linalg.norm(row @ projector)]
+        for change, onto in reversed(passed):
+            row = row @ change
+            norms.append(np.linalg.norm(row @ onto))
+        return float(np.max(norms))
+
     found: list[float] = []
     for group in instants(transitions):
         first = transitions[group[0]]
         length = first.time - time
         landed = np.array([float(v) for v in first.state])
         resets = tuple(transitions[i].surface for i in group if transitions[i].kind == "reset")
-        origin, spread_there = (time, state), spread
+        origin = time, state
         change, arrived = flow.derivative(mode, time, state, first.time, landed)
-        spread = change @ spread
         time, state = first.time, arrived if resets else landed
         falls = _fallen_guards(flow, mode, first.to_mode, [transitions[i].surface for i in group], time, state, length)
         rests = [transitions[i].kind == "stick" and transitions[i].surface in problem.system.resets for i in group]
@@ -92,19 +103,19 @@ def conditioning(problem: Problem, transitions: Sequence[ReferenceTransition]) -
                 found.append(found[-1])
                 continue
             own = [f for f in falls if f[0].index == transitions[i].surface] or falls
-            rows = [-gradient / rate for _, gradient, rate in own if rate]
+            rows = [-gradient / rate @ change for _, gradient, rate in own if rate]
             if any(rests) and not resets:
-                row = flow.time_of_rest(transitions[group[rests.index(True)]].surface, mode, *origin)
-                found.append(float(np.linalg.norm(row @ spread_there, axis=-1).max()))
-                continue
-            touch = transitions[i].kind == "graze" or not rows
-            found.append(inf if touch else max(float(np.linalg.norm(row @ spread, axis=-1).max()) for row in rows))
+                rows = [flow.time_of_rest(transitions[group[rests.index(True)]].surface, mode, *origin)]
+            elif transitions[i].kind == "graze":
+                rows = []
+            found.append(float(np.max([growth(row) for row in rows])) if rows else inf)
         if resets:
-            spread = flow.jump(mode, first.to_mode, resets, falls, time, state, landed) @ spread
+            saltation = flow.jump(mode, first.to_mode, resets, falls, time, state, landed)
         else:
-            spread = flow.saltation(mode, first.to_mode, falls, time, state) @ spread
+            saltation = flow.saltation(mode, first.to_mode, falls, time, state)
+        passed.append((saltation @ change, projector))
         mode, state = first.to_mode, landed
-        spread = np.concatenate([spread, flow.projector(mode, time, state)[None]])
+        projector = flow.projector(mode, time, state)
     return [float(f"{c:.4g}") if np.isfinite(c) else inf for c in found]
 
 
@@ -134,7 +145,7 @@ class _Variations:
 
     def __init__(self, system: FilippovSystem) -> None:
         self.system = system
-        self._flows: dict[Mode | None, Callable[..., Any]] = {}
+        self._flows: dict[Mode | None, tuple[Callable[..., Any], NDArray[np.intp]]] = {}
         self._functions: dict[Mode | None, Callable[..., Any]] = {}
         """By mode; by None if all modes share their equations."""
         self._maps: dict[int, Callable[..., Any]] = {}
@@ -148,11 +159,12 @@ class _Variations:
         n, length = len(state), end - begin
         if not length > 0:
             return np.eye(n), state
-        flow, switches = self._flow(mode), self._switches(mode)
+        (flow, places), switches = self._flow(mode), self._switches(mode)
 
         def rates(passed: float, values: Vector) -> Vector:
-            field, jacobian = flow(np.float64(begin + passed), *values[:n], *switches)
-            growth = np.array(jacobian, dtype=float) @ values[n:].reshape(n, n)
+            field, entries = flow(np.float64(begin + passed), *values[:n], *switches)
+            jacobian = csr_array((np.array(entries, dtype=float), places), shape=(n, n))
+            growth = jacobian @ values[n:].reshape(n, n)
             return np.concatenate([np.array(field, dtype=float), growth.ravel()])
 
         start = np.concatenate([state, np.eye(n).ravel()])
@@ -293,14 +305,19 @@ class _Variations:
         kept = np.array(self._shared.rows(mode))
         return field, values[kept], gradients[kept], rates[kept]
 
-    def _flow(self, mode: Mode) -> Callable[..., Any]:
-        """Function (t, state, switches) -> (field, its Jacobian) of a mode."""
+    def _flow(self, mode: Mode) -> tuple[Callable[..., Any], NDArray[np.intp]]:
+        """Function (t, state, switches) -> (field, entries of its Jacobian) of a mode; rows and columns of the entries.
+
+        Entries that are identically zero are left out: each body of a long chain acts on its neighbours alone.
+        """
         key = mode if self._shared is None else None
         if key not in self._flows:
-            states = self.system.states
             field = [self.system.numeric(f) for f in self._equations(mode)[0]]
-            jacobian = [[sp.diff(f, x) if f.has(x) else sp.S.Zero for x in states] for f in field]
-            self._flows[key] = self._function([field, jacobian])
+            entries = {
+                (i, j): sp.diff(f, x) for i, f in enumerate(field) for j, x in enumerate(self.system.states) if f.has(x)
+            }
+            places = np.array(list(entries), dtype=np.intp).reshape(-1, 2).T
+            self._flows[key] = self._function([field, list(entries.values())]), places
         return self._flows[key]
 
     def _equations(self, mode: Mode) -> tuple[Sequence[sp.Expr], Sequence[sp.Expr]]:
