@@ -111,8 +111,8 @@ def spread_table(rows: Sequence[PairRow]) -> Table:
                 faster = sum(value < 1 for value in found)
                 lines.append((label, bound(digits), f"{len(found)}", *quantiles, f"{faster}"))
     headings = (
-        "solver", "digits", "readings", "times as long, least", "lower quartile", "median", "upper quartile", "most",
-        f"faster than {code(FIRST)} in",
+        "solver", "digits", "readings", "times as long, minimum", "lower quartile", "median", "upper quartile",
+        "maximum", f"faster than {code(FIRST)} in",
     )  # fmt: skip
     return Table(headings, "l" + "r" * (len(headings) - 1), lines)
 
@@ -141,6 +141,6 @@ def slower_table(rows: Sequence[PairRow], runs: Sequence[RunRow]) -> Table:
             cells += [code(solver)] if solver != FIRST else []
             cells += [setting(rtol, step), got, steps, duration(wall)]
         lines.append((*cells, significant(row.ratio)))
-    first, gets = code(FIRST), ("gets", "steps", "time")
-    headings = ("reading", "digits", f"{first} at", *gets, "solver", "setting", *gets, f"times as long, {first}")
+    first, reached = code(FIRST), ("reached", "steps", "time")
+    headings = ("reading", "digits", f"{first} at", *reached, "solver", "setting", *reached, f"times as long, {first}")
     return Table(headings, "lrrrrrlrrrrr", lines)

@@ -70,26 +70,14 @@ def conditioning(problem: Problem, transitions: Sequence[ReferenceTransition]) -
         c_i [s / unit of state]; ``inf`` for a graze.
     """
     transitions = tuple(transitions)
-    if not transitions:
-        return []
-    flow = _Variations(problem.system)
+    flow, n = _Variations(problem.system), len(problem.initial)
     time, state = float(problem.start), np.array([float(v) for v in problem.initial])
-    mode = transitions[0].from_mode
-    projector = flow.projector(mode, time, state)
-    passed: list[tuple[Vector, Vector]] = []
-    """For each earlier instant: derivative from just after it to just after the next one, and its projector."""
-
-    def growth(row: Vector) -> float:
-        """Largest norm of the derivative of a time, whose derivative by the last ``x(t_j+)`` is a row."""
-        norms = [np.linalg.norm(row @ projector)]
-        for change, onto in reversed(passed):
-            row = row @ change
-            norms.append(np.linalg.norm(row @ onto))
-        return float(np.max(norms))
-
-    found: list[float] = []
+    mode = transitions[0].from_mode if transitions else (1,) * len(problem.system.surfaces)
+    found, repeated = np.zeros(len(transitions)), []
+    intervals: list[tuple[list[tuple[int, Vector]], Vector, Vector]] = []
+    """Rows d t_i / d x(begin+) of the transitions at an interval's end, d x(end+) / d x(begin+), and P(begin)."""
     for group in instants(transitions):
-        first = transitions[group[0]]
+        first, projector = transitions[group[0]], flow.projector(mode, time, state)
         length = first.time - time
         landed = np.array([float(v) for v in first.state])
         resets = tuple(transitions[i].surface for i in group if transitions[i].kind == "reset")
@@ -97,26 +85,33 @@ def conditioning(problem: Problem, transitions: Sequence[ReferenceTransition]) -
         change, arrived = flow.derivative(mode, time, state, first.time, landed)
         time, state = first.time, arrived if resets else landed
         falls = _fallen_guards(flow, mode, first.to_mode, [transitions[i].surface for i in group], time, state, length)
-        rests = [transitions[i].kind == "stick" and transitions[i].surface in problem.system.resets for i in group]
+        rests = [i for i in group if transitions[i].kind == "stick" and transitions[i].surface in problem.system.resets]
+        rows: list[tuple[int, Vector]] = []
         for i in group:
-            if any(rests) and not resets and not length > 0:  # an impact without rebound: the rest begins at once
-                found.append(found[-1])
-                continue
             own = [f for f in falls if f[0].index == transitions[i].surface] or falls
-            rows = [-gradient / rate @ change for _, gradient, rate in own if rate]
-            if any(rests) and not resets:
-                rows = [flow.time_of_rest(transitions[group[rests.index(True)]].surface, mode, *origin)]
-            elif transitions[i].kind == "graze":
-                rows = []
-            found.append(float(np.max([growth(row) for row in rows])) if rows else inf)
+            by_guards = [-gradient / rate @ change for _, gradient, rate in own if rate]
+            if rests and not resets and not length > 0:  # an impact without rebound: the rest begins at once
+                repeated.append(i)
+            elif rests and not resets:
+                rows.append((i, flow.time_of_rest(transitions[rests[0]].surface, mode, *origin)))
+            elif transitions[i].kind == "graze" or not by_guards:
+                found[i] = inf
+            else:
+                rows += [(i, row) for row in by_guards]
         if resets:
             saltation = flow.jump(mode, first.to_mode, resets, falls, time, state, landed)
         else:
             saltation = flow.saltation(mode, first.to_mode, falls, time, state)
-        passed.append((saltation @ change, projector))
+        intervals.append((rows, saltation @ change, projector))
         mode, state = first.to_mode, landed
-        projector = flow.projector(mode, time, state)
-    return [float(f"{c:.4g}") if np.isfinite(c) else inf for c in found]
+    later, owners = np.empty((0, n)), np.empty(0, dtype=np.intp)
+    for rows, change, projector in reversed(intervals):
+        later = np.vstack([later @ change, *(row for _, row in rows)])
+        owners = np.append(owners, [i for i, _ in rows]).astype(np.intp)
+        np.maximum.at(found, owners, np.linalg.norm(later @ projector, axis=1))
+    for i in repeated:
+        found[i] = found[i - 1]
+    return [float(f"{c:.4g}") if np.isfinite(c) else inf for c in found.tolist()]
 
 
 Fall = tuple[Guard, Vector, float]
@@ -159,11 +154,11 @@ class _Variations:
         n, length = len(state), end - begin
         if not length > 0:
             return np.eye(n), state
-        (flow, places), switches = self._flow(mode), self._switches(mode)
+        (flow, jacobian), switches = self._flow(mode), self._switches(mode)
 
         def rates(passed: float, values: Vector) -> Vector:
             field, entries = flow(np.float64(begin + passed), *values[:n], *switches)
-            jacobian = csr_array((np.array(entries, dtype=float), places), shape=(n, n))
+            jacobian.data[:] = entries
             growth = jacobian @ values[n:].reshape(n, n)
             return np.concatenate([np.array(field, dtype=float), growth.ravel()])
 
@@ -317,7 +312,11 @@ class _Variations:
                 (i, j): sp.diff(f, x) for i, f in enumerate(field) for j, x in enumerate(self.system.states) if f.has(x)
             }
             places = np.array(list(entries), dtype=np.intp).reshape(-1, 2).T
-            self._flows[key] = self._function([field, list(entries.values())]), places
+            n = len(field)
+            self._flows[key] = (
+                self._function([field, list(entries.values())]),
+                csr_array((np.ones(len(entries)), places), shape=(n, n)),
+            )
         return self._flows[key]
 
     def _equations(self, mode: Mode) -> tuple[Sequence[sp.Expr], Sequence[sp.Expr]]:

@@ -254,7 +254,7 @@ def test_many_contacts_have_the_transitions_of_a_run_by_hand() -> None:
     (found,) = many_contacts((3,))
     assert found.transitions > 20
     assert found.by_hand_s is not None
-    assert contact_table([found, replace(found, by_hand_s=None)]).rows[1][-1] == "other answer"
+    assert contact_table([found, replace(found, by_hand_s=None)]).rows[1][-1] == "other result"
 
 
 def test_compiling_is_paid_for_after_so_many_runs() -> None:

@@ -100,7 +100,7 @@ def ready_table(found: Sequence[Ready]) -> Table:
         times = map(duration, (own.wall_s, own.cold_s, own.kept_s))
         lines.append((title(own.case, own.reading), code(own.solver), *times, paid))
     headings = (
-        "reading", "solver", "a run", "ready, nothing on disk", "ready, code on disk",
-        "paid for after runs (nothing on disk / code on disk)",
+        "reading", "solver", "run", "preparation, no code on disk", "preparation, code on disk",
+        "compensated after runs (no code on disk / code on disk)",
     )  # fmt: skip
     return Table(headings, "llrrrl", lines)

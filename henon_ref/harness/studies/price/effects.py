@@ -155,19 +155,21 @@ def _timed(body: str, effect: str, own: Problem, carried: Problem | None) -> Ste
 def effect_table(steps: Sequence[Step]) -> Table:
     """Table of the operations and times of every effect, and of the scene with all others at zero."""
     headings = (
-        "body", "effect added", "operations", "time a step", "more than before", "operations, all carried",
-        "time a step, all carried", "run over one with all carried",
+        "body", "effect added", "operations", "time per step", "increase", "operations, with all effects",
+        "time per step, with all effects", "time of a run without / with them",
     )  # fmt: skip
     lines: list[tuple[str, ...]] = []
     for before, step in zip((None, *steps), steps, strict=False):
-        more = before and before.body == step.body and step.effect
+        increase = ""
+        if before is not None and before.body == step.body and step.effect:
+            increase = f"{1e9 * (step.per_step_s - before.per_step_s):+.0f} ns"
         lines.append(
             (
                 step.body,
-                step.effect or "*a motion that sticks*",
+                step.effect or "*a motion with sticks*",
                 f"{step.operations}",
                 f"{1e9 * step.per_step_s:.0f} ns",
-                f"{1e9 * (step.per_step_s - before.per_step_s):+.0f} ns" if before and more else "",
+                increase,
                 "" if step.carried is None else f"{step.carried}",
                 "" if step.carried_per_step_s is None else f"{1e9 * step.carried_per_step_s:.0f} ns",
                 "" if step.to_carried is None else f"{step.to_carried:.2f}",
