@@ -31,7 +31,7 @@ SCOUTING = 1e-6
 """Tolerance of the run that finds the modes that a problem visits. At this tolerance compiling costs far more."""
 
 
-class Asked(NamedTuple):
+class RunOptions(NamedTuple):
     """Arguments of :meth:`henon_ref.solver.Solver.prepare` in addition to the problem."""
 
     rtol: float
@@ -80,10 +80,10 @@ class LibrarySolver(ABC):
         """
         if step is not None or rtol is None:
             raise UnsupportedError(f"{self.name} chooses its own steps: give rtol (and atol), not step")
-        return self.prepared(problem, Asked(rtol, rtol if atol is None else atol, sample_times, deadline))
+        return self.prepared(problem, RunOptions(rtol, rtol if atol is None else atol, sample_times, deadline))
 
     @abstractmethod
-    def prepared(self, problem: Problem, asked: Asked) -> Run:
+    def prepared(self, problem: Problem, options: RunOptions) -> Run:
         """Return a run of the problem at given tolerances; called by :meth:`prepare`."""
 
     def load(self) -> Any:
@@ -138,10 +138,10 @@ class Adapter(LibrarySolver):
     warm_up: ClassVar[bool] = False
     """Whether to run once while preparing, because the first run of a mode compiles it."""
 
-    def prepared(self, problem: Problem, asked: Asked) -> Run:
+    def prepared(self, problem: Problem, options: RunOptions) -> Run:
         """Prepare every mode (lambdify, compile)."""
-        library, times = self.library(asked.rtol, asked.atol), asked.sample_times if self.samples else None
-        driver = Driver(problem, library, Work(asked.deadline), times)
+        library, times = self.library(options.rtol, options.atol), options.sample_times if self.samples else None
+        driver = Driver(problem, library, Work(options.deadline), times)
         driver.compile()
         if self.warm_up:
             driver.run()

@@ -27,7 +27,7 @@ from henon_ref.baselines.library import Library, Stop
 from henon_ref.baselines.mode_functions import EPSILON
 from henon_ref.baselines.mode_table import ModeEntry, ModeTable
 from henon_ref.baselines.record import Record, ended
-from henon_ref.baselines.restart import MARGIN, Fresh, behind_noise, low_flight
+from henon_ref.baselines.restart import MARGIN, Fresh, after_noise, low_flight
 from henon_ref.baselines.work import DeadlinePassed, Work
 from henon_ref.errors import ModelError, UnsupportedError
 from henon_ref.modes.callables import ARITHMETIC
@@ -140,9 +140,7 @@ class Driver:
             if noise is not None:
                 guard = entry.model.guards[hits[0]]
                 x, drift = self.table.on_surface(guard.index, t, x)
-                left = (
-                    behind_noise(entry.model, hits[0], t, x, self.library.accuracy, until) if drift <= noise else None
-                )
+                left = after_noise(entry.model, hits[0], t, x, self.library.accuracy, until) if drift <= noise else None
                 if left is None:
                     reason = f"a root of {guard.expression} is found where its surface is being left"
                     return record.finish("failed", t, x, mode, reason)
@@ -200,7 +198,7 @@ class Driver:
         if others or rate != 0.0 or not entry.resets(guard):
             return None
         self.work.steps += 1
-        return behind_noise(entry.model, guard, t, x, self.library.accuracy, self.until)
+        return after_noise(entry.model, guard, t, x, self.library.accuracy, self.until)
 
     def _noise(
         self, entry: ModeEntry, guard: int, fresh: Sequence[Fresh], length: float, t: float, x: Sequence[float]

@@ -31,7 +31,7 @@ import sympy as sp
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from henon_ref.baselines.adapter import Asked, LibrarySolver
+from henon_ref.baselines.adapter import LibrarySolver, RunOptions
 from henon_ref.baselines.driver import Driver
 from henon_ref.baselines.library import LIMIT
 from henon_ref.baselines.record import Record
@@ -78,7 +78,7 @@ class Nosnoc(LibrarySolver):
     distribution = module = "nosnoc"
     extra = "peers"
 
-    def prepared(self, problem: Problem, asked: Asked) -> Run:
+    def prepared(self, problem: Problem, options: RunOptions) -> Run:
         """Build the nonlinear program."""
         system = problem.system
         for beyond, words in (
@@ -91,7 +91,7 @@ class Nosnoc(LibrarySolver):
         if not 1 <= len(system.surfaces) <= MOST_SURFACES:
             raise UnsupportedError(f"the adapter supports 1 to {MOST_SURFACES} surfaces, not {len(system.surfaces)}")
         self.loaded()
-        return _Simulation(problem, asked.rtol, self.landing, asked.deadline).run
+        return _Simulation(problem, options.rtol, self.landing, options.deadline).run
 
 
 class _Simulation:

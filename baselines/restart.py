@@ -209,7 +209,7 @@ def low_flight(
     return t + length, tuple(_value(c, length) for c in states)
 
 
-def behind_noise(
+def after_noise(
     model: ModeFunctions, guard: int, t: float, x: Sequence[float], accuracy: tuple[float, float], until: float
 ) -> tuple[float, tuple[float, ...]] | None:
     """Time [s] and state at which a guard that rises from zero leaves its noise; None if it does not rise."""

@@ -29,7 +29,7 @@ import sympy as sp
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from henon_ref.baselines.adapter import Asked, LibrarySolver
+from henon_ref.baselines.adapter import LibrarySolver, RunOptions
 from henon_ref.baselines.library import LIMIT
 from henon_ref.baselines.mode_functions import EPSILON
 from henon_ref.baselines.record import blown_up
@@ -80,7 +80,7 @@ class ScipyNaive(LibrarySolver):
     distribution = "SciPy"
     module = "scipy.integrate"
 
-    def prepared(self, problem: Problem, asked: Asked) -> Run:
+    def prepared(self, problem: Problem, options: RunOptions) -> Run:
         """Lambdify the field."""
         if problem.system.resets:
             raise UnsupportedError(f"{self.name} has no events and does not support jumps of the state")
@@ -89,7 +89,9 @@ class ScipyNaive(LibrarySolver):
         if problem.system.overrides:
             raise UnsupportedError(f"{self.name} has no sliding mode that a 'sliding' override could replace")
         method = getattr(self.loaded(), self.method)
-        return _Naive(self, problem, method, max(asked.rtol, 100.0 * EPSILON), asked.atol, Work(asked.deadline)).run
+        return _Naive(
+            self, problem, method, max(options.rtol, 100.0 * EPSILON), options.atol, Work(options.deadline)
+        ).run
 
 
 def _sgn(value: float) -> float:

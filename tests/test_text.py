@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from markdown_it import MarkdownIt
 from markdown_it.token import Token
 
-from henon_ref.harness.rows import RunRow, StickRow, TableError, TransitionRow, read_rows, rows_text
+from henon_ref.harness.result_files import TableError, read_rows, rows_text
+from henon_ref.harness.rows import RunRow, StickRow, TransitionRow
 from henon_ref.harness.table import Table
 from henon_ref.text import LONGEST_LINE, cell, code, from_cell, link, markdown, message, one_line, paragraphs, printable
 

@@ -71,7 +71,7 @@ def holds(condition: object, words: str) -> None:
         raise ClaimError(words)
 
 
-def said(run: Callable[[], object]) -> str:
+def error_message(run: Callable[[], object]) -> str:
     """Return the message of the exception that a run raises; empty if it raises none."""
     try:
         run()

@@ -78,7 +78,7 @@ def last_root() -> str:
     return f"of roots at 1, 2 and 3 in a step from 0 to 4 Newton's method gives {newton:.6f}"
 
 
-@shows("diffrax-pair", "diffrax: two roots in one step cancel")
+@shows("diffrax-pair", "diffrax: two roots within one step are not found")
 def pair_in_one_step() -> str:
     """Signs of a condition are compared at the two ends of a step. An even number of roots in between leaves no
     trace."""

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from henon_ref.baselines.causes.base import cause, holds, said
+from henon_ref.baselines.causes.base import cause, error_message, holds
 
 shows = partial(cause, "pydiffsol")
 DIFFSL = "https://martinjrobins.github.io/diffsl"
@@ -30,7 +30,7 @@ def solve(text: str, until: float, method: str = "tsit45", tolerance: float = 1e
     return model(text, tolerance, method, start).solve(np.array([]), until)
 
 
-@shows("diffsol-pair", "diffsol: two roots in one step cancel")
+@shows("diffsol-pair", "diffsol: two roots within one step are not found")
 def pair_in_one_step() -> str:
     """Signs of a stop function are compared at the two ends of a step. An even number of roots in between leaves no
     trace.
@@ -98,7 +98,7 @@ def number_that_is_none() -> str:
     found = solve(text, 4.0)
     heights = np.asarray(found.ys)[0]
     holds(found.ts[-1] == 4.0 and not np.isfinite(heights[-1]), f"h({found.ts[-1]}) = {heights[-1]}")
-    words = said(lambda: solve(text, 4.0, "bdf"))
+    words = error_message(lambda: solve(text, 4.0, "bdf"))
     holds(words, "bdf says nothing")
     return f"tsit45 goes on to t = 4 with h = nan and reports nothing; bdf ends: {words}"
 
@@ -115,7 +115,7 @@ def small_steps() -> str:
         "u_i { y = 0.0, z = 0.0 } F_i { 1.0, sqrt(1.0 - y) } stop_i { 1.0 - y }": 1.0,
         "u_i { v = 1.0 } F_i { -1.0 / (v + 1e-9) } stop_i { v }": 0.5 + 1e-9,
     }
-    every = [said(partial(solve, text, 3.0, "bdf")) for text in ends]
+    every = [error_message(partial(solve, text, 3.0, "bdf")) for text in ends]
     for words, end in zip(every, ends.values(), strict=True):
         small, _, time = words.partition(" at time = ")
         holds("Step size is too small" in small and abs(float(time) - end) < 1e-6, words or "nothing is said")
@@ -133,7 +133,7 @@ def late_times() -> str:
 
     error = float(late("u_i { x = -1.0 } F_i { 1.0 } stop_i { x + 0.5 }", 1e9).ts[-1]) - 1e9 - 0.5
     holds(1e-6 < error < 1e-4, f"an error of {error} s")
-    refused = said(lambda: late("u_i { x = 0.0 } F_i { 4.0 * (0.25 + t - 1000000000.0) }", 1e9 + 1 / 3))
+    refused = error_message(lambda: late("u_i { x = 0.0 } F_i { 4.0 * (0.25 + t - 1000000000.0) }", 1e9 + 1 / 3))
     holds("Stop time is at the current state time" in refused, refused or "it goes on")
     return f"at t = 1e9 a root of x' = 1 is late by {error:.1e} s; in front of the horizon: {refused}"
 
@@ -157,7 +157,7 @@ def first_step_too_short() -> str:
     """
     ode = model("u_i { x = 0.0, y = 4e-14 } F_i { 1.0, 3.0 }", 1e-9, "bdf")
     default = ode.options.min_timestep
-    words, _, time = said(lambda: ode.solve(np.array([]), 3.0)).partition(" at time = ")
+    words, _, time = error_message(lambda: ode.solve(np.array([]), 3.0)).partition(" at time = ")
     holds("Step size is too small" in words and 0 < float(time) < default, f"{words} at {time}")
     ode.options.min_timestep = 1e-16
     end = float(ode.solve(np.array([]), 3.0).ts[-1])

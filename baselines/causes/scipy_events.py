@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from henon_ref.baselines.causes.base import cause, holds, said
+from henon_ref.baselines.causes.base import cause, error_message, holds
 
 shows = partial(cause, "scipy")
 ISSUES = "https://github.com/scipy/scipy/issues"
@@ -69,7 +69,7 @@ def root_of_third_order() -> str:
     suffice for a root of third order. The exception ends `solve_ivp`, and the solution so far is lost.
     """
     for method in METHODS:
-        words = said(partial(run, unit_speed, 3, [0.0], method, events=lambda t, x: (x[0] - 1.0) ** 3))
+        words = error_message(partial(run, unit_speed, 3, [0.0], method, events=lambda t, x: (x[0] - 1.0) ** 3))
         holds("100 iterations" in words, f"{method} raises {words or 'nothing'}")
     return "the root of (x - 1)³ at t = 1 ends a run of every method by an exception, after 100 iterations of brentq"
 
@@ -82,7 +82,9 @@ def bracket_without_a_sign_change() -> str:
     From -c to 0, for some c; the last bits of the linear algebra library determine for which.
     """
     event = terminal(lambda t, x: -x[0], -1)
-    every = [said(partial(run, unit_speed, k / 10, [-k / 10], "Radau", 1e-6, events=event)) for k in range(1, 31)]
+    every = [
+        error_message(partial(run, unit_speed, k / 10, [-k / 10], "Radau", 1e-6, events=event)) for k in range(1, 31)
+    ]
     messages = [message for message in every if message]
     holds(messages and all("different signs" in m for m in messages), f"{messages or 'no ValueError'}")
     return (
@@ -117,7 +119,7 @@ def late_start() -> str:
     return f"BDF runs from t = 0; from t = 1e9 it ends at once: {late}"
 
 
-@shows("scipy-blow-up", "A blow-up is a step that is too small")
+@shows("scipy-blow-up", "A blow-up is reported as a step that is too small")
 def blow_up_is_a_failed_step() -> str:
     """`solve_ivp` has no status for divergence: the step size shrinks until the run fails, with BDF long before the
     state is large.
@@ -174,7 +176,7 @@ def number_that_is_none() -> str:
         found = tank(method)
         holds(found.status < 0 and np.isfinite(found.y).all(), f"{method}: {found.message}")
     for method in ("Radau", "BDF"):
-        holds(said(partial(tank, method)) or tank(method).status < 0, f"{method} says nothing")
+        holds(error_message(partial(tank, method)) or tank(method).status < 0, f"{method} says nothing")
     return f"{seen}, where h = {lsoda.y[0, numbers][-1]:.2f}; no other method reports success"
 
 

@@ -41,7 +41,7 @@ def ball() -> Any:
     return cvode(lambda x: [x[1], -1.0], lambda x: float(x[0]))
 
 
-@shows("cvode-pair", "CVODE: two roots in one step cancel", f"{ISSUES}/881")
+@shows("cvode-pair", "CVODE: two roots within one step are not found", f"{ISSUES}/881")
 def cvode_pair() -> str:
     """Rootfinding compares signs at the two ends of an internal step. An even number of roots in between leaves no
     trace.
@@ -53,7 +53,7 @@ def cvode_pair() -> str:
     return "roots at t = 0.95 and 1.05 are reported neither by Adams nor by BDF; the run ends at 2"
 
 
-@shows("ida-pair", "IDA: two roots in one step cancel", f"{ISSUES}/881")
+@shows("ida-pair", "IDA: two roots within one step are not found", f"{ISSUES}/881")
 def ida_pair() -> str:
     """IDA's rootfinding is CVODE's: it compares signs at the two ends of an internal step."""
     from sksundae.ida import IDA

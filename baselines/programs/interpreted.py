@@ -17,7 +17,7 @@ import shutil
 from functools import cache
 from importlib.resources import as_file, files
 
-from henon_ref.baselines.protocol.exchange import said_by
+from henon_ref.baselines.protocol.exchange import command_output
 from henon_ref.baselines.protocol.messages import Problem
 from henon_ref.baselines.protocol.program import ProgramSolver
 from henon_ref.errors import UnavailableError
@@ -37,7 +37,7 @@ def octave_version() -> str:
     path = shutil.which(OCTAVE[0])
     if path is None:
         return ""
-    found = re.search(r"version (\S+)", said_by(path, "--no-init-file", "--version") or "")
+    found = re.search(r"version (\S+)", command_output(path, "--no-init-file", "--version") or "")
     return found[1] if found else ""
 
 
@@ -52,9 +52,9 @@ def siconos_version(python: str) -> str:
     if shutil.which(python) is None:
         return ""
     probe = "import importlib.util, sys; sys.exit(importlib.util.find_spec('siconos') is None)"
-    if said_by(python, "-c", probe, environment=ENVIRONMENT) is None:
+    if command_output(python, "-c", probe, environment=ENVIRONMENT) is None:
         return ""
-    package = said_by("dpkg-query", "-W", "-f", "${Version}", PACKAGE) if python == DEFAULT else None
+    package = command_output("dpkg-query", "-W", "-f", "${Version}", PACKAGE) if python == DEFAULT else None
     return package or "unknown"
 
 

@@ -29,15 +29,15 @@ except ImportError:  # not a POSIX system; only the wall time is limited
 WALL = 2.5
 """Largest wall time of a program, without its waiting for a processor, as a multiple of its limit of processor time."""
 OUTPUT = 64 * 2**20
-"""Largest output of a program on each of its streams [bytes]."""
-SAID = 2000
+"""Largest standard error of a program, and default limit of its standard output [bytes]."""
+REASON_LENGTH = 2000
 """Length of the end of the standard error that becomes the reason of a failure [bytes]."""
-LOOK = 0.02
+LONGEST_PAUSE = 0.02
 """Time between two checks whether the program has ended [s]."""
-COUNTED = 0.5
+CHARGED = 0.5
 """A program that was killed counts as stopped by its limit if it has used this part of it. The system charges whole
 clock ticks against the limit; on a busy machine these were up to a third more than the time that was used."""
-ASKED = 60.0
+VERSION_SECONDS = 60.0
 """Wall time within which a program must print its version [s]."""
 
 
@@ -58,7 +58,7 @@ class Limits:
     memory: int = 4 * 2**30
     """Data that the program may allocate [bytes]."""
     output: int = OUTPUT
-    """Output that the program may write [bytes]."""
+    """Largest standard output [bytes]."""
 
 
 class _Program(subprocess.Popen[bytes]):
@@ -87,7 +87,7 @@ class _Program(subprocess.Popen[bytes]):
         time that was used decides.
         """
         by = -self.returncode
-        return by == signal.SIGXCPU or (by == signal.SIGKILL and self.used > COUNTED * seconds)
+        return by == signal.SIGXCPU or (by == signal.SIGKILL and self.used > CHARGED * seconds)
 
 
 def exchange(
@@ -128,7 +128,7 @@ def exchange(
         if process.returncode == 0:
             output.seek(0)
             return output.read()
-        errors.seek(max(0, _size(errors) - SAID))
+        errors.seek(max(0, _size(errors) - REASON_LENGTH))
         text = short_line(errors.read().decode("utf-8", "replace"))
     ended = f"ended with exit status {process.returncode}"
     if process.returncode < 0:
@@ -166,13 +166,14 @@ def _wait(process: _Program, limits: Limits, output: IO[bytes], errors: IO[bytes
     began, pause, ended = monotonic(), 1e-3, False
     while not ended:
         ended = process.has_ended()
-        if _size(output) > limits.output or _size(errors) > OUTPUT:
-            raise ProgramError(f"the program wrote more than {limits.output} bytes")
+        for stream, file, most in (("output", output, limits.output), ("error", errors, OUTPUT)):
+            if _size(file) > most:
+                raise ProgramError(f"the program wrote more than {most} bytes to its standard {stream}")
         if not ended:
             if monotonic() - began - waited_seconds(process.pid) > WALL * limits.seconds:
                 raise ProgramTimeoutError(f"the program gave no response within {WALL * limits.seconds:.3g} s")
             sleep(pause)
-            pause = min(2 * pause, LOOK)
+            pause = min(2 * pause, LONGEST_PAUSE)
 
 
 def _size(file: IO[bytes]) -> int:
@@ -193,14 +194,14 @@ def _signal_name(number: int) -> str:
         return f"signal {number}"
 
 
-def said_by(*command: str, environment: Mapping[str, str] | None = None) -> str | None:
-    """Return the output of a command, for example its version; None if it fails or takes longer than ``ASKED``."""
+def command_output(*command: str, environment: Mapping[str, str] | None = None) -> str | None:
+    """Return the output of a short command; None if it fails or takes longer than :data:`VERSION_SECONDS`."""
     try:
         done = subprocess.run(
             command,
             capture_output=True,
             text=True,
-            timeout=ASKED,
+            timeout=VERSION_SECONDS,
             check=False,
             env={**os.environ, **(environment or {})},
         )

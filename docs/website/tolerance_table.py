@@ -7,7 +7,8 @@ from pathlib import Path
 from statistics import median
 
 from henon_ref.harness.report.folder import RUNS
-from henon_ref.harness.rows import NOT_RUN, RunRow, read_rows
+from henon_ref.harness.result_files import read_rows
+from henon_ref.harness.rows import NOT_RUN, RunRow
 from henon_ref.harness.table import Table, digits, exponential
 from henon_ref.text import code
 

@@ -46,7 +46,7 @@ def draw_modes(reading: Reading, motion: Motion) -> Figure:
     with style.figure(height) as figure:
         panels = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
         inch = 1 / height
-        figure.subplots_adjust(left=0.1, right=0.985, bottom=0.48 * inch, top=1 - 0.32 * inch, hspace=0.12)
+        figure.subplots_adjust(left=0.1, right=0.965, bottom=0.48 * inch, top=1 - 0.32 * inch, hspace=0.12)
         over_time(panels, system, motion, [sign.name for sign in system.signs[:count]])
         panels[0].set_title(MODES_TITLE)
         describe(figure, MODES_TITLE, " ".join(_shares(system, motion, k) for k in range(count)))

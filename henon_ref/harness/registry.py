@@ -11,7 +11,7 @@ used like any other solver name, but :func:`names` does not list it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib import import_module
@@ -111,6 +111,12 @@ def _third_party() -> dict[str, EntryPoint]:
 def names() -> tuple[str, ...]:
     """Return the names of all solvers, the built-in ones first."""
     return (*_BUILT_IN, *sorted(_third_party()))
+
+
+def in_order(solvers: Iterable[str]) -> list[str]:
+    """Return distinct names in the order of :func:`names`; unknown names come last."""
+    known, present = names(), set(solvers)
+    return [name for name in known if name in present] + sorted(present.difference(known))
 
 
 def default_names() -> tuple[str, ...]:

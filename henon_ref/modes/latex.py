@@ -19,6 +19,11 @@ MOST_OPERATIONS, MOST_IN_ALL = 500, 2_500
 MOST_IN_CELL = 200
 """Largest number of operations of an expression shown in a table or in a line."""
 
+MOST_MODES = 9
+"""Largest number of modes whose equations are printed."""
+
+TOO_LONG = "too long to be printed"
+
 _GREEK = (
     "alpha|beta|gamma|delta|epsilon|zeta|eta|theta|iota|kappa|lambda|mu|nu|xi|pi|rho|sigma|tau|upsilon|phi|chi|psi"
     "|omega|Gamma|Delta|Theta|Lambda|Xi|Pi|Sigma|Upsilon|Phi|Psi|Omega"

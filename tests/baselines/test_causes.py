@@ -6,15 +6,14 @@ import importlib.util
 from dataclasses import replace
 
 import pytest
+from made_reports import study_request
 
 from henon_ref.baselines.causes import CAUSES, Cause, ClaimError
 from henon_ref.baselines.programs.cvode_c import compiler
 from henon_ref.harness.campaign.causes import PATTERNS
 from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.registry import program_versions
-from henon_ref.harness.report.manifest import provenance
 from henon_ref.harness.studies import causes as page
-from henon_ref.harness.studies.study import Asked
 
 MODULES = {"heyoka": "heyoka"} | dict.fromkeys(("cvode", "ida", "sundials", "sundae"), "sksundae")
 MODULES |= {"diffrax": "diffrax", "diffsol": "pydiffsol", "nosnoc": "nosnoc"}
@@ -47,6 +46,6 @@ def test_the_page_says_so_where_a_claim_does_not_hold(monkeypatch: pytest.Monkey
 
     broken = replace(CAUSES["scipy-pair"], check=fails)
     monkeypatch.setattr(page, "CAUSES", {"scipy-pair": broken})
-    text = page.run_causes(Asked([], Options(), provenance("x"), tmp_path)).page.read_text(encoding="utf-8")
+    text = page.run_causes(study_request([], Options(), tmp_path)).page.read_text(encoding="utf-8")
     assert "**not as claimed with this version**: it found both." in text
     assert '<a id="scipy-pair"></a>' in text

@@ -8,8 +8,10 @@ from fakes import CASE, case, expected, found, statement, trajectory
 
 from henon_ref.harness.campaign.comparison import Comparison, ReadingResult
 from henon_ref.harness.campaign.options import Options, Setting
+from henon_ref.harness.campaign.progress import Observer
 from henon_ref.harness.campaign.rows import Outcome, Record, record, scored
 from henon_ref.harness.report.manifest import Provenance
+from henon_ref.harness.studies.study import StudyRequest
 from henon_ref.harness.table import Table
 from henon_ref.workers.worker import Failure
 
@@ -26,6 +28,11 @@ ORIGIN = Provenance(
     },
     {"henon-ref": "1.0", "heyoka": "7.0", "scipy": "1.0"},
 )
+
+
+def study_request(cases, options, folder, rows=None, origin=ORIGIN) -> StudyRequest:
+    """Request of a study that reports no progress."""
+    return StudyRequest(cases, options, origin, folder, Observer(), lambda words: None, rows)
 
 
 def made(solver: str, rtol: float, wall: float, *, what: str = "right", truth=None, reading=None) -> Record:

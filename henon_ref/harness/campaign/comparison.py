@@ -13,7 +13,8 @@ from henon_ref.errors import CaseError
 from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.campaign.rows import Record
 from henon_ref.harness.campaign.truth_job import Statement
-from henon_ref.harness.rows import AnyRow, RunRow, StickRow, TransitionRow
+from henon_ref.harness.result_files import AnyRow
+from henon_ref.harness.rows import RunRow, StickRow, TransitionRow
 from henon_ref.harness.score.gate import Gate, bounds_of, gate
 from henon_ref.harness.score.reference import Expected
 from henon_ref.harness.score.standing import RIGHT, standings, standings_table, tightest

@@ -14,8 +14,8 @@ from henon_ref.harness.score.reference import Expected
 from henon_ref.modes.problem import Problem
 from henon_ref.solver import Solver, fault
 
-LEAST_TIMEOUT = 0.01
-"""Smallest allowed time limit of a run [s]."""
+SHORTEST, LONGEST = 0.01, 1e6
+"""Smallest and largest time limit of a run [s]."""
 MAIN = b"__main__"
 """Name of the main module in a pickle."""
 MOST_DRAWN = 6
@@ -71,8 +71,9 @@ class Options:
         for name, count in (("repeats", 1 if self.repeats is None else self.repeats), ("processes", self.processes)):
             if type(count) is not int or count < 1:
                 raise CaseError(f"{name} is a whole number from 1 on, not {shown(count)}")
-        if not (_is_number(self.timeout) and LEAST_TIMEOUT <= self.timeout < math.inf):
-            raise CaseError(f"timeout is a number of seconds from {LEAST_TIMEOUT:g} on, not {shown(self.timeout)}")
+        if not (_is_number(self.timeout) and SHORTEST <= self.timeout <= LONGEST):
+            limits = f"{SHORTEST:g} to {LONGEST:g}"
+            raise CaseError(f"timeout is a number of seconds from {limits}, not {shown(self.timeout)}")
 
     @property
     def of_main(self) -> bool:

@@ -9,7 +9,7 @@ from henon_ref.casefile.case import Reading
 from henon_ref.harness.campaign.causes import cause_of
 from henon_ref.harness.campaign.options import Setting
 from henon_ref.harness.campaign.timing import summarise
-from henon_ref.harness.rows import REPEATED, RunRow, StickRow, TransitionRow
+from henon_ref.harness.rows import REPEATED, UNJUDGED, RunRow, StickRow, TransitionRow
 from henon_ref.harness.score.errors import Score, published_partners, score
 from henon_ref.harness.score.matching import Matching
 from henon_ref.harness.score.reference import Expected
@@ -23,8 +23,6 @@ FAILURES = {"unsupported": "not run", "unavailable": "not run", "timeout": "not 
 """Status of a run without an answer -> verdict; any other status, and an ignored deadline, is a solver defect."""
 Values = dict[str, Any]
 """Some fields of a row."""
-UNJUDGED = (None, "not run", "not judged")
-"""Verdicts that require a ``status_reason``."""
 NO_TRUTH, UNSAID = "there is no truth to judge it by", "the solver gives no reason"
 """Reasons used if the solver gives none."""
 
@@ -113,7 +111,7 @@ def _run_row(outcome: Outcome, expected: Expected | None, stick_rows: list[Stick
         verdict = None if failure.ignored else FAILURES.get(failure.status)
         row |= {"status": failure.status, "status_reason": failure.reason, "verdict": verdict or "solver defect"}
     reason = row.get("status_reason")
-    if not reason and row.get("verdict") in UNJUDGED:
+    if not reason and row.get("verdict") in (None, *UNJUDGED):
         reason = row.get("verdict_basis") or (UNSAID if expected else NO_TRUTH)
     if (later := outcome.repeat_failure) is not None:
         how = f"{REPEATED}{later.status}: {later.reason}"

@@ -31,7 +31,8 @@ from henon_ref.harness.report.html.rendering import embedded, read_embedded, unp
 from henon_ref.harness.report.manifest import provenance
 from henon_ref.harness.report.text.matrix import read_matrix
 from henon_ref.harness.report.text.ranking import floor
-from henon_ref.harness.rows import Key, RunRow, read_rows
+from henon_ref.harness.result_files import read_rows
+from henon_ref.harness.rows import Key, RunRow
 from henon_ref.harness.table import setting
 
 FACTOR = 10.0

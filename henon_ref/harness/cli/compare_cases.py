@@ -30,7 +30,7 @@ from henon_ref.harness.report.folder_report import write_folder_report
 from henon_ref.harness.report.manifest import provenance
 from henon_ref.harness.report.text.gate import bounds_left_out, demands_state, gate_state, why_unchecked
 from henon_ref.harness.report.text.markdown import environment
-from henon_ref.harness.rows import RunRow
+from henon_ref.harness.rows import UNJUDGED, RunRow
 from henon_ref.harness.score.gate import Demand, Gate, demand
 from henon_ref.harness.score.standing import standings, standings_table, tightest
 from henon_ref.harness.table import count
@@ -40,8 +40,6 @@ MOST_FAILING = 24
 """Largest number of lines on runs that are not right; the JSON document and the reports list all of them."""
 MOST_PLACES = 3
 """Largest number of readings named in one such line."""
-NOT_JUDGED = ("not run", "not judged")
-"""Verdicts on runs without an answer that are not the fault of the solver."""
 NOTE = (
     "Each solver at its tightest setting, over the readings in which it is right: smallest number of digits, median "
     "time, and geometric mean of its time relative to the fastest solver (times as long)."
@@ -202,7 +200,7 @@ def failing(rows: Sequence[RunRow]) -> list[Failing]:
     """Group the runs that are wrong by a fault of the solver, or have no answer, by solver, status and reason."""
     found: dict[tuple[str, str, str], list[str]] = {}
     for row in rows:
-        if demand(row.solver, [row]).failures or row.verdict in NOT_JUDGED:
+        if demand(row.solver, [row]).failures or row.verdict in UNJUDGED:
             key = row.solver, row.status, row.status_reason or ""
             found.setdefault(key, []).append(f"{row.case} {row.reading} at {row.setting}")
     return [Failing(*key, tuple(where)) for key, where in found.items()]

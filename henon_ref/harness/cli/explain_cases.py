@@ -19,14 +19,11 @@ from henon_ref.errors import ModelError
 from henon_ref.expressions.traversal import size, total_size
 from henon_ref.harness.campaign.case_files import load_cases
 from henon_ref.harness.table import count
+from henon_ref.modes.latex import MOST_IN_ALL, MOST_IN_CELL, MOST_MODES, TOO_LONG
 from henon_ref.modes.mode import Mode, mode_text
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.text import listed, message
 
-MOST_MODES = 9
-"""Largest number of modes whose equations are printed."""
-MOST_OPERATIONS, MOST_IN_ALL = 200, 2_500
-"""Largest number of operations of a printed expression, and of a system whose modes are derived."""
 SEVERAL = 8
 """Largest number of states, surfaces or solvers named in one line."""
 
@@ -97,7 +94,7 @@ def _model(system: FilippovSystem) -> Iterator[str]:
         yield f"the model holds while {_text(valid)} > 0"
     total = 3 ** len(system.surfaces)
     if total_size((*system.field, *system.surfaces), MOST_IN_ALL) > MOST_IN_ALL:
-        yield f"{total} modes, whose equations are too long to be printed"
+        yield f"{total} modes, whose equations are {TOO_LONG}"
         return
     modes = _modes(system)
     shown = "" if len(modes) == total else f", {len(modes)} of them below"
@@ -143,9 +140,7 @@ def _same(one: FilippovSystem, other: FilippovSystem) -> bool:
 
 
 def _text(expression: sp.Expr) -> str:
-    if size(expression, MOST_OPERATIONS) > MOST_OPERATIONS:
-        return "(too long to be printed)"
-    return str(expression)
+    return str(expression) if size(expression, MOST_IN_CELL) <= MOST_IN_CELL else f"({TOO_LONG})"
 
 
 def _indented(line: str) -> str:

@@ -31,7 +31,8 @@ from henon_ref.harness.report.text.gate import (
     step_summary,
     why_unchecked,
 )
-from henon_ref.harness.rows import AnyRow, Key, RunRow, TableError, read_rows
+from henon_ref.harness.result_files import AnyRow, TableError, read_rows
+from henon_ref.harness.rows import Key, RunRow
 from henon_ref.harness.score.gate import Gate, demand, gate, held_against
 from henon_ref.harness.score.row_result import KnownFailure, RowResult, check_status, row_result
 from henon_ref.harness.table import count

@@ -17,7 +17,7 @@ from henon_ref.commands import status_line
 from henon_ref.commands.exit_status import DONE, NOT_MET, exit_status, parsed, say, writing_into
 from henon_ref.commands.typer_app import FLAG, application, examples
 from henon_ref.harness.cli.compare import KEPT, names
-from henon_ref.harness.studies.study import STUDIES, Asked, Study
+from henon_ref.harness.studies.study import STUDIES, Study, StudyRequest
 
 app = application()
 
@@ -87,7 +87,7 @@ def main(
     words += [*(["--rows FOLDER"] if rows else []), *([f"--timeout {timeout:g}"] if timeout else [])]
     origin = provenance(" ".join(words))
     with writing_into(folder, kept=KEPT if "resume" in own.takes else ""), locked([folder]), ProgressLine() as shown:
-        made = own.make(Asked(loaded, options, origin, folder, shown, rows, status_line.show))
+        made = own.make(StudyRequest(loaded, options, origin, folder, shown, status_line.show, rows))
         discard(folder, loaded)
     status_line.clear()
     for remark in made.remarks:

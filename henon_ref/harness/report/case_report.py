@@ -15,7 +15,8 @@ from henon_ref.harness.report import folder as names
 from henon_ref.harness.report.folder import locked, own_files
 from henon_ref.harness.report.manifest import Provenance, manifest_text
 from henon_ref.harness.report.text.markdown import report_text
-from henon_ref.harness.rows import RunRow, StickRow, TransitionRow, csv_text, rows_text
+from henon_ref.harness.result_files import csv_text, rows_text
+from henon_ref.harness.rows import RunRow, StickRow, TransitionRow
 from henon_ref.text import one_line
 
 SAMPLE_COLUMNS = ("reading", "solver", "rtol", "step_s", "samples_ns")

@@ -12,7 +12,7 @@ from henon_ref.harness.report.html.rendering import rendered
 from henon_ref.harness.report.text import choice
 from henon_ref.harness.report.text.markdown import environment
 from henon_ref.harness.report.text.matrix import MatrixRow, merged
-from henon_ref.harness.rows import rows_text
+from henon_ref.harness.result_files import rows_text
 from henon_ref.harness.score.kinds import CLOSE
 from henon_ref.harness.table import count
 
@@ -22,11 +22,11 @@ FIRST = 9
 MEAN_PARTS = round(1 / CLOSE)
 """Two roots are close if their distance is below their mean spacing divided by this number."""
 PAGES = {
-    "price": "[Price list](price/README.md): what accuracy costs in time, from one transition to a million seconds",
-    "rivals": "[Times in turn](rivals/README.md): `henon` against heyoka and whichever other solver is the cheapest",
+    "price": "[Price list](price/README.md): times for a number of digits, of preparation, of effects and of long runs",
+    "rivals": "[Alternating runs](rivals/README.md): times of `henon`, heyoka and the cheapest other solver",
     "atlas": "[Atlas](atlas/README.md): tolerance against distance from a graze, or between two roots of one step",
-    "restarts": "[How libraries are restarted](restarts/README.md) after an event: each way over all cases",
-    "causes": "[Causes](causes/README.md): what the libraries do by themselves, each shown by the library alone",
+    "restarts": "[Restarts](restarts/README.md) of the libraries after an event: each restart on all cases",
+    "causes": "[Causes](causes/README.md) of failures of the libraries, each shown by a run of the library alone",
     "paper": "[The paper](paper/README.md): every number and equation of the paper, computed again",
 }
 """Folder of a study -> its link in the index."""
@@ -53,7 +53,7 @@ def index_text(rows: Sequence[MatrixRow], folder: Path) -> str:
         .get_template("index.md.j2")
         .render(
             choice=choice.choice_table(rows).markdown,
-            often=choice.often_table(rows).markdown,
+            often=choice.frequency_table(rows).markdown,
             cases=choice.case_table([row for row in rows if (folder / row.case / REPORT).exists()]).markdown,
             commits=choice.commits(rows),
             mean_parts=MEAN_PARTS,
@@ -78,6 +78,6 @@ def page_text(rows: Sequence[MatrixRow], folder: Path) -> str:
         choice=next(level for level in data["choice"] if level["digits"] == FIRST),
         headings=list(zip(choice.HEADINGS, choice.SIDES, strict=True)),
         mean_parts=MEAN_PARTS,
-        coverage=choice.coverage_words(rows),
+        coverage=choice.coverage_sentence(rows),
         files=files | {address: title for address, title in studies.items() if (folder / address).is_file()},
     )

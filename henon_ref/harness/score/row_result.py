@@ -6,14 +6,12 @@ from collections.abc import Collection
 from dataclasses import dataclass, fields
 from typing import Literal, get_args
 
-from henon_ref.harness.rows import NOT_RUN, Row, RunRow
+from henon_ref.harness.rows import NOT_RUN, UNDECIDED, Row, RunRow
 from henon_ref.text import did_you_mean, listed, shortened
 from henon_ref.trajectory import Status
 
 Kind = Literal["passed", "failure", "error", "skipped", "known"]
 STATUSES: tuple[str, ...] = get_args(Status)
-UNDECIDED = ("ill-conditioned", "not unique", "not judged", None)
-"""Verdicts on rows that are not right, but not by the solver's fault."""
 
 
 @dataclass(frozen=True)
@@ -109,7 +107,7 @@ def row_result(row: RunRow, complaints: Collection[str] = (), *, known: bool = F
         kind = "failure"
     elif verdict == "right":
         kind = "passed"
-    elif row.status in NOT_RUN or (verdict in UNDECIDED and row.status != "timeout"):
+    elif row.status in NOT_RUN or ((verdict in UNDECIDED or not row.judged) and row.status != "timeout"):
         kind = "skipped"
     else:
         kind = "failure"

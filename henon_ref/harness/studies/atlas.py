@@ -20,10 +20,11 @@ from henon_ref.figures.description import describe
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.case_files import fixed_step
 from henon_ref.harness.report.folder import RUNS
-from henon_ref.harness.rows import NOT_RUN, RunRow, number, rows_text
+from henon_ref.harness.result_files import rows_text
+from henon_ref.harness.rows import NOT_RUN, RunRow, number
 from henon_ref.harness.studies.page import rows_of, write
 from henon_ref.harness.studies.restarts import ending
-from henon_ref.harness.studies.study import Asked, Made
+from henon_ref.harness.studies.study import StudyRequest, StudyResult
 from henon_ref.harness.table import Table, exponential
 from henon_ref.text import code, markdown, one_line, paragraphs
 
@@ -116,16 +117,16 @@ def outcome_of(row: RunRow) -> Outcome | None:
     return "missed" if row.missed else "spurious" if row.spurious else "status"
 
 
-def run_atlas(asked: Asked) -> Made:
+def run_atlas(request: StudyRequest) -> StudyResult:
     """Run the families at the atlas's tolerances and write its page; no page without a family or a solver for it."""
-    found = [family for case in asked.cases if (family := family_of(case)) is not None]
-    names = registry.expanded(asked.options.solvers or registry.default_names())
+    found = [family for case in request.cases if (family := family_of(case)) is not None]
+    names = registry.expanded(request.options.solvers or registry.default_names())
     # A solver with a fixed step has no tolerance.
     solvers = tuple(s for s in names if not (fixed_step(s) if isinstance(s, str) else s.fixed_step))
     if not found or not solvers:
-        return Made(None)
-    changed = replace(asked.options, solvers=solvers, tolerances=TOLERANCES, timed=False, folder=asked.folder)
-    rows = rows_of([family.case for family in found], changed, asked.observer)
+        return StudyResult(None)
+    changed = replace(request.options, solvers=solvers, tolerances=TOLERANCES, timed=False, folder=request.folder)
+    rows = rows_of([family.case for family in found], changed, request.observer)
     sections, figures = [], {}
     for family in found:
         case, own = family.case, rows[family.case.name]
@@ -145,16 +146,14 @@ def run_atlas(asked: Asked) -> Made:
         "runs": len(every),
         "tightest": exponential(min(TOLERANCES), 1),
         "loosest": exponential(max(TOLERANCES), 1),
-        "origin": asked.origin,
+        "origin": request.origin,
     }
-    return Made(write(asked.folder, "atlas", context, {RUNS: rows_text(RunRow, every)}, figures))
+    return StudyResult(write(request.folder, "atlas", context, {RUNS: rows_text(RunRow, every)}, figures))
 
 
 def solvers_of(rows: Sequence[RunRow]) -> list[str]:
     """Solvers that ran, in the registry's order."""
-    present = {row.solver for row in rows if outcome_of(row) is not None}
-    order = [name for name in registry.names() if name in present]
-    return order + sorted(present - set(order))
+    return registry.in_order(row.solver for row in rows if outcome_of(row) is not None)
 
 
 def count_table(rows: Sequence[RunRow]) -> Table:

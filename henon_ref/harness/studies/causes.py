@@ -7,13 +7,13 @@ import importlib.metadata
 from henon_ref.baselines.causes import CAUSES, Cause, ClaimError
 from henon_ref.harness.registry import program_versions
 from henon_ref.harness.studies.page import write
-from henon_ref.harness.studies.study import Asked, Made
+from henon_ref.harness.studies.study import StudyRequest, StudyResult
 
 
-def run_causes(asked: Asked) -> Made:
+def run_causes(request: StudyRequest) -> StudyResult:
     """Run the check of every cause and write the results."""
     shown = [{"cause": cause, "version": _version(cause.package), "seen": _seen(cause)} for cause in CAUSES.values()]
-    return Made(write(asked.folder, "causes", {"causes": shown}))
+    return StudyResult(write(request.folder, "causes", {"causes": shown}))
 
 
 def _version(package: str) -> str | None:

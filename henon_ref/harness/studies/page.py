@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
 
 from henon_ref.atomic_write import replace_file
 from henon_ref.casefile.case import Case, load_case
@@ -15,11 +16,12 @@ from henon_ref.harness.campaign.campaign import compare_all
 from henon_ref.harness.campaign.comparison import Comparison
 from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.campaign.progress import Observer
-from henon_ref.harness.report.folder import INDEX
+from henon_ref.harness.report.folder import INDEX, REPORT
 from henon_ref.harness.report.svg import svg
 from henon_ref.harness.report.text.markdown import environment
 from henon_ref.harness.rows import RunRow
 from henon_ref.modes.problem import Problem
+from henon_ref.text import markdown
 from henon_ref.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -41,6 +43,17 @@ def rows_of(cases: Sequence[Case], options: Options, observer: Observer) -> dict
 
 def shipped_problem(case: str, reading: str = "default") -> Problem:
     return load_case(shipped_folder() / f"{case}.yaml").reading(reading).problem
+
+
+def title(case: str, reading: str = "default") -> str:
+    """Name of a reading on a page."""
+    return case if reading == "default" else f"{case}, {reading}"
+
+
+def report_link(case: str, reading: str = "default") -> str:
+    """Link to the report of a case, or to one of its readings, from the page of a study."""
+    anchor = "" if reading == "default" else f"#{quote(reading)}"
+    return f"[{markdown(title(case, reading))}](../{quote(case)}/{REPORT}{anchor})"
 
 
 def largest_time_difference(one: Trajectory, other: Trajectory) -> float:

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from urllib.parse import quote
 
 import numpy as np
 
 from henon_ref.casefile.case import Case
 from henon_ref.errors import CaseError
-from henon_ref.harness.report.folder import REPORT, RUNS
+from henon_ref.harness.report.folder import RUNS
 from henon_ref.harness.report.text.ranking import LEVELS, readings_of
-from henon_ref.harness.rows import RunRow, read_rows, rows_text
-from henon_ref.harness.studies.page import write
+from henon_ref.harness.result_files import read_rows, rows_text
+from henon_ref.harness.rows import RunRow
+from henon_ref.harness.studies.page import report_link, write
 from henon_ref.harness.studies.pairs import (
     FIRST,
     SECOND,
@@ -24,7 +24,7 @@ from henon_ref.harness.studies.pairs import (
     pairs_of,
     time_pairs,
 )
-from henon_ref.harness.studies.study import Asked, Made
+from henon_ref.harness.studies.study import StudyRequest, StudyResult
 from henon_ref.harness.table import Table, duration, setting, significant
 from henon_ref.harness.table import digits as shown_digits
 from henon_ref.text import code, markdown
@@ -37,7 +37,7 @@ OTHERS, FROM_C = "the cheapest other", "CVODE from C"
 CVODE_FROM_C = ("cvode-c-adams", "cvode-c-bdf")
 
 
-def run_paired_times(asked: Asked) -> Made:
+def run_paired_times(request: StudyRequest) -> StudyResult:
     """Time the reference and its rivals in interleaved runs on every reading, and write the page.
 
     Raises
@@ -45,15 +45,16 @@ def run_paired_times(asked: Asked) -> Made:
     CaseError
         If a case has no report.
     """
-    files = {case.name: (asked.rows or asked.folder.parent) / case.name / RUNS for case in asked.cases}
+    assert request.rows is not None  # the command requires it
+    files = {case.name: request.rows / case.name / RUNS for case in request.cases}
     for file in files.values():
         if not file.is_file():
             raise CaseError(f"{file} is not there: henon-ref compare CASES --out {file.parents[1]} writes it")
     runs = {name: read_rows(RunRow, file) for name, file in files.items()}
-    timings = {case.name: list(timings_of(case, runs[case.name], asked.options.timeout)) for case in asked.cases}
+    timings = {case.name: list(timings_of(case, runs[case.name], request.options.timeout)) for case in request.cases}
     if not any(timings.values()):
-        return Made(None)
-    rows, failed = time_pairs(timings, asked.options, asked.observer)
+        return StudyResult(None)
+    rows, failed = time_pairs(timings, request.options, request.observer)
     every = [row for own in runs.values() for row in own]
     slower = slower_table(rows, every)
     context = {
@@ -65,9 +66,9 @@ def run_paired_times(asked: Asked) -> Made:
         "spread": spread_table(rows).markdown,
         "slower": slower.markdown if slower.rows else "",
         "failed": [markdown(each) for each in failed],
-        "origin": asked.origin,
+        "origin": request.origin,
     }
-    return Made(write(asked.folder, "paired_times", context, {RATIOS: rows_text(PairRow, rows)}))
+    return StudyResult(write(request.folder, "paired_times", context, {RATIOS: rows_text(PairRow, rows)}))
 
 
 def timings_of(case: Case, rows: Sequence[RunRow], deadline: float) -> Iterator[PairedTiming]:
@@ -87,9 +88,9 @@ def left_out(rows: Sequence[RunRow]) -> dict[str, list[str]]:
     for (case, reading), own in readings_of(rows).items():
         able = {row.solver for _, level in able_rows(own, LEVELS) for row in level if row.wall_s}
         if FIRST not in able:
-            found.setdefault(f"of `{FIRST}`", []).append(link(case, reading))
+            found.setdefault(f"of `{FIRST}`", []).append(report_link(case, reading))
         elif able == {FIRST}:
-            found.setdefault("of any other solver", []).append(link(case, reading))
+            found.setdefault("of any other solver", []).append(report_link(case, reading))
     return found
 
 
@@ -110,8 +111,8 @@ def spread_table(rows: Sequence[PairRow]) -> Table:
                 faster = sum(value < 1 for value in found)
                 lines.append((label, bound(digits), f"{len(found)}", *quantiles, f"{faster}"))
     headings = (
-        "solver", "digits", "readings", "times as long, least", "lower quartile", "median", "upper quartile", "most",
-        f"faster than {code(FIRST)} in",
+        "solver", "digits", "readings", "times as long, minimum", "lower quartile", "median", "upper quartile",
+        "maximum", f"faster than {code(FIRST)} in",
     )  # fmt: skip
     return Table(headings, "l" + "r" * (len(headings) - 1), lines)
 
@@ -129,7 +130,7 @@ def slower_table(rows: Sequence[PairRow], runs: Sequence[RunRow]) -> Table:
     lines = []
     for problem, own in slower.items():
         row = max(own, key=lambda row: row.ratio)
-        cells = [link(*problem), bound(row.digits)]
+        cells = [report_link(*problem), bound(row.digits)]
         for solver, rtol, step, wall in (
             (FIRST, row.rtol, None, row.wall_s),
             (row.rival, row.rival_rtol, row.rival_step_s, row.rival_wall_s),
@@ -140,12 +141,6 @@ def slower_table(rows: Sequence[PairRow], runs: Sequence[RunRow]) -> Table:
             cells += [code(solver)] if solver != FIRST else []
             cells += [setting(rtol, step), got, steps, duration(wall)]
         lines.append((*cells, significant(row.ratio)))
-    first, gets = code(FIRST), ("gets", "steps", "time")
-    headings = ("reading", "digits", f"{first} at", *gets, "solver", "setting", *gets, f"times as long, {first}")
+    first, reached = code(FIRST), ("reached", "steps", "time")
+    headings = ("reading", "digits", f"{first} at", *reached, "solver", "setting", *reached, f"times as long, {first}")
     return Table(headings, "lrrrrrlrrrrr", lines)
-
-
-def link(case: str, reading: str) -> str:
-    """Link to the report of a reading, whose folder is next to the study's."""
-    text, anchor = (case, "") if reading == "default" else (f"{case}, {reading}", f"#{quote(reading)}")
-    return f"[{markdown(text)}](../{quote(case)}/{REPORT}{anchor})"

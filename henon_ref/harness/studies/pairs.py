@@ -291,7 +291,7 @@ def time_pairs(
             if isinstance(result, Failure):
                 whom = ", ".join(dict.fromkeys(pair.against for pair in timing.pairs))
                 failed.append(f"{timing.case}, {timing.reading}, against {whom}: {result.reason}")
-                _LOG.info("cannot be timed in turn: %s", failed[-1])
+                _LOG.info("no alternating runs: %s", failed[-1])
             else:
                 rows.extend(result)
 
@@ -311,9 +311,9 @@ def own_words(rows: Sequence[PairRow]) -> str:
     whole = np.median([row.times_as_long for row in found])
     own = np.median([number(row.own_times_as_long) for row in found])
     return (
-        f"In turn {code(SECOND)} takes {significant(float(whole), 2)} times as long as {code(FIRST)} (median over "
-        f"readings and digits), of which its own calls of `propagate_until` are {part:.0%}: a program that switches "
-        f"modes in compiled code would take {significant(float(own), 2)} times as long."
+        f"In alternating runs {code(SECOND)} takes {significant(float(whole), 2)} times as long as {code(FIRST)} "
+        f"(median over readings and digits), of which its own calls of `propagate_until` are {part:.0%}: a program "
+        f"that switches modes in compiled code would take {significant(float(own), 2)} times as long."
     )
 
 

@@ -1,29 +1,25 @@
-"""Study of restarts: each library with each restart policy over the suite, and with options of its event location.
-
-The page reports each library whose default restart is beaten by another one.
-"""
+"""Study of restarts: each library with each restart over the suite, and with options of its event location."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal, get_args
+from typing import Any, Literal, TypeVar, get_args
 
-from henon_ref.baselines.adapter import Adapter
-from henon_ref.baselines.heyoka_taylor import HEYOKA
-from henon_ref.baselines.scipy_ivp import BDF, DOP853, LSODA, RADAU, RK45
 from henon_ref.casefile.case import Case
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.truth_job import stored_statement
-from henon_ref.harness.report.folder import REPORT, RUNS
+from henon_ref.harness.report.folder import RUNS
 from henon_ref.harness.report.text.ranking import LEVELS
-from henon_ref.harness.rows import NOT_RUN, Row, RunRow, earlier_rows, rows_text
+from henon_ref.harness.result_files import earlier_rows, rows_text
+from henon_ref.harness.rows import NOT_RUN, Row, RunRow
 from henon_ref.harness.score.errors import EARLY
-from henon_ref.harness.studies.page import rows_of, write
-from henon_ref.harness.studies.study import Asked, Made
+from henon_ref.harness.studies.location_options import OptionRow, option_rows, option_table, options_of
+from henon_ref.harness.studies.page import report_link, rows_of, write
+from henon_ref.harness.studies.study import StudyRequest, StudyResult
 from henon_ref.harness.table import Table, duration
-from henon_ref.text import code, markdown
+from henon_ref.text import code
 
 SUITE, OPTIONS = "suite.csv", "options.csv"
 MOST = LEVELS[-1]
@@ -31,8 +27,6 @@ MOST = LEVELS[-1]
 QUICKER = 0.8
 """At equal right runs and digits, a restart is better if it takes less than this part of the time. Other work on the
 machine changes times by less."""
-TIGHTEST = 1e-300
-"""Absolute tolerance of a root's time [s], so small that only the relative tolerance, 4 eps, has an effect."""
 Ending = Literal["right", "wrong", "ended_early", "failed"]
 ENDINGS = get_args(Ending)
 """Kinds of a run's end: transitions of the exact run, other transitions, before the horizon, or failed."""
@@ -56,29 +50,14 @@ class SuiteRow(Row):
     """Missed transitions of all runs."""
     spurious: int
     elsewhere: int
-    """Runs that are not right although another restart of the library is, on the same reading and tolerance."""
+    """Runs that are not right although the run with another restart is, on the same reading and tolerance."""
     digits: float
     """Sum of the digits of the right runs, each at most MOST."""
     wall_s: float
     """Sum of the times of the right runs [s]."""
 
 
-@dataclass(frozen=True)
-class OptionRow(Row):
-    """Results of a library without and with an option."""
-
-    solver: str
-    option: str
-    runs: int
-    """Number of runs that were made both without and with the option."""
-    right_without: int
-    right_with: int
-    without_alone: int
-    """Runs that are right only without the option."""
-    with_alone: int
-    digits_without: float
-    """Sum of the digits, over the runs that are right both without and with the option."""
-    digits_with: float
+LibraryRow = TypeVar("LibraryRow", SuiteRow, OptionRow)
 
 
 @dataclass(frozen=True)
@@ -98,42 +77,29 @@ class Merit:
         return self.wall_s < QUICKER * other.wall_s
 
 
-def options_of(libraries: Sequence[str]) -> list[tuple[str, str, Adapter]]:
-    """Options of the libraries' event location: name of the library, description, solver with the option.
-
-    SUNDIALS has no such option except the direction, in which two of the restarts differ.
-    """
-    cooldown = replace(HEYOKA, name="heyoka (cooldown)", cooldown="automatic")
-    found: list[tuple[str, str, Adapter]] = [("heyoka", "`cooldown`: heyoka's own", cooldown)]
-    for own in (RK45, DOP853, RADAU, BDF, LSODA):
-        again = replace(own, name=f"{own.name} (root)", root_tolerance=TIGHTEST)
-        found.append((own.name, f"the root located again, `xtol` {TIGHTEST:g}", again))
-    return [option for option in found if option[0] in libraries]
-
-
-def run_restarts(asked: Asked) -> Made:
+def run_restarts(request: StudyRequest) -> StudyResult:
     """Run the study on all readings with a stored truth, and write its page; the remarks name the beaten defaults.
 
     Earlier rows of other cases and libraries are kept, so that the study can be made case by case.
     """
-    names = registry.expanded(asked.options.solvers or registry.default_names())
+    names = registry.expanded(request.options.solvers or registry.default_names())
     libraries = list(
         dict.fromkeys(registry.base_name(name) for name in names if isinstance(name, str) and registry.restart_of(name))
     )
-    cases = [own for case in asked.cases if (own := _with_truths(case, libraries)).readings]
+    cases = [own for case in request.cases if (own := _with_truths(case, libraries)).readings]
     if not cases or not libraries:
-        return Made(None)
+        return StudyResult(None)
     ways = [registry.with_restart(library, way) for library in libraries for way in registry.RESTARTS]
     options = options_of(libraries)
     solvers: tuple[Any, ...] = (*ways, *(solver for *_, solver in options))
-    changed = replace(asked.options, solvers=solvers, timed=False, folder=asked.folder)
-    every = [row for own in rows_of(cases, changed, asked.observer).values() for row in own]
+    changed = replace(request.options, solvers=solvers, timed=False, folder=request.folder)
+    every = [row for own in rows_of(cases, changed, request.observer).values() for row in own]
     rows = [row for row in every if row.solver in ways]
-    suite = merged(suite_rows(rows), earlier_rows(SuiteRow, asked.folder / SUITE))
+    suite = merged(suite_rows(rows), earlier_rows(SuiteRow, request.folder / SUITE))
     tried = option_rows(options, every)
     ran = {row.solver for row in tried}
-    tried += [row for row in earlier_rows(OptionRow, asked.folder / OPTIONS) if row.solver not in ran]
-    tried.sort(key=lambda row: _place(row.solver))
+    tried += [row for row in earlier_rows(OptionRow, request.folder / OPTIONS) if row.solver not in ran]
+    tried = by_library(tried)
     context = {
         "runs": f"{sum(row.runs for row in suite)}",
         "cases": len({row.case for row in suite}),
@@ -144,15 +110,15 @@ def run_restarts(asked: Asked) -> Made:
         "defaults": default_table(suite).markdown,
         "beaten": beaten_table(suite).markdown,
         "options": option_table(tried).markdown if tried else "",
-        "origin": asked.origin,
+        "origin": request.origin,
     }
     files = {RUNS: rows_text(RunRow, rows), SUITE: rows_text(SuiteRow, suite)}
     files |= {OPTIONS: rows_text(OptionRow, tried)} if tried else {}
-    return Made(write(asked.folder, "restarts", context, files), wrong_defaults(suite))
+    return StudyResult(write(request.folder, "restarts", context, files), wrong_defaults(suite))
 
 
 def _with_truths(case: Case, libraries: Sequence[str]) -> Case:
-    """Return the case with those readings that have a stored truth and are open to one of the libraries."""
+    """Return the case with its readings that have a stored truth and on which one of the libraries may run."""
     readings = [
         reading
         for reading in case.readings
@@ -161,12 +127,6 @@ def _with_truths(case: Case, libraries: Sequence[str]) -> Case:
         and truth.expected is not None
     ]
     return replace(case, readings=tuple(readings))
-
-
-def _place(solver: str) -> int:
-    """Index of a library in the registry's order."""
-    names = registry.names()
-    return names.index(solver) if solver in names else len(names)
 
 
 def suite_rows(runs: Iterable[RunRow]) -> list[SuiteRow]:
@@ -219,13 +179,18 @@ def merged(fresh: Sequence[SuiteRow], earlier: Sequence[SuiteRow]) -> list[Suite
     """Fresh rows, and earlier rows of cases and libraries without fresh ones, sorted by case and library."""
     present = {(row.case, row.solver) for row in fresh}
     rows = [*fresh, *(row for row in earlier if (row.case, row.solver) not in present)]
-    return sorted(rows, key=lambda row: (row.case, _place(row.solver)))
+    return sorted(by_library(rows), key=lambda row: row.case)
 
 
-def libraries_of(rows: Sequence[SuiteRow]) -> list[str]:
+def libraries_of(rows: Iterable[SuiteRow | OptionRow]) -> list[str]:
     """Libraries of the rows, in the registry's order."""
-    present = {row.solver for row in rows}
-    return [library for library in registry.names() if library in present]
+    return registry.in_order(row.solver for row in rows)
+
+
+def by_library(rows: Sequence[LibraryRow]) -> list[LibraryRow]:
+    """Rows in the registry's order of their libraries."""
+    libraries = libraries_of(rows)
+    return sorted(rows, key=lambda row: libraries.index(row.solver))
 
 
 def merits(rows: Sequence[SuiteRow], library: str) -> dict[str, Merit]:
@@ -249,12 +214,9 @@ def wrong_defaults(rows: Sequence[SuiteRow]) -> list[str]:
     found = []
     for library in libraries_of(rows):
         own, default = merits(rows, library), registry.restart_of(library)
-        if any(default not in own or merit.beats(own[default]) for merit in own.values()):
-            best = best_restart(own)
-            found.append(
-                f"{library}: its default is {default or 'none at all'} ({_described(own.get(default))}), "
-                f"better is {best} ({_described(own[best])})"
-            )
+        if (best := best_restart(own)) != default:
+            words = f"{library}: its default is {default} ({_described(own.get(default))}), "
+            found.append(f"{words}better is {best} ({_described(own[best])})")
     return found
 
 
@@ -306,8 +268,8 @@ def beaten_table(rows: Sequence[SuiteRow]) -> Table:
         for library in libraries_of(own):
             if cells := _beaten(own, library):
                 groups.setdefault(cells, []).append(library)
-        link = f"[{markdown(case)}](../{case}/{REPORT})"
-        lines += [(link, ", ".join(map(code, libraries)), *cells) for cells, libraries in groups.items()]
+        own_link = report_link(case)
+        lines += [(own_link, ", ".join(map(code, libraries)), *cells) for cells, libraries in groups.items()]
     headings = ("case", "library", "default", "right", "best", "right", "what goes wrong by default")
     return Table(headings, "lllrlrl", lines)
 
@@ -323,43 +285,3 @@ def _beaten(rows: Sequence[SuiteRow], library: str) -> tuple[str, ...] | None:
     names = (name for name in COUNTED[1:-1] if getattr(mine, name))
     wrong = ", ".join(f"{getattr(mine, name)} {name.replace('_', ' ')}" for name in names)
     return code(default), f"{mine.right} of {mine.runs}", best, f"{most} of {mine.runs}", wrong
-
-
-def option_rows(options: Sequence[tuple[str, str, Adapter]], runs: Sequence[RunRow]) -> list[OptionRow]:
-    """Compare the runs of each library with its default restart, without and with an option."""
-    found = []
-    for library, words, solver in options:
-        default = registry.with_restart(library, registry.restart_of(library))
-        without, with_it = (
-            {_problem(row)[:3]: row for row in runs if row.solver == name and row.status not in NOT_RUN}
-            for name in (default, solver.name)
-        )
-        pairs = [(without[problem], with_it[problem]) for problem in without.keys() & with_it.keys()]
-        right = Counter((a.verdict == "right", b.verdict == "right") for a, b in pairs)
-        both = [pair for pair in pairs if pair[0].verdict == pair[1].verdict == "right" and pair[0].digits is not None]
-        found.append(
-            OptionRow(
-                library,
-                words,
-                len(pairs),
-                right_without=right[True, True] + right[True, False],
-                right_with=right[True, True] + right[False, True],
-                without_alone=right[True, False],
-                with_alone=right[False, True],
-                digits_without=round(sum(min(a.digits or 0.0, MOST) for a, _ in both), 1),
-                digits_with=round(sum(min(b.digits or 0.0, MOST) for _, b in both), 1),
-            )
-        )
-    return found
-
-
-def option_table(rows: Sequence[OptionRow]) -> Table:
-    """Table of the options."""
-    headings = (
-        "library", "option", "runs", "right without", "right with", "right without alone", "right with alone",
-        "digits where both are right, without", "with",
-    )  # fmt: skip
-    lines = [
-        (code(row.solver), row.option, *(f"{value:g}" for value in row.values(OptionRow.columns()[2:]))) for row in rows
-    ]
-    return Table(headings, "ll" + "r" * 7, lines)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,14 +15,8 @@ if TYPE_CHECKING:  # the command's help imports this module and must start quick
     from henon_ref.harness.report.manifest import Provenance
 
 
-def _silent() -> Observer:
-    from henon_ref.harness.campaign.progress import Observer
-
-    return Observer()
-
-
 @dataclass(frozen=True)
-class Asked:
+class StudyRequest:
     """Request for a study; the entry of the study in :data:`STUDIES` lists the options that it uses."""
 
     cases: Sequence[Case]
@@ -31,15 +25,15 @@ class Asked:
     origin: Provenance
     folder: Path
     """Folder of the study, in a folder of reports."""
-    observer: Observer = field(default_factory=_silent)
-    rows: Path | None = None
-    """Folder of the reports whose rows the study reads; None: the folder that contains ``folder``."""
-    tell: Callable[[str], None] = lambda words: None
+    observer: Observer
+    show: Callable[[str], None]
     """Called with the progress of a study without runs."""
+    rows: Path | None = None
+    """Folder of the reports whose rows the study reads."""
 
 
 @dataclass(frozen=True)
-class Made:
+class StudyResult:
     """Result of a study."""
 
     page: Path | None
@@ -57,7 +51,7 @@ class Study:
     folder: str
     """Name of the study's folder in a folder of reports."""
     target: str
-    """``module:function`` in :mod:`henon_ref.harness.studies`; the function maps :class:`Asked` to :class:`Made`."""
+    """``module:function`` in :mod:`henon_ref.harness.studies`; maps :class:`StudyRequest` to :class:`StudyResult`."""
     summary: str
     takes: tuple[str, ...] = ()
     """Options of the command that the study accepts, in addition to the folder."""
@@ -68,7 +62,7 @@ class Study:
     every_run: tuple[str, ...] = ()
     """Files of all runs, which are too long for a repository."""
 
-    def make(self, asked: Asked) -> Made:
+    def make(self, request: StudyRequest) -> StudyResult:
         """Import the study's module and make its page.
 
         Raises
@@ -77,32 +71,47 @@ class Study:
             If the folder cannot be written.
         """
         module, _, function = self.target.partition(":")
-        made: Made = getattr(import_module(f"henon_ref.harness.studies.{module}"), function)(asked)
+        made: StudyResult = getattr(import_module(f"henon_ref.harness.studies.{module}"), function)(request)
         return made
 
 
 STUDIES = {
     "price": Study(
-        "price", "price.page:run_price", "Times of every solver at every tolerance; what the parts of a run cost.",
-        ("cases", "solvers", "jobs", "resume"), jobs=1, every_run=("price.csv", "samples.csv"),
+        "price",
+        "price.page:run_price",
+        "Times of every solver at every tolerance, and of the parts of a run.",
+        ("cases", "solvers", "jobs", "resume"),
+        jobs=1,
+        every_run=("price.csv", "samples.csv"),
     ),
     "paired-times": Study(
-        "rivals", "paired_times:run_paired_times", "Times of henon, in turn with the cheapest other solvers.",
-        ("cases", "rows", "timeout", "jobs"), jobs=1,
-        nothing="no reading in which henon and another solver get to 3 digits", every_run=("ratios.csv",),
+        "rivals",
+        "paired_times:run_paired_times",
+        "Times of henon and of the cheapest other solvers, from alternating runs.",
+        ("cases", "rows", "timeout", "jobs"),
+        jobs=1,
+        nothing="no reading in which henon and another solver reach 3 digits",
+        every_run=("ratios.csv",),
     ),
     "atlas": Study(
-        "atlas", "atlas:run_atlas", "Ever closer grazes and pairs of roots, at tolerances from 1e-3 to 1e-13.",
+        "atlas",
+        "atlas:run_atlas",
+        "Grazes and pairs of roots at decreasing distances, at tolerances from 1e-3 to 1e-13.",
         ("cases", "solvers", "timeout", "jobs", "resume"),
         nothing="no case whose readings differ in a distance alone, or no solver that has a tolerance",
         every_run=("runs.csv",),
     ),
     "restarts": Study(
-        "restarts", "restarts:run_restarts", "Every library in every restart; which default another one beats.",
+        "restarts",
+        "restarts:run_restarts",
+        "Every library with every restart after an event; which defaults another restart beats.",
         ("cases", "solvers", "timeout", "jobs", "resume"),
-        nothing="no library to restart, or no reading with a stored truth", every_run=("runs.csv",),
+        nothing="no library to restart, or no reading with a stored truth",
+        every_run=("runs.csv",),
     ),
-    "causes": Study("causes", "causes:run_causes", "What libraries do by themselves, shown by each library alone."),
-    "paper": Study("paper", "paper.page:run_paper", "Everything that the paper computes, set against the paper."),
-}  # fmt: skip
+    "causes": Study(
+        "causes", "causes:run_causes", "Causes of failures of the libraries, each shown by a run of the library alone."
+    ),
+    "paper": Study("paper", "paper.page:run_paper", "Every number and equation of the paper, computed again."),
+}
 """Studies by name."""

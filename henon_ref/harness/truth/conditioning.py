@@ -29,6 +29,7 @@ Double precision is enough, because only a few digits of c_i are used. The point
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from math import inf
 from typing import Any
 
@@ -36,6 +37,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
+from scipy.sparse import csr_array
 
 from henon_ref.harness.truth.reference import ReferenceTransition, instants
 from henon_ref.modes.equations import Guard
@@ -51,8 +53,6 @@ TOLERANCE = 1e-12
 """Tolerance of the variational equations, relative to the size of each component on the interval."""
 AT_ONCE = 1e-9
 """A guard counts as fallen if its root is nearer than this part of the mode's duration."""
-ALL: Mode = (1,)
-"""Cache key of equations that all modes share."""
 
 
 def conditioning(problem: Problem, transitions: Sequence[ReferenceTransition]) -> list[float]:
@@ -70,43 +70,48 @@ def conditioning(problem: Problem, transitions: Sequence[ReferenceTransition]) -
         c_i [s / unit of state]; ``inf`` for a graze.
     """
     transitions = tuple(transitions)
-    flow = _Variations(problem.system)
-    n = len(problem.initial)
+    flow, n = _Variations(problem.system), len(problem.initial)
     time, state = float(problem.start), np.array([float(v) for v in problem.initial])
-    mode = transitions[0].from_mode if transitions else ()
-    spread = np.eye(n)[None]  # d x(now) / d x(t_j+), one matrix for each j so far
-    spread = spread @ flow.projector(mode, time, state) if transitions else spread
-    found: list[float] = []
+    mode = transitions[0].from_mode if transitions else (1,) * len(problem.system.surfaces)
+    found, repeated = np.zeros(len(transitions)), []
+    intervals: list[tuple[list[tuple[int, Vector]], Vector, Vector]] = []
+    """Rows d t_i / d x(begin+) of the transitions at an interval's end, d x(end+) / d x(begin+), and P(begin)."""
     for group in instants(transitions):
-        first = transitions[group[0]]
+        first, projector = transitions[group[0]], flow.projector(mode, time, state)
         length = first.time - time
         landed = np.array([float(v) for v in first.state])
         resets = tuple(transitions[i].surface for i in group if transitions[i].kind == "reset")
-        origin, spread_there = (time, state), spread
+        origin = time, state
         change, arrived = flow.derivative(mode, time, state, first.time, landed)
-        spread = change @ spread
         time, state = first.time, arrived if resets else landed
         falls = _fallen_guards(flow, mode, first.to_mode, [transitions[i].surface for i in group], time, state, length)
-        rests = [transitions[i].kind == "stick" and transitions[i].surface in problem.system.resets for i in group]
+        rests = [i for i in group if transitions[i].kind == "stick" and transitions[i].surface in problem.system.resets]
+        rows: list[tuple[int, Vector]] = []
         for i in group:
-            if any(rests) and not resets and not length > 0:  # an impact without rebound: the rest begins at once
-                found.append(found[-1])
-                continue
             own = [f for f in falls if f[0].index == transitions[i].surface] or falls
-            rows = [-gradient / rate for _, gradient, rate in own if rate]
-            if any(rests) and not resets:
-                row = flow.time_of_rest(transitions[group[rests.index(True)]].surface, mode, *origin)
-                found.append(float(np.linalg.norm(row @ spread_there, axis=-1).max()))
-                continue
-            touch = transitions[i].kind == "graze" or not rows
-            found.append(inf if touch else max(float(np.linalg.norm(row @ spread, axis=-1).max()) for row in rows))
+            by_guards = [-gradient / rate @ change for _, gradient, rate in own if rate]
+            if rests and not resets and not length > 0:  # an impact without rebound: the rest begins at once
+                repeated.append(i)
+            elif rests and not resets:
+                rows.append((i, flow.time_of_rest(transitions[rests[0]].surface, mode, *origin)))
+            elif transitions[i].kind == "graze" or not by_guards:
+                found[i] = inf
+            else:
+                rows += [(i, row) for row in by_guards]
         if resets:
-            spread = flow.jump(mode, first.to_mode, resets, falls, time, state, landed) @ spread
+            saltation = flow.jump(mode, first.to_mode, resets, falls, time, state, landed)
         else:
-            spread = flow.saltation(mode, first.to_mode, falls, time, state) @ spread
+            saltation = flow.saltation(mode, first.to_mode, falls, time, state)
+        intervals.append((rows, saltation @ change, projector))
         mode, state = first.to_mode, landed
-        spread = np.concatenate([spread, flow.projector(mode, time, state)[None]])
-    return [float(f"{c:.4g}") if np.isfinite(c) else inf for c in found]
+    later, owners = np.empty((0, n)), np.empty(0, dtype=np.intp)
+    for rows, change, projector in reversed(intervals):
+        later = np.vstack([later @ change, *(row for _, row in rows)])
+        owners = np.append(owners, [i for i, _ in rows]).astype(np.intp)
+        np.maximum.at(found, owners, np.linalg.norm(later @ projector, axis=1))
+    for i in repeated:
+        found[i] = found[i - 1]
+    return [float(f"{c:.4g}") if np.isfinite(c) else inf for c in found.tolist()]
 
 
 Fall = tuple[Guard, Vector, float]
@@ -135,8 +140,9 @@ class _Variations:
 
     def __init__(self, system: FilippovSystem) -> None:
         self.system = system
-        self._flows: dict[Mode, Callable[..., Any]] = {}
-        self._functions: dict[Mode, Callable[..., Any]] = {}
+        self._flows: dict[Mode | None, tuple[Callable[..., Any], NDArray[np.intp]]] = {}
+        self._functions: dict[Mode | None, Callable[..., Any]] = {}
+        """By mode; by None if all modes share their equations."""
         self._maps: dict[int, Callable[..., Any]] = {}
         self._shared = system.shared
 
@@ -148,11 +154,12 @@ class _Variations:
         n, length = len(state), end - begin
         if not length > 0:
             return np.eye(n), state
-        flow, switches = self._flow(mode), self._switches(mode)
+        (flow, jacobian), switches = self._flow(mode), self._switches(mode)
 
         def rates(passed: float, values: Vector) -> Vector:
-            field, jacobian = flow(np.float64(begin + passed), *values[:n], *switches)
-            growth = np.array(jacobian, dtype=float) @ values[n:].reshape(n, n)
+            field, entries = flow(np.float64(begin + passed), *values[:n], *switches)
+            jacobian.data[:] = entries
+            growth = jacobian @ values[n:].reshape(n, n)
             return np.concatenate([np.array(field, dtype=float), growth.ravel()])
 
         start = np.concatenate([state, np.eye(n).ravel()])
@@ -260,17 +267,18 @@ class _Variations:
 
     def _normals(self, time: float, state: Vector) -> Vector:
         """Gradients of the surfaces, as rows."""
-        key: Mode = ()
-        if key not in self._functions:
-            system = self.system
-            rows = [[sp.diff(system.numeric(h), x) for x in system.states] for h in system.surfaces]
-            self._functions[key] = sp.lambdify([TIME, *system.states], rows, np, cse=True)
         with np.errstate(all="ignore"):
-            return np.array(self._functions[key](np.float64(time), *state), dtype=float)
+            return np.array(self._surface_gradients(np.float64(time), *state), dtype=float)
+
+    @cached_property
+    def _surface_gradients(self) -> Callable[..., Any]:
+        system = self.system
+        rows = [[sp.diff(system.numeric(h), x) for x in system.states] for h in system.surfaces]
+        return sp.lambdify([TIME, *system.states], rows, np, cse=True)
 
     def _at(self, mode: Mode, time: float, state: Vector) -> tuple[Vector, Vector, Vector, Vector]:
         """Field, guard values, guard gradients and guard rates."""
-        key = mode if self._shared is None else ALL
+        key = mode if self._shared is None else None
         if key not in self._functions:
             system = self.system
             written, ends = self._equations(mode)
@@ -292,14 +300,23 @@ class _Variations:
         kept = np.array(self._shared.rows(mode))
         return field, values[kept], gradients[kept], rates[kept]
 
-    def _flow(self, mode: Mode) -> Callable[..., Any]:
-        """Function (t, state, switches) -> (field, its Jacobian) of a mode."""
-        key = mode if self._shared is None else ALL
+    def _flow(self, mode: Mode) -> tuple[Callable[..., Any], NDArray[np.intp]]:
+        """Function (t, state, switches) -> (field, entries of its Jacobian) of a mode; rows and columns of the entries.
+
+        Entries that are identically zero are left out: each body of a long chain acts on its neighbours alone.
+        """
+        key = mode if self._shared is None else None
         if key not in self._flows:
-            states = self.system.states
             field = [self.system.numeric(f) for f in self._equations(mode)[0]]
-            jacobian = [[sp.diff(f, x) if f.has(x) else sp.S.Zero for x in states] for f in field]
-            self._flows[key] = self._function([field, jacobian])
+            entries = {
+                (i, j): sp.diff(f, x) for i, f in enumerate(field) for j, x in enumerate(self.system.states) if f.has(x)
+            }
+            places = np.array(list(entries), dtype=np.intp).reshape(-1, 2).T
+            n = len(field)
+            self._flows[key] = (
+                self._function([field, list(entries.values())]),
+                csr_array((np.ones(len(entries)), places), shape=(n, n)),
+            )
         return self._flows[key]
 
     def _equations(self, mode: Mode) -> tuple[Sequence[sp.Expr], Sequence[sp.Expr]]:

@@ -141,7 +141,8 @@ def test_a_time_that_is_missing_is_told() -> None:
 
 BAD = {
     "hang": ("time.sleep(1000)", "timeout", "gave no response within"),
-    "flood": ("sys.stdout.write('x' * 10**8)", "failed", "the program wrote more than"),
+    "flood": ("sys.stdout.write('x' * 10**8)", "failed", "more than 67108864 bytes to its standard output"),
+    "errors": ("sys.stderr.write('x' * 10**8)", "failed", "more than 67108864 bytes to its standard error"),
     "garbage": ("sys.stdout.buffer.write(bytes(range(256)) * 9)", "failed", "is refused: Invalid JSON"),
     "crash": ("os.abort()", "failed", "the program crashed, SIGABRT"),
     "nothing": ("pass", "failed", "the program wrote nothing"),

@@ -16,7 +16,8 @@ from made_reports import ORIGIN, changed, compared, made
 from henon_ref.errors import CaseError
 from henon_ref.harness.cli.gate import command, read_known
 from henon_ref.harness.report.case_report import write_report
-from henon_ref.harness.rows import RunRow, read_rows, rows_text
+from henon_ref.harness.result_files import read_rows, rows_text
+from henon_ref.harness.rows import RunRow
 from henon_ref.harness.score.row_result import KnownFailure
 
 GATE = {"henon": replace(case().readings[0].gate["henon"], at=1e-6, max_time_error=1e-5)}

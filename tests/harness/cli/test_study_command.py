@@ -10,7 +10,8 @@ from henon_ref.casefile.case import load_case
 from henon_ref.harness.campaign.campaign import compare
 from henon_ref.harness.campaign.journal import FILE
 from henon_ref.harness.cli import study
-from henon_ref.harness.rows import RunRow, read_rows, rows_text
+from henon_ref.harness.result_files import read_rows, rows_text
+from henon_ref.harness.rows import RunRow
 from henon_ref.harness.studies.atlas import TOLERANCES
 from henon_ref.harness.studies.pairs import PairRow
 

@@ -15,10 +15,11 @@ from henon_ref.errors import CaseError
 from henon_ref.harness.campaign.comparison import Comparison
 from henon_ref.harness.report.case_report import write_report
 from henon_ref.harness.report.folder_report import write_folder_report
-from henon_ref.harness.report.text.choice import case_table, choice_table, commits, coverage_words, often_table
+from henon_ref.harness.report.text.choice import case_table, choice_table, commits, coverage_sentence, frequency_table
 from henon_ref.harness.report.text.matrix import MatrixRow, read_matrix, rows_of_report, summary, updated
 from henon_ref.harness.report.text.ranking import LEVELS
-from henon_ref.harness.rows import RunRow, read_rows, rows_text
+from henon_ref.harness.result_files import read_rows, rows_text
+from henon_ref.harness.rows import RunRow
 
 
 def named(name: str, comparison: Comparison | None = None) -> Comparison:
@@ -108,11 +109,11 @@ def test_rows_of_readings_that_a_case_has_no_more_go():
 
 def test_a_solver_that_was_run_on_a_part_is_not_wrong_elsewhere():
     rows = [timed("henon", reading) for reading in ("a", "b", "c")] + [timed("octave-ode45", "a", 0.5)]
-    assert coverage_words(rows) == "Of 3 readings the solvers were run on 3: henon; 1: octave-ode45."
-    assert coverage_words(rows[:3]) == ""
+    assert coverage_sentence(rows) == "Of 3 readings the solvers were run on 3: henon; 1: octave-ode45."
+    assert coverage_sentence(rows[:3]) == ""
     (line,) = choice_table(rows).rows
     assert line[2] == "`henon` 3; `octave-ode45` 1 (×0.5)"
-    counts = cells(often_table(rows))["`octave-ode45`"]
+    counts = cells(frequency_table(rows))["`octave-ode45`"]
     assert (counts["right in"], counts["judged in"], counts["run on"]) == ("1", "1", "1")
 
 
@@ -144,12 +145,12 @@ def test_the_index_says_whom_to_take_who_is_right_how_often_and_in_which_case(tm
 def test_the_readings_that_one_solver_alone_gets_are_told_apart():
     """Who is the cheapest how often adds up to all readings; where nobody else gets so far, there is no contest."""
     alone = row("henon", "alone", **dict.fromkeys(("wall_s", "wall_3_s", "wall_6_s"), 1.0))
-    counts = cells(often_table([timed("henon", "both", 2.0), timed("heyoka", "both", 1.0), alone]))
+    counts = cells(frequency_table([timed("henon", "both", 2.0), timed("heyoka", "both", 1.0), alone]))
     won = {name: [own[f"cheapest for {level} digits"] for level in LEVELS] for name, own in counts.items()}
     assert won["`henon`"] == ["1", "1", "", ""]
     assert won["`heyoka`"] == ["1", "1", "1", ""]
     assert won["all readings"] == ["2", "2", "1", "0"]
-    assert won["of these, another solver gets there, too"] == ["1", "1", "1", "0"]
+    assert won["of these, reached by another solver, too"] == ["1", "1", "1", "0"]
 
 
 def test_the_index_leads_only_to_pages_that_are_there(tmp_path):

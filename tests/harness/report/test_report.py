@@ -34,7 +34,8 @@ from henon_ref.harness.report.text.markdown import report_text
 from henon_ref.harness.report.text.model import mode_equations
 from henon_ref.harness.report.text.ranking import LEVELS, cheapest
 from henon_ref.harness.report.text.tables import price_table, run_table
-from henon_ref.harness.rows import RunRow, csv_text, read_rows, rows_text
+from henon_ref.harness.result_files import csv_text, read_rows, rows_text
+from henon_ref.harness.rows import RunRow
 from henon_ref.harness.score.gate import Gate
 from henon_ref.modes.latex import latex, symbol
 from henon_ref.trajectory import Samples

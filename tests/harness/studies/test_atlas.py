@@ -6,15 +6,15 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from made_reports import study_request
 from matplotlib.colors import to_rgba
 from shipped import CASES, shipped
 
 from henon_ref.casefile.case import load_case
 from henon_ref.harness.campaign.options import Options
-from henon_ref.harness.report.manifest import provenance
-from henon_ref.harness.rows import RunRow, read_rows
+from henon_ref.harness.result_files import read_rows
+from henon_ref.harness.rows import RunRow
 from henon_ref.harness.studies.atlas import COLOURS, TOLERANCES, draw_atlas, family_of, outcome_of, run_atlas
-from henon_ref.harness.studies.study import Asked
 
 
 def row(**values: object) -> RunRow:
@@ -67,7 +67,7 @@ def test_the_page_and_its_figure_are_made_of_runs(tmp_path: Path) -> None:
     case = load_case(CASES / "hard" / "grazing.yaml")
     case = replace(case, readings=case.readings[:4])
     options = Options(solvers=("henon",), processes=1)
-    page = run_atlas(Asked([case], options, provenance("x"), tmp_path)).page
+    page = run_atlas(study_request([case], options, tmp_path)).page
     assert page is not None
     rows = read_rows(RunRow, page.with_name("runs.csv"))
     assert len(rows) == len(case.readings) * len(TOLERANCES)

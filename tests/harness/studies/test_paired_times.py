@@ -11,14 +11,15 @@ from types import SimpleNamespace
 
 import pytest
 from fakes import Fake, case, trajectory
+from made_reports import ORIGIN, study_request
 
 from henon_ref.harness import registry
 from henon_ref.harness.campaign import timing
 from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.report.folder import RUNS
 from henon_ref.harness.report.folder_report import write_folder_report
-from henon_ref.harness.report.manifest import provenance
-from henon_ref.harness.rows import RunRow, read_rows, rows_text
+from henon_ref.harness.result_files import read_rows, rows_text
+from henon_ref.harness.rows import RunRow
 from henon_ref.harness.studies import paired_times
 from henon_ref.harness.studies.paired_times import (
     FROM_C,
@@ -30,7 +31,6 @@ from henon_ref.harness.studies.paired_times import (
     timings_of,
 )
 from henon_ref.harness.studies.pairs import TURN, PairedTiming, PairRow
-from henon_ref.harness.studies.study import Asked
 
 CASE = case()
 READING = CASE.readings[0]
@@ -155,7 +155,7 @@ def test_the_runs_of_a_reading_are_timed_in_turn(tmp_path: Path, monkeypatch: py
     monkeypatch.setattr(timing, "time", SimpleNamespace(perf_counter_ns=lambda: CLOCK.now))
     rows = [entry for entry in ROWS if entry.solver != "scipy-dop853"]
     reported(tmp_path, rows)
-    page = run_paired_times(Asked([CASE], Options(), provenance("again"), tmp_path / "rivals")).page
+    page = run_paired_times(study_request([CASE], Options(), tmp_path / "rivals", tmp_path)).page
     rows = read_rows(PairRow, tmp_path / "rivals" / RATIOS)
     assert [(row.digits, row.against, row.rival) for row in rows] == [
         (digits, against, "heyoka") for digits in (3, 6, 9) for against in ("heyoka", OTHERS)
@@ -167,7 +167,7 @@ def test_the_runs_of_a_reading_are_timed_in_turn(tmp_path: Path, monkeypatch: py
     assert order == turn * (80 + 1)
     assert page is not None
     text = page.read_text()
-    assert "again" in text
+    assert ORIGIN.rerun in text
     assert len(re.findall(rf"\n\| \[{CASE.name}\]\(\.\./{CASE.name}/report\.md\) \| [369] \| 1e-", text)) == 1
     assert "](rivals/README.md)" in write_folder_report(tmp_path).read_text()
 
@@ -176,7 +176,7 @@ def test_a_reading_that_cannot_be_timed_is_named(tmp_path: Path, monkeypatch: py
     movers = {name: Mover(name, log=str(tmp_path / "log")) for name in ("henon", "henon-rk4")}
     monkeypatch.setattr(registry, "solver", (movers | {"heyoka": Mover("heyoka", "dies")}).__getitem__)
     reported(tmp_path, ROWS)
-    page = run_paired_times(Asked([CASE], Options(), provenance("again"), tmp_path / "rivals")).page
+    page = run_paired_times(study_request([CASE], Options(), tmp_path / "rivals", tmp_path)).page
     assert page is not None
     assert (
         f"- {CASE.name}, {READING.name}, against heyoka, {OTHERS}: the library was ended by signal SIGABRT"
@@ -195,7 +195,7 @@ def test_readings_with_nobody_to_time_are_named(tmp_path: Path, monkeypatch: pyt
     monkeypatch.setattr(registry, "solver", movers.__getitem__)
     monkeypatch.setattr(paired_times, "SECONDS", 0.01)
     reported(tmp_path, [*ROWS[:5], *others])
-    page = run_paired_times(Asked([CASE], Options(), provenance("again"), tmp_path / "rivals")).page
+    page = run_paired_times(study_request([CASE], Options(), tmp_path / "rivals", tmp_path)).page
     assert page is not None
     text = page.read_text()
     left = text.partition("## Left out")[2].partition("##")[0]
@@ -207,7 +207,7 @@ def test_readings_with_nobody_to_time_are_named(tmp_path: Path, monkeypatch: pyt
 
 def test_no_rival_no_page(tmp_path: Path) -> None:
     reported(tmp_path, ROWS[:3])
-    assert run_paired_times(Asked([CASE], Options(), provenance("again"), tmp_path / "rivals")).page is None
+    assert run_paired_times(study_request([CASE], Options(), tmp_path / "rivals", tmp_path)).page is None
     assert not (tmp_path / "rivals").exists()
 
 

@@ -8,12 +8,12 @@ from typing import Any
 
 import pytest
 import sympy as sp
+from made_reports import study_request
 
 from henon_ref.casefile.case import load_case
 from henon_ref.harness.report.manifest import provenance
 from henon_ref.harness.studies.paper import page, section3, section5, systems
 from henon_ref.harness.studies.paper.systems import Findings, same, same_set
-from henon_ref.harness.studies.study import Asked
 from henon_ref.modes.switched_field import Release, SlidingOverride
 from henon_ref.modes.system import FilippovSystem
 
@@ -119,7 +119,7 @@ def test_the_page_counts_and_lists_every_claim_and_says_what_made_it(tmp_path: P
     monkeypatch.setattr(page, "read_sections", lambda: [section])
     monkeypatch.setattr(page, "SECTIONS", {"one": lambda: Findings({"a": False}, files={"audit.csv": "a\n"})})
     origin = replace(provenance("python -m this"), commit="0123456789abcdef")
-    made = page.run_paper(Asked([], None, origin, tmp_path))
+    made = page.run_paper(study_request([], None, tmp_path, origin=origin))
     assert (made.holds, made.remarks) == (False, ["fails: Eq. (2): 1 = 1"])
     text = made.page.read_text(encoding="utf-8")
     assert "1 reproduced, 1 fails" in text

@@ -20,7 +20,10 @@ from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.campaign.progress import Observer
 from henon_ref.harness.campaign.timing import MOST, Turns, interleaved
 from henon_ref.harness.report.manifest import provenance
-from henon_ref.harness.rows import RunRow, read_rows
+from henon_ref.harness.report.text.model import mode_tape, operations
+from henon_ref.harness.result_files import read_rows
+from henon_ref.harness.rows import RunRow
+from henon_ref.harness.studies.page import shipped_problem
 from henon_ref.harness.studies.pairs import PairRow, TimedPair
 from henon_ref.harness.studies.price import compiling, effects
 from henon_ref.harness.studies.price.compiling import Ready, readiness, ready_table
@@ -38,7 +41,7 @@ from henon_ref.harness.studies.price.ladder import (
     why_not,
 )
 from henon_ref.harness.studies.price.landings import Landed, crest_crossings, landing_table, landings
-from henon_ref.harness.studies.price.measure import fitted, orbit_problem, power
+from henon_ref.harness.studies.price.measure import fitted, power
 from henon_ref.harness.studies.price.operations import Work, count, work
 from henon_ref.harness.studies.price.page import Prices, write_page
 from henon_ref.harness.studies.price.states import Size, sizes
@@ -51,9 +54,9 @@ CASES = Path(__file__).parents[3] / "cases"
 @pytest.mark.parametrize("body", effects.BODIES, ids=lambda body: body.name)
 def test_effects_that_are_named_cost_operations_even_at_zero(body: effects.Body) -> None:
     *added, _ = effects.additions(body)
-    every = effects.operations(added[-1][1].system)
+    every = operations(mode_tape(added[-1][1].system))
     for _, own, carried in added:
-        assert effects.operations(own.system) <= effects.operations(carried.system) == every
+        assert operations(mode_tape(own.system)) <= operations(mode_tape(carried.system)) == every
 
 
 def test_runs_of_added_effects_have_no_transition_and_those_that_stick_have() -> None:
@@ -65,11 +68,11 @@ def test_runs_of_added_effects_have_no_transition_and_those_that_stick_have() ->
 
 
 def test_no_dense_output_is_made_unless_samples_are_asked_for() -> None:
-    assert HENON_SOLVER.prepare(orbit_problem(), rtol=1e-9)().samples is None
+    assert HENON_SOLVER.prepare(shipped_problem("fig8", "listing_limit"), rtol=1e-9)().samples is None
 
 
 def test_long_runs_hand_out_every_transition_and_keep_their_sticks() -> None:
-    found = horizons(orbit_problem(), {"henon": (70.0, 7000.0), "heyoka": (70.0, 700.0)})
+    found = horizons(shipped_problem("fig8", "listing_limit"), {"henon": (70.0, 7000.0), "heyoka": (70.0, 700.0)})
     assert [(own.solver, own.until) for own in found] == [
         ("henon", 70.0), ("henon", 7000.0), ("heyoka", 70.0), ("heyoka", 700.0)
     ]  # fmt: skip
@@ -231,7 +234,7 @@ declare <4 x double> @llvm.fma.v4f64(<4 x double>, <4 x double>, <4 x double>)
 
 def test_expansions_are_counted_by_mode() -> None:
     """Each stick has some, and slip far more; both together are all."""
-    found = work(orbit_problem())
+    found = work(shipped_problem("fig8", "listing_limit"))
     assert 6 <= found.in_stick < found.expansions / 3
     everything = found.expansions * found.expansion + found.steps * found.closing + 2 * found.order * found.landed
     assert found.total == everything - found.in_stick * (found.expansion - found.stick)
@@ -251,7 +254,7 @@ def test_many_contacts_have_the_transitions_of_a_run_by_hand() -> None:
     (found,) = many_contacts((3,))
     assert found.transitions > 20
     assert found.by_hand_s is not None
-    assert contact_table([found, replace(found, by_hand_s=None)]).rows[1][-1] == "other answer"
+    assert contact_table([found, replace(found, by_hand_s=None)]).rows[1][-1] == "other result"
 
 
 def test_compiling_is_paid_for_after_so_many_runs() -> None:

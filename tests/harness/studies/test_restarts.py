@@ -6,14 +6,16 @@ from pathlib import Path
 from typing import get_args
 
 import pytest
+from made_reports import study_request
 
 from henon_ref.casefile.case import load_case
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.cli import study
-from henon_ref.harness.report.manifest import provenance
-from henon_ref.harness.rows import NOT_RUN, RunRow, earlier_rows, read_rows
+from henon_ref.harness.result_files import earlier_rows, read_rows
+from henon_ref.harness.rows import NOT_RUN, RunRow
 from henon_ref.harness.studies import restarts
+from henon_ref.harness.studies.location_options import option_rows, option_table, options_of
 from henon_ref.harness.studies.restarts import (
     ENDINGS,
     SUITE,
@@ -25,14 +27,10 @@ from henon_ref.harness.studies.restarts import (
     ending,
     merged,
     merits,
-    option_rows,
-    option_table,
-    options_of,
     suite_rows,
     summary_table,
     wrong_defaults,
 )
-from henon_ref.harness.studies.study import Asked
 from henon_ref.trajectory import Status
 
 REPORTS = Path(__file__).parents[3] / "reports"
@@ -229,15 +227,15 @@ def test_an_option_is_set_beside_the_library_as_it_is() -> None:
     assert line[2:] == ("3", "2", "3", "0", "1", "9", "9.5")
 
 
-def asked(folder: Path) -> Asked:
+def request(folder: Path):
     options = Options(solvers=("heyoka",), processes=1)
-    return Asked([load_case(CASES / "free_coulomb.yaml")], options, provenance("x"), folder)
+    return study_request([load_case(CASES / "free_coulomb.yaml")], options, folder)
 
 
 def test_every_restart_runs_on_every_reading_at_its_tolerances(tmp_path: Path) -> None:
     """heyoka restarted at an exact zero, with roots of either direction, never gets away from it."""
     pytest.importorskip("heyoka")
-    own = asked(tmp_path)
+    own = request(tmp_path)
     page = restarts.run_restarts(own).page
     assert page is not None
     rows = read_rows(RunRow, page.with_name("runs.csv"))
@@ -270,4 +268,4 @@ def test_the_command_keeps_the_rows_of_libraries_that_it_did_not_run(tmp_path: P
 
 def test_a_reading_without_a_truth_is_left_out(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(restarts, "stored_statement", lambda case, reading: None)
-    assert restarts.run_restarts(asked(tmp_path)).page is None
+    assert restarts.run_restarts(request(tmp_path)).page is None

@@ -24,12 +24,13 @@ UNKNOWN = "kind not known"
 """Kind of a reading whose report does not name it."""
 AS_MANY = 0.9
 """Fraction of the largest number of readings from which a solver counts as reaching equally many."""
-HEADINGS = ("kind of case", "readings", "take", "gets", "time", "other package", "gets", "times as long")
+HEADINGS = ("kind of case", "readings", "solver", "success", "time", "other package", "success", "times as long")
 SIDES = "lrlrrlrr"
 """Alignment of the columns ``HEADINGS`` of the page."""
 CAPTION = (
-    "The fastest of the solvers that get {} in the most readings, or in up to a tenth fewer; readings: of all, those "
-    "with a transition to time; times are medians"
+    "Fastest of the solvers that obtain {} in the most readings (or in up to a tenth fewer), and best solver of all "
+    "other packages. Success: number of these readings. Readings: for digits, those with a transition time, of all. "
+    "Times are medians"
 )
 Key = tuple[str, str]
 """Case and reading."""
@@ -165,18 +166,18 @@ def choice_rows(rows: Sequence[MatrixRow], level: int | None) -> list[tuple[str,
     return made
 
 
-def _group(asked: str, rows: Sequence[MatrixRow], level: int | None, solvers: Sequence[str]) -> dict[str, Any]:
+def _group(requirement: str, rows: Sequence[MatrixRow], level: int | None, solvers: Sequence[str]) -> dict[str, Any]:
     """Return the answer in words, and a bar per solver, for some readings."""
     counted, found = readings_for(rows, level), choice(rows, level)
-    readings = count(len(counted), "reading") + ("" if level is ANY else " with a transition to time")
-    answer = "no solver gets there"
+    readings = count(len(counted), "reading") + ("" if level is ANY else " with a transition time")
+    answer = "no solver obtains this"
     if found is not None:
-        answer = f"take {found.first.solver} (in {len(found.first.walls)} of {readings})"
+        answer = f"{found.first.solver} (in {len(found.first.walls)} of {readings})"
         if found.other is not None:
             longer = f", {found.longer} times as long" if found.longer else ""
-            answer += f"; of other packages {found.other.solver} (in {len(found.other.walls)}{longer})"
+            answer += f"; best of all other packages: {found.other.solver} (in {len(found.other.walls)}{longer})"
     bars = _bars([row for row in rows if row.judged and row.problem in counted], level, solvers)
-    return {"answer": f"{asked}: {answer}.", "readings": readings, "all": len(counted), "bars": bars}
+    return {"answer": f"{requirement}: {answer}.", "readings": readings, "all": len(counted), "bars": bars}
 
 
 def _bars(rows: Sequence[MatrixRow], level: int | None, solvers: Sequence[str]) -> list[list[Any]]:
@@ -190,11 +191,11 @@ def _bars(rows: Sequence[MatrixRow], level: int | None, solvers: Sequence[str]) 
     return [[*bar[:3], None if bar[3] is None else float(f"{bar[3]:.4g}")] for bar in bars]
 
 
-def often_table(rows: Sequence[MatrixRow]) -> Table:
+def frequency_table(rows: Sequence[MatrixRow]) -> Table:
     """Make the table of the numbers of readings in which each solver is right, judged, run and cheapest.
 
-    A solver is right in a reading if it is right at one setting at least. A solver that alone reaches a number of
-    digits counts as the cheapest.
+    A solver is right in a reading if it is right at one setting at least. If only one solver reaches a number of
+    digits, it counts as the cheapest.
     """
     wins: dict[str, Counter[int]] = {}
     reached, contested = Counter[int](), Counter[int]()
@@ -214,12 +215,12 @@ def often_table(rows: Sequence[MatrixRow]) -> Table:
         lines.append((counts[0], (code(solver), *map(str, counts), *(f"{won[level] or ''}" for level in LEVELS))))
     cells = [own for _, own in sorted(lines, key=lambda line: -line[0])]
     cells.append(("all readings", "", "", f"{len(readings)}", *(f"{reached[level]}" for level in LEVELS)))
-    cells.append(("of these, another solver gets there, too", *3 * ("",), *(f"{contested[level]}" for level in LEVELS)))
+    cells.append(("of these, reached by another solver, too", *3 * ("",), *(f"{contested[level]}" for level in LEVELS)))
     headings = ("solver", "right in", "judged in", "run on", *(f"cheapest for {level} digits" for level in LEVELS))
     return Table(headings, "l" + "r" * (len(headings) - 1), cells)
 
 
-def coverage_words(rows: Sequence[MatrixRow]) -> str:
+def coverage_sentence(rows: Sequence[MatrixRow]) -> str:
     """Return a sentence on the numbers of readings on which the solvers were run; empty if all were run on all."""
     counts, readings = Counter(row.solver for row in rows), len(readings_of(rows))
     groups = grouped(solvers_of(rows), counts.__getitem__)

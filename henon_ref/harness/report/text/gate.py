@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 from xml.etree import ElementTree
 
 from henon_ref.harness.report.text.ranking import grouped, right
-from henon_ref.harness.rows import RunRow, csv_field, number
+from henon_ref.harness.result_files import csv_field
+from henon_ref.harness.rows import RunRow, number
 from henon_ref.harness.score.gate import Demand, Gate
 from henon_ref.harness.score.row_result import Kind, RowResult
 from henon_ref.harness.table import Table, digits, listing, setting

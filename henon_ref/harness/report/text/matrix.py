@@ -17,13 +17,12 @@ from henon_ref.errors import CaseError
 from henon_ref.harness import registry
 from henon_ref.harness.report.folder import MANIFEST, MATRIX, RUNS
 from henon_ref.harness.report.text.ranking import LEVELS, best_of, by_solver, grouped, reaching, readings_of
-from henon_ref.harness.rows import NOT_RUN, AnyRow, Row, RunRow, TableError, read_rows
+from henon_ref.harness.result_files import AnyRow, TableError, read_rows
+from henon_ref.harness.rows import Row, RunRow
 from henon_ref.text import message
 
 SHORT = 12
 """Length of an abbreviated commit, as in a report [characters]."""
-UNJUDGED = (None, "not judged")
-"""Verdicts of runs that were not judged."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +77,7 @@ def summary(rows: Sequence[RunRow], *, kind: str | None = None, commit: str = ""
         kind,
         best.solver,
         settings=len(rows),
-        judged=sum(row.status not in NOT_RUN and row.verdict not in UNJUDGED for row in rows),
+        judged=sum(row.judged for row in rows),
         right=len(right),
         status=best.status,
         verdict=best.verdict,
@@ -96,9 +95,7 @@ def _shortest(rows: Sequence[RunRow]) -> float | None:
 
 def solvers_of(rows: Iterable[MatrixRow | RunRow]) -> list[str]:
     """Return the solvers of some rows, in the order of the registry."""
-    present = {row.solver for row in rows}
-    order = [solver for solver in registry.names() if solver in present]
-    return order + sorted(present - set(order))
+    return registry.in_order(row.solver for row in rows)
 
 
 def commits_of(rows: Sequence[MatrixRow]) -> list[str]:

@@ -2,32 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from math import log2
 from typing import NamedTuple
 
 import sympy as sp
 
 from henon_ref.errors import ModelError
-from henon_ref.expressions.traversal import size
 from henon_ref.harness.campaign.comparison import ReadingResult
 from henon_ref.harness.report.text.ranking import grouped
 from henon_ref.harness.table import Table
 from henon_ref.integrator.prepared_run import order_for
 from henon_ref.modes.kinks import continuous
-from henon_ref.modes.latex import MOST_OPERATIONS, aligned, derivative, few, latex, printable, symbol
-from henon_ref.modes.latex import general_form as general_form
+from henon_ref.modes.latex import (
+    MOST_MODES,
+    TOO_LONG,
+    aligned,
+    derivative,
+    few,
+    general_form,
+    latex,
+    printable,
+    symbol,
+)
 from henon_ref.modes.mode import Mode, mode_text
 from henon_ref.modes.resets import REMAINING, impact_of
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.system.assembly import Scene
 from henon_ref.taylor.llvm.count import count
 from henon_ref.taylor.llvm.expansion import expansion_ir
-from henon_ref.taylor.tape import TIME, build_tape
+from henon_ref.taylor.tape import TIME, Tape, build_tape
 from henon_ref.text import markdown
-
-MOST_MODES = 9
-"""Largest number of modes whose equations are printed."""
 
 
 class ModeText(NamedTuple):
@@ -66,7 +71,7 @@ def as_written(system: FilippovSystem) -> list[str]:
     parts += [(f"{s.name} = sign of ", s, h) for s, h in zip(system.signs, system.surfaces, strict=True)]
     every = not few([*system.field, *system.surfaces])
     return [
-        f"`{start}{' '.join(system.written.get(x, '(too long to be printed)').split())}`"
+        f"`{start}{' '.join(system.written.get(x, f'({TOO_LONG})').split())}`"
         for start, x, expression in parts
         if every or not printable(expression)
     ]
@@ -89,7 +94,7 @@ def reset_notes(system: FilippovSystem) -> list[str]:
     for index, reset in sorted(system.resets.items()):
         values = [(x, value) for x, value in reset.map.items() if printable(value)]
         lines = ", ".join(f"${symbol(x.name)}^+ = {latex(value)}$" for x, value in values)
-        lines += "" if len(values) == len(reset.map) else " (a value is too long to be printed)"
+        lines += "" if len(values) == len(reset.map) else f" (a value is {TOO_LONG})"
         note = f"`{system.sign_names[index]}`: when it falls through zero, the state jumps: {lines}"
         impact, part = impact_of(system, index), f"2^{log2(REMAINING):.0f}"
         note += f" (priority {reset.priority:g})" if reset.priority else ""
@@ -118,7 +123,7 @@ def mode_equations(system: FilippovSystem, mode: Mode) -> ModeText:
     releases = [guard for guard in equations.guards if guard.kind == "release"]
     shown = [*equations.field, *equations.equivalent_signs.values(), *(guard.expression for guard in releases)]
     if not (few(shown) and all(map(printable, shown))):
-        return ModeText(title, "", ["its equations are too long to be printed"])
+        return ModeText(title, "", [f"its equations are {TOO_LONG}"])
     signs = [symbol(sign.name) for sign in system.signs]
     notes = [f"equivalent sign ${signs[k]} = {latex(value)}$" for k, value in equations.equivalent_signs.items()]
     for guard in releases:
@@ -144,7 +149,7 @@ def parameters(result: ReadingResult) -> list[str]:
 def _value(value: sp.Expr) -> str:
     """Format an exact number, with a decimal approximation if it is not a short decimal."""
     decimal = float(value)
-    if size(value, MOST_OPERATIONS) > MOST_OPERATIONS:
+    if not printable(value):
         return f"{decimal:.10g}"
     if value.is_Rational and sp.Rational(f"{decimal:g}") == value:
         return f"{decimal:g}"
@@ -170,8 +175,8 @@ def effect_table(result: ReadingResult) -> tuple[Table, str] | None:
     rows = []
     for label, numbers in _effects(scene):
         rest = _work(scene.without(numbers).system(), order)
-        operations, floating = whole[0] - rest[0], whole[1] - rest[1]
-        rows.append((f"`{label}`", str(operations), str(floating), f"{100 * floating / whole[1]:.0f} %"))
+        saved, floating = whole[0] - rest[0], whole[1] - rest[1]
+        rows.append((f"`{label}`", str(saved), str(floating), f"{100 * floating / whole[1]:.0f} %"))
     rows.append(("*all*", str(whole[0]), str(whole[1]), "100 %"))
     return Table(HEADINGS, "lrrr", rows), EXPLAINED.format(order=order)
 
@@ -185,8 +190,16 @@ def _effects(scene: Scene) -> list[tuple[str, list[int]]]:
 
 def _work(system: FilippovSystem, order: int) -> tuple[int, int]:
     """Count the operations on the tape of slip, and the floating-point operations of its expansion."""
-    equations = system.shared_equations(frozenset())
-    guards: Sequence[object] = [guard.expression for guard in equations.guards]
-    tape = build_tape(system.states, equations.field, guards)
-    operations = sum(number for name, number in tape.counts.items() if name not in ("state", "constant"))
-    return operations, count(expansion_ir(tape, len(system.states), order, "expansion"))
+    tape = mode_tape(system)
+    return operations(tape), count(expansion_ir(tape, len(system.states), order, "expansion"))
+
+
+def mode_tape(system: FilippovSystem, sliding: Collection[int] = ()) -> Tape:
+    """Return the tape of the modes that slide on some surfaces; default: slip."""
+    equations = system.shared_equations(frozenset(sliding))
+    return build_tape(system.states, equations.field, [guard.expression for guard in equations.guards])
+
+
+def operations(tape: Tape) -> int:
+    """Count the operations on a tape, without reads of states and constants."""
+    return sum(number for name, number in tape.counts.items() if name not in ("state", "constant"))

@@ -8,7 +8,7 @@ from henon_ref.baselines.causes import CAUSES
 from henon_ref.harness.campaign.comparison import ReadingResult
 from henon_ref.harness.campaign.rows import Record
 from henon_ref.harness.campaign.timing import UNSTABLE
-from henon_ref.harness.report.text.matrix import UNJUDGED, MatrixRow, solvers_of, summary
+from henon_ref.harness.report.text.matrix import MatrixRow, solvers_of, summary
 from henon_ref.harness.report.text.ranking import (
     LEVELS,
     WholeRow,
@@ -20,7 +20,7 @@ from henon_ref.harness.report.text.ranking import (
     most_accurate,
     right,
 )
-from henon_ref.harness.rows import NOT_RUN, Key, RunRow, StickRow, number
+from henon_ref.harness.rows import NOT_RUN, UNDECIDED, UNJUDGED, Key, RunRow, StickRow, number
 from henon_ref.harness.table import Table, count, digits, duration, error, significant
 from henon_ref.text import code, markdown
 from henon_ref.trajectory import sticks
@@ -31,8 +31,6 @@ MARK = "†"
 """Mark after a time whose samples scatter too much."""
 SOLVERS = ("solver", "digits", "time", "times as long", "setting", "right", "note")
 """Headings of the first table of a report or a reading."""
-UNDECIDED = ("ill-conditioned", "not unique")
-"""Verdicts on runs that differ from the truth if double precision cannot decide the right sequence."""
 Samples = Mapping[Key, Sequence[float]]
 """Key of a run -> timing samples [s]."""
 
@@ -105,7 +103,7 @@ def _rank(best: RunRow | None, rows: Sequence[RunRow]) -> int:
 def _right_at(rows: Sequence[RunRow]) -> str:
     if rows[-1].status in NOT_RUN:
         return rows[-1].status
-    if all(row.verdict in UNJUDGED for row in rows):
+    if not any(row.judged for row in rows):
         return "not judged"
     return f"{sum(row.verdict == 'right' for row in rows)} of {len(rows)}"
 
@@ -171,9 +169,9 @@ def _digits(row: MatrixRow) -> str:
         return reached if row.right == row.settings else f"{reached} *"
     if row.verdict in UNDECIDED:
         return str(row.verdict)
-    if row.verdict in UNJUDGED and row.status != "timeout":  # status "ok" does not mean right here
-        return "not judged"
-    return _MARKS.get(row.status, row.status)
+    if row.status in NOT_RUN or row.status == "timeout":
+        return _MARKS.get(row.status, row.status)
+    return "not judged" if row.verdict in (None, *UNJUDGED) else row.status  # "ok" does not mean right here
 
 
 def run_table(records: Sequence[Record]) -> Table:

@@ -19,7 +19,8 @@ from henon_ref.baselines.paper.listing import PRINTED_STEP
 from henon_ref.baselines.paper.listing_variants import DEFECTS, VariantRun, run_variant
 from henon_ref.figures import style
 from henon_ref.figures.motion import Motion, portrait
-from henon_ref.harness.rows import Row, rows_text
+from henon_ref.harness.result_files import rows_text
+from henon_ref.harness.rows import Row
 from henon_ref.harness.studies.paper.fig8 import LATE, PUBLISHED_DURATIONS, T, limit_sticks
 from henon_ref.harness.studies.paper.systems import (
     Findings,

@@ -17,7 +17,7 @@ from ruamel.yaml import YAML
 from henon_ref.harness.studies.page import write
 from henon_ref.harness.studies.paper import audit, fig8, section3, section5, tangents
 from henon_ref.harness.studies.paper.systems import Findings
-from henon_ref.harness.studies.study import Asked, Made
+from henon_ref.harness.studies.study import StudyRequest, StudyResult
 from henon_ref.harness.table import Table
 
 SECTIONS: Mapping[str, Callable[[], Findings]] = {
@@ -66,14 +66,14 @@ def text_of(section: Mapping[str, Any], found: Findings) -> str:
     return str(section["text"].format_map({**found.values, **pictures}))
 
 
-def run_paper(asked: Asked) -> Made:
+def run_paper(request: StudyRequest) -> StudyResult:
     """Compute everything and write the page and its figures."""
     shown: list[dict[str, str]] = []
     claims: list[Claim] = []
     figures: dict[str, Figure] = {}
     files: dict[str, str] = {}
     for section in read_sections():
-        asked.tell(section["title"])
+        request.show(section["title"])
         found = SECTIONS[section["of"]]()
         claims += claims_of(section, found)
         shown.append({"title": section["title"], "text": text_of(section, found)})
@@ -86,7 +86,7 @@ def run_paper(asked: Asked) -> Made:
         "tally": ", ".join(f"{counts[verdict]} {verdict}" for verdict in VERDICTS if counts[verdict]),
         "table": Table(("where", "what it says", "verdict", "evidence"), "llll", rows).markdown,
         "sections": shown,
-        "origin": asked.origin,
+        "origin": request.origin,
     }
     failed = [f"fails: {claim.where}: {claim.says}" for claim in claims if claim.verdict == "fails"]
-    return Made(write(asked.folder, "paper", context, files, figures), failed, holds=not failed)
+    return StudyResult(write(request.folder, "paper", context, files, figures), failed, holds=not failed)

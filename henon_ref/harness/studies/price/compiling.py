@@ -11,9 +11,10 @@ from dataclasses import dataclass
 from henon_ref.casefile.case import Case
 from henon_ref.harness import registry
 from henon_ref.harness.rows import Row, number
+from henon_ref.harness.studies.page import title
 from henon_ref.harness.studies.pairs import FIRST, PairRow
 from henon_ref.harness.studies.price.ladder import TIMEOUT
-from henon_ref.harness.studies.price.measure import caches_in, in_fresh_process, title
+from henon_ref.harness.studies.price.measure import caches_in, in_fresh_process
 from henon_ref.harness.table import Table, duration, significant
 from henon_ref.modes.problem import Problem
 from henon_ref.text import code
@@ -99,7 +100,7 @@ def ready_table(found: Sequence[Ready]) -> Table:
         times = map(duration, (own.wall_s, own.cold_s, own.kept_s))
         lines.append((title(own.case, own.reading), code(own.solver), *times, paid))
     headings = (
-        "reading", "solver", "a run", "ready, nothing on disk", "ready, code on disk",
-        "paid for after runs (nothing on disk / code on disk)",
+        "reading", "solver", "run", "preparation, no code on disk", "preparation, code on disk",
+        "compensated after runs (no code on disk / code on disk)",
     )  # fmt: skip
     return Table(headings, "llrrrl", lines)

@@ -1,4 +1,4 @@
-"""Many contacts: a run through modes never met before, the same run again, and SciPy by hand with signs as numbers."""
+"""Many contacts: a run that enters new modes, the same run again, and SciPy with the signs as numbers."""
 
 from __future__ import annotations
 
@@ -24,29 +24,29 @@ UNTIL = 20.0
 """Horizon of all runs [s]."""
 RTOL = 1e-9
 READY = 1e-6
-"""Horizon of the run that makes a system ready [s]: it meets no mode but the first."""
+"""Horizon of the run that prepares a system [s]: it has only the initial mode."""
 LIFT = 1e-12
-"""Sliding velocity with which a block begins to slide by hand [m/s]."""
+"""Sliding velocity that SciPy's loop gives to a released block [m/s]."""
 AGREED = 1e-6
-"""Largest difference of a transition's time [s] at which SciPy's time is taken down."""
+"""Largest difference of transition times [s] at which SciPy's wall time is reported."""
 
 
 @dataclass(frozen=True)
 class ManyContacts(Row):
-    """The chain of one length, started at random."""
+    """Measurement of a chain with a random initial state."""
 
     blocks: int
     transitions: int
     new_s: float
-    """Wall time of a run whose modes are new, the system being ready for its first one [s]."""
+    """Wall time of the first run, with only its initial mode prepared [s]."""
     again_s: float
-    """Wall time of the same run again, the median of five [s]."""
+    """Median wall time of five further runs [s]."""
     by_hand_s: float | None
-    """Wall time of SciPy's DOP853, called by hand [s]; None where it has other transitions."""
+    """Wall time of a loop over SciPy's DOP853 [s]; None if its transitions differ."""
 
 
 def many_contacts(blocks: Sequence[int] = BLOCKS) -> list[ManyContacts]:
-    """Run the chains of so many blocks."""
+    """Measure chains with these numbers of blocks."""
     return list(map(_measured, blocks))
 
 
@@ -68,7 +68,10 @@ def _measured(blocks: int) -> ManyContacts:
 
 
 def switching_by_hand(x: NDArray[np.float64], v: NDArray[np.float64]) -> list[float]:
-    """Transition times of the chain by one right-hand side of whose signs -1, 0 and 1 each block has one [s]."""
+    """Transition times of the chain [s] by ``solve_ivp`` with one right-hand side for all modes.
+
+    A block has the sign -1 or 1 in slip, and 0 in stick.
+    """
     count = len(x)
     between = 1.2 * (np.diag([2.0] * count) - np.eye(count, k=1) - np.eye(count, k=-1))
     between[[0, -1], [0, -1]] = 1.2
@@ -81,7 +84,7 @@ def switching_by_hand(x: NDArray[np.float64], v: NDArray[np.float64]) -> list[fl
 
     def guard(i: int):  # type: ignore[no-untyped-def]
         def value(t: float, y: NDArray[np.float64]) -> float:
-            """Positive while the block goes on to slide one way, or to be held."""
+            """Positive while the block slides in its direction, or sticks."""
             return signs[i] * (y[count + i] - BELT) if signs[i] else 1 - abs(stiffness[i] @ y[:count])
 
         value.terminal, value.direction = True, -1  # type: ignore[attr-defined]
@@ -94,16 +97,16 @@ def switching_by_hand(x: NDArray[np.float64], v: NDArray[np.float64]) -> list[fl
         for i in (i for i, own in enumerate(run.t_events) if own.size):
             pull = -stiffness[i] @ y[:count]
             signs[i] = np.sign(pull) if signs[i] == 0 or abs(pull) > 1 else 0
-            y[count + i] = BELT + signs[i] * LIFT  # at its limit a contact would else be held again at once
+            y[count + i] = BELT + signs[i] * LIFT  # otherwise the contact would stick again at once
             times.append(t)
     return times
 
 
 def contact_table(found: Sequence[ManyContacts]) -> Table:
-    """Transitions and times over the number of blocks."""
-    headings = ("blocks", "transitions", "a run whose modes are new", "the same run again", "SciPy DOP853 by hand")
+    """Table of transitions and times over the number of blocks."""
+    headings = ("blocks", "transitions", "first run", "second run", "SciPy DOP853 by hand")
     lines = []
     for own in found:
-        by_hand = "other answer" if own.by_hand_s is None else duration(own.by_hand_s)
+        by_hand = "other result" if own.by_hand_s is None else duration(own.by_hand_s)
         lines.append((f"{own.blocks}", f"{own.transitions}", duration(own.new_s), duration(own.again_s), by_hand))
     return Table(headings, "rrrrr", lines)

@@ -7,13 +7,12 @@ from dataclasses import dataclass
 
 from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.harness.campaign.timing import interleaved
+from henon_ref.harness.report.text.model import mode_tape, operations
 from henon_ref.harness.rows import Row
 from henon_ref.harness.studies.price.measure import problem_of
 from henon_ref.harness.table import Table
 from henon_ref.modes.problem import Problem
-from henon_ref.modes.system import FilippovSystem
 from henon_ref.simulation.scene import Scene
-from henon_ref.taylor.tape import build_tape
 
 RTOL = 1e-12
 ROUNDS = 60
@@ -129,13 +128,6 @@ def additions(body: Body) -> Iterator[tuple[str, Problem, Problem | None]]:
     yield "", body.with_effects(body.stuck, belt=SLOW), None
 
 
-def operations(system: FilippovSystem) -> int:
-    """Number of operations on the tape of a system's slip modes, without reads of states and constants."""
-    equations = system.shared_equations(frozenset())
-    tape = build_tape(system.states, equations.field, [guard.expression for guard in equations.guards])
-    return sum(number for name, number in tape.counts.items() if name not in ("state", "constant"))
-
-
 def effect_costs() -> list[Step]:
     """Add the effects one by one for both bodies, and measure each scene."""
     return [_timed(body.name, *own) for body in BODIES for own in additions(body)]
@@ -146,7 +138,7 @@ def _timed(body: str, effect: str, own: Problem, carried: Problem | None) -> Ste
     runs = {key: HENON_SOLVER.prepare(problem, rtol=RTOL) for key, problem in problems.items()}
     ends = {key: run() for key, run in runs.items()}
     times = interleaved(runs, rounds=ROUNDS)
-    operated = {key: operations(problem.system) for key, problem in problems.items()}
+    operated = {key: operations(mode_tape(problem.system)) for key, problem in problems.items()}
     per_step = {key: times.median(key) / end.counts.steps for key, end in ends.items()}
     return Step(
         body=body,
@@ -163,19 +155,21 @@ def _timed(body: str, effect: str, own: Problem, carried: Problem | None) -> Ste
 def effect_table(steps: Sequence[Step]) -> Table:
     """Table of the operations and times of every effect, and of the scene with all others at zero."""
     headings = (
-        "body", "effect added", "operations", "time a step", "more than before", "operations, all carried",
-        "time a step, all carried", "run over one with all carried",
+        "body", "effect added", "operations", "time per step", "increase", "operations, with all effects",
+        "time per step, with all effects", "time of a run without / with them",
     )  # fmt: skip
     lines: list[tuple[str, ...]] = []
     for before, step in zip((None, *steps), steps, strict=False):
-        more = before and before.body == step.body and step.effect
+        increase = ""
+        if before is not None and before.body == step.body and step.effect:
+            increase = f"{1e9 * (step.per_step_s - before.per_step_s):+.0f} ns"
         lines.append(
             (
                 step.body,
-                step.effect or "*a motion that sticks*",
+                step.effect or "*a motion with sticks*",
                 f"{step.operations}",
                 f"{1e9 * step.per_step_s:.0f} ns",
-                f"{1e9 * (step.per_step_s - before.per_step_s):+.0f} ns" if before and more else "",
+                increase,
                 "" if step.carried is None else f"{step.carried}",
                 "" if step.carried_per_step_s is None else f"{1e9 * step.carried_per_step_s:.0f} ns",
                 "" if step.to_carried is None else f"{step.to_carried:.2f}",

@@ -152,12 +152,13 @@ def growth_table(found: Sequence[Horizon]) -> Table:
             duration(own.wall_s),
             duration(own.per_transition_s),
             f"{own.grown:.1f} MiB",
-            "not settled yet" if math.isnan(own.stick_error_s) else f"{error(own.stick_error_s)} s",
+            "not settled" if math.isnan(own.stick_error_s) else f"{error(own.stick_error_s)} s",
         )
         for own in found
     ]
     headings = (
-        "solver", "horizon", "transitions", "wall time", "a transition", "growth of peak memory", "last sticks' error",
+        "solver", "horizon", "transitions", "wall time", "time per transition", "growth of peak memory",
+        "error of the last sticks",
     )  # fmt: skip
     return Table(headings, "lrrrrrr", lines)
 
@@ -179,11 +180,11 @@ def draw_growth(found: Sequence[Horizon]) -> Figure:
             f"bound: {BOUND:.0e} s", (max(run.until for run in found), BOUND), (0, -11),
             textcoords="offset points", fontsize=8.0, color=style.GREY, ha="right",
         )  # fmt: skip
-        times.set(xlabel="horizon [s]", ylabel="wall time a transition [µs]")
-        errors.set(xlabel="horizon [s]", ylabel="worst error of the last sticks [s]")
+        times.set(xlabel="horizon [s]", ylabel="wall time per transition [µs]")
+        errors.set(xlabel="horizon [s]", ylabel="largest error of the last sticks [s]")
         finish(
             figure,
-            "Time of a transition, and error of the last sticks, over the horizon",
+            "Time per transition, and error of the last sticks, over the horizon",
             "Two panels with logarithmic axes. Time of a run grows with a power of the horizon: "
             + "; ".join(f"{solver} {fit}" for solver, fit in powers.items())
             + f". In the second panel a dashed line is the bound of {BOUND:.0e} s on the error of the last sticks.",

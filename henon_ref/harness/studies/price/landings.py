@@ -12,8 +12,9 @@ from henon_ref.baselines.henon import HENON_BRENT, HENON_NEWTON, HENON_SOLVER
 from henon_ref.casefile.case import Case
 from henon_ref.harness.campaign.timing import interleaved
 from henon_ref.harness.rows import Row
+from henon_ref.harness.studies.page import title
 from henon_ref.harness.studies.pairs import FIRST
-from henon_ref.harness.studies.price.measure import problem_of, title
+from henon_ref.harness.studies.price.measure import problem_of
 from henon_ref.harness.table import Table, duration, error
 from henon_ref.harness.truth.compute import stored_truth
 from henon_ref.harness.truth.reference import split_double

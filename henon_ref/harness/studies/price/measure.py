@@ -18,18 +18,12 @@ from matplotlib.figure import Figure
 
 from henon_ref.figures import style
 from henon_ref.figures.description import describe
-from henon_ref.harness.studies.page import shipped_problem
 from henon_ref.jit.cache_folder import VARIABLE
 from henon_ref.modes.problem import Problem
 from henon_ref.simulation.system import System
 
 P = ParamSpec("P")
 T = TypeVar("T")
-
-
-def orbit_problem() -> Problem:
-    """Return the problem with a periodic motion, Fig. 8's `listing_limit`."""
-    return shipped_problem("fig8", "listing_limit")
 
 
 def problem_of(system: System, initial: Mapping[str, float | str], until: float | str) -> Problem:
@@ -91,11 +85,6 @@ def fitted(rows: Sequence[Any], solver: str, x: str, y: str, since: float) -> Fi
     """Fit column y ~ (column x)^power to a solver's rows with x >= ``since``."""
     own = [row for row in rows if row.solver == solver and getattr(row, x) >= since]
     return power([getattr(row, x) for row in own], [getattr(row, y) for row in own])
-
-
-def title(case: str, reading: str) -> str:
-    """Name of a reading on the page."""
-    return case if reading == "default" else f"{case}, {reading}"
 
 
 def draw_line(axes: Axes, look: style.Line, points: Sequence[tuple[float, float]], label: str, **more: float) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import sympy as sp
 
 from henon_ref.harness.campaign.timing import interleaved
+from henon_ref.harness.report.text.model import mode_tape
 from henon_ref.harness.rows import Row
 from henon_ref.integrator.integrator import Integrator
 from henon_ref.integrator.prepared_run import order_for
@@ -18,7 +19,6 @@ from henon_ref.modes.problem import Problem
 from henon_ref.taylor.llvm.count import count
 from henon_ref.taylor.llvm.expansion import expansion_ir
 from henon_ref.taylor.llvm.step_end import step_end_ir
-from henon_ref.taylor.tape import build_tape
 from henon_ref.trajectory import Trajectory
 
 RTOL = 1e-12
@@ -69,11 +69,7 @@ def work(problem: Problem) -> Work:
     tolerance = 0.1 * RTOL
     order, system = order_for(tolerance), problem.system
     n = len(system.states)
-    counts = []
-    for sliding in (frozenset[int](), frozenset({0})):
-        equations = system.shared_equations(sliding)
-        tape = build_tape(system.states, equations.field, [g.expression for g in equations.guards])
-        counts.append(count(expansion_ir(tape, n, order, "expansion")))
+    slip, stick = (count(expansion_ir(mode_tape(system, own), n, order, "expansion")) for own in ((), (0,)))
     integrator = Integrator(system, order)
 
     def run_to(until: sp.Expr) -> Callable[[], Trajectory]:
@@ -94,8 +90,8 @@ def work(problem: Problem) -> Work:
     spent = [0, *(run_to(end)().counts.rhs_evaluations for end in ends), whole.counts.rhs_evaluations]
     stuck = [mode == (0,) for mode in (whole.transitions[0].from_mode, *(t.to_mode for t in whole.transitions))]
     return Work(
-        expansion=counts[0],
-        stick=counts[1],
+        expansion=slip,
+        stick=stick,
         closing=count(step_end_ir(n, 1, order, "closing")),
         steps=whole.counts.steps,
         expansions=whole.counts.rhs_evaluations,

@@ -10,8 +10,9 @@ from typing import Any
 
 from henon_ref.harness.report.manifest import Provenance
 from henon_ref.harness.report.text.ranking import readings_of
-from henon_ref.harness.rows import Row, RunRow, rows_text
-from henon_ref.harness.studies.page import write
+from henon_ref.harness.result_files import rows_text
+from henon_ref.harness.rows import Row, RunRow
+from henon_ref.harness.studies.page import shipped_problem, title, write
 from henon_ref.harness.studies.pairs import PairRow, TimedPair, own_words
 from henon_ref.harness.studies.price.compiling import Ready, readiness, ready_table
 from henon_ref.harness.studies.price.contacts import ManyContacts, contact_table, many_contacts
@@ -33,10 +34,10 @@ from henon_ref.harness.studies.price.ladder import (
     whole_table,
 )
 from henon_ref.harness.studies.price.landings import Landed, crest_crossings, landing_table, landings
-from henon_ref.harness.studies.price.measure import caches_in, in_fresh_process, orbit_problem, title
+from henon_ref.harness.studies.price.measure import caches_in, in_fresh_process
 from henon_ref.harness.studies.price.operations import Work, work
 from henon_ref.harness.studies.price.states import Size, draw_sizes, size_table, sizes
-from henon_ref.harness.studies.study import Asked, Made
+from henon_ref.harness.studies.study import StudyRequest, StudyResult
 from henon_ref.harness.table import Table, duration
 from henon_ref.text import markdown
 
@@ -68,12 +69,12 @@ class Prices:
     contacts: Sequence[ManyContacts]
 
 
-def run_price(asked: Asked) -> Made:
+def run_price(request: StudyRequest) -> StudyResult:
     """Measure everything and write the page; the ladder includes the peers if ``all`` is among the solvers."""
-    named = asked.options.solvers or ()
-    options = replace(asked.options, solvers=solvers([str(name) for name in named]), folder=asked.folder)
-    rows = run_ladder(asked.cases, options, asked.observer)
-    timed, failed = time_ladder_pairs(asked.cases, rows, options, asked.observer)
+    named = request.options.solvers or ()
+    options = replace(request.options, solvers=solvers([str(name) for name in named]), folder=request.folder)
+    rows = run_ladder(request.cases, options, request.observer)
+    timed, failed = time_ladder_pairs(request.cases, rows, options, request.observer)
     # The measurements below run one at a time, in this process or a new one, with no worker busy.
     with TemporaryDirectory() as empty, caches_in(empty):
         chains = in_fresh_process(sizes)
@@ -81,15 +82,15 @@ def run_price(asked: Asked) -> Made:
         rows=rows,
         pairs=timed,
         failed=failed,
-        work=work(orbit_problem()),
-        ready=readiness(asked.cases, timed),
-        landings=[*landings(asked.cases), *crest_crossings()],
+        work=work(shipped_problem("fig8", "listing_limit")),
+        ready=readiness(request.cases, timed),
+        landings=[*landings(request.cases), *crest_crossings()],
         effects=effect_costs(),
-        growth=horizons(orbit_problem()),
+        growth=horizons(shipped_problem("fig8", "listing_limit")),
         sizes=chains,
         contacts=many_contacts(),
     )
-    return Made(write_page(found, asked.origin, asked.folder))
+    return StudyResult(write_page(found, request.origin, request.folder))
 
 
 def write_page(found: Prices, origin: Provenance, folder: Path) -> Path:

@@ -14,9 +14,9 @@ from henon_ref.figures import style
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.timing import Turns, interleaved
 from henon_ref.harness.rows import Row
-from henon_ref.harness.studies.page import largest_time_difference
+from henon_ref.harness.studies.page import largest_time_difference, shipped_problem
 from henon_ref.harness.studies.pairs import FIRST, own_part
-from henon_ref.harness.studies.price.measure import draw_line, finish, fitted, orbit_problem, problem_of
+from henon_ref.harness.studies.price.measure import draw_line, finish, fitted, problem_of
 from henon_ref.harness.table import Table, duration
 from henon_ref.modes.problem import Problem
 from henon_ref.simulation.system import System
@@ -99,7 +99,7 @@ def sizes(blocks: Sequence[int] = BLOCKS, solvers: Sequence[str] = SOLVERS) -> l
     """Time every solver on every chain, with and without transitions, in interleaved runs."""
     found = []
     for problem in (
-        orbit_problem(),
+        shipped_problem("fig8", "listing_limit"),
         chain_problem(3),
     ):  # import and compile everything that chains of all lengths share
         for name in solvers:
@@ -160,7 +160,7 @@ def size_table(found: Sequence[Size]) -> Table:
     for states in dict.fromkeys(own.states for own in found):
         own = {size.solver: size for size in found if size.states == states}
         runs, smooth, ready = (
-            [duration(getattr(own[s], column)) if own[s].agrees else "other answer" for s in solvers]
+            [duration(getattr(own[s], column)) if own[s].agrees else "other result" for s in solvers]
             for column in ("wall_s", "smooth_s", "ready_s")
         )
         first, heyoka = own[FIRST], own["heyoka"]
@@ -172,8 +172,8 @@ def size_table(found: Sequence[Size]) -> Table:
         )  # fmt: skip
     names = list(map(code, solvers))
     headings = (
-        "states", "transitions", *(f"run, {n}" for n in names), "`henon` / `heyoka`", "run, `heyoka`'s own calls alone",
-        *(f"without transitions, {n}" for n in names), "`henon` / `heyoka`", *(f"ready, {n}" for n in names),
+        "states", "transitions", *(f"run, {n}" for n in names), "`henon` / `heyoka`", "run, calls of `heyoka` alone",
+        *(f"without transitions, {n}" for n in names), "`henon` / `heyoka`", *(f"preparation, {n}" for n in names),
     )  # fmt: skip
     return Table(headings, "r" * len(headings), lines)
 
@@ -182,7 +182,7 @@ def draw_sizes(found: Sequence[Size]) -> Figure:
     """Draw the times of a simulated second and of preparation over the number of states, for every solver."""
     columns = {
         "per_second": (1e3, "wall time of a simulated second [ms]"),
-        "ready_s": (1.0, "wall time of making ready [s]"),
+        "ready_s": (1.0, "wall time of the preparation [s]"),
     }
     powers = {
         solver: [str(fitted(found, solver, "states", column, MANY)) for column in columns]
@@ -201,8 +201,8 @@ def draw_sizes(found: Sequence[Size]) -> Figure:
             panels[k].set(xlabel="states", ylabel=words)
         finish(
             figure,
-            "Time of a simulated second, and of making ready, over the number of states",
-            "Two panels with logarithmic axes, a line a solver. Times grow with a power of the number of states: "
+            "Time of a simulated second and of the preparation over the number of states",
+            "Two panels with logarithmic axes, one line per solver. Times grow with a power of the number of states: "
             + "; ".join(f"{solver} {', '.join(fits)}" for solver, fits in powers.items())
             + ".",
             panels,

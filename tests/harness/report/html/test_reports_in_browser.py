@@ -60,7 +60,7 @@ def test_the_digits_wanted_lead_to_the_choice_that_the_index_makes(chromium: Any
             set_value(seen.page, "digits", level)
             wanted = [list(row) for row in choice_rows(rows, level or None)]
             assert choice(seen.page) == wanted
-        assert seen.page.locator("#answer").inner_text().startswith("For 12 digits, all kinds of case: take ")
+        assert seen.page.locator("#answer").inner_text().startswith("For 12 digits, all kinds of case: henon (in ")
 
 
 def test_the_digits_wanted_colour_the_cells(chromium: Any, tmp_path: Path) -> None:
@@ -223,7 +223,7 @@ def test_a_solver_that_ran_on_a_part_stands_below_those_that_get_there_more_ofte
         widths = [float(own) for own in seen.page.locator("#reaches .bar-in").evaluate_all(
             "bars => bars.map((bar) => bar.getAttribute('width'))")]  # fmt: skip
         assert widths == pytest.approx([widths[0], widths[0], *[widths[0] / 2] * 3])
-        assert "all 2 readings with a transition to time" in seen.page.locator("#reaches-note").inner_text()
+        assert "all 2 readings with a transition time" in seen.page.locator("#reaches-note").inner_text()
 
 
 def test_every_standing_has_a_colour_and_stands_in_the_key(chromium: Any, tmp_path: Path) -> None:

@@ -42,7 +42,8 @@ from henon_ref.harness.report.html.portrait import packed as packed_portrait
 from henon_ref.harness.report.html.rendering import MOST_BYTES, embedded, read_embedded
 from henon_ref.harness.report.text.choice import choice_rows, choice_table
 from henon_ref.harness.report.text.matrix import MatrixRow, read_matrix
-from henon_ref.harness.rows import RunRow, read_rows
+from henon_ref.harness.result_files import read_rows
+from henon_ref.harness.rows import RunRow
 
 ROOT = Path(__file__).parents[4]
 EVIL = (

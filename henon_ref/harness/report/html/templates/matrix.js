@@ -61,8 +61,8 @@ function drawChoice(digits, kind) {
   byId("answer").textContent = group.answer;
   const lines = group.bars.map(([solver, got, judged, slower]) => ({ solver: SOLVERS[solver], got, judged, slower }));
   lines.sort((a, b) => a.solver.few - b.solver.few);
-  drawBars(byId("reaches"), lines, group.all, `In how many of ${group.readings} each solver gets ${level.wanted}, and its time`);
-  byId("reaches-note").textContent = `Dark: readings in which the solver gets ${level.wanted}. Pale: readings in which it is judged. ` +
+  drawBars(byId("reaches"), lines, group.all, `Number of ${group.readings} in which each solver obtains ${level.wanted}, and its time`);
+  byId("reaches-note").textContent = `Dark: readings in which the solver obtains ${level.wanted}. Pale: readings in which it is judged. ` +
     `Full width: all ${group.readings}. Dots: median of its time over that of the fastest solver, in the readings of the dark bar.`;
 }
 
@@ -92,7 +92,7 @@ function drawBars(holder, lines, all, label) {
   const apart = lines.findIndex((line) => line.solver.few); // they follow a line of text
   const height = top + ROW * (lines.length + (apart >= 0)) + 8;
   const svg = shape("svg", { class: "bars", viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": label },
-    shape("text", { class: "tick", x: bars.from, y: 12 }, "gets, of judged"),
+    shape("text", { class: "tick", x: bars.from, y: 12 }, "obtained in, of judged"),
     shape("text", { class: "tick", x: middle + 6, y: 12 }, "time over the fastest"));
   const labels = Math.max(2, Math.floor((width - middle) / 44));
   for (const tick of ticks({ ...axis, text: (k) => (k < 4 ? `×${10 ** k}` : `×${powerOfTen(k)}`) }, labels)) {
@@ -105,7 +105,7 @@ function drawBars(holder, lines, all, label) {
   lines.forEach((line, k) => {
     const y = top + ROW * (k + (apart >= 0 && k >= apart));
     const { got, judged } = line;
-    const words = `${line.solver.name}: gets ${got} of the ${judged} readings that it is judged in (${Math.floor(100 * got / judged)} %), of ${all}` +
+    const words = `${line.solver.name}: in ${got} of the ${judged} readings in which it is judged (${Math.floor(100 * got / judged)} %), of ${all}` +
       (line.slower ? `\n×${significant(line.slower, 2)} as long as the fastest (median)` : "");
     const row = shape("g", null,
       shape("rect", { x: 0, y, width, height: ROW, fill: "transparent" }),
@@ -163,7 +163,7 @@ function cellNode(cell) {
 }
 
 /** Possible results of a cell for the selected digits -> text in its title and in the key of the colours. */
-const STANDINGS = { reached: "gets the digits wanted", fewer: "right, with fewer digits", wrong: "not right",
+const STANDINGS = { reached: "reaches the digits wanted", fewer: "right, with fewer digits", wrong: "not right",
   timeout: "out of time", undecided: "ill-conditioned or not unique: not decided in double precision", none: "not judged" };
 
 /** Set the title of a cell when the pointer enters it. */
