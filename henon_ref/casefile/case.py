@@ -56,7 +56,7 @@ class Reading:
     title: str
     problem: Problem
     solvers: tuple[str, ...] | None
-    """Solvers to run; None: all."""
+    """Solvers to run; None: the default ones."""
     tolerances: tuple[float, ...]
     steps: tuple[float, ...]
     """Steps of fixed-step solvers [s]."""

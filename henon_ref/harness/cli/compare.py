@@ -116,7 +116,8 @@ def main(
         _flag(
             "--check",
             None,
-            "Only read the case files, and print their states, surfaces, effects, and the equations of each mode.",
+            "Only read the case files, and print their states, surfaces, jumps, effects, and the equations of each "
+            "mode.",
         ),
     ] = False,
     timeout: Annotated[
