@@ -40,7 +40,7 @@ from henon_ref.system.assembly import Scene
 from henon_ref.system.problem import build_problem, read_scene
 from henon_ref.system.source import Path as KeyPath
 from henon_ref.system.source import Source
-from henon_ref.system.tree import MappingNode, ScalarNode, merged
+from henon_ref.system.tree import MappingNode, ScalarNode, merged, words
 from henon_ref.text import did_you_mean, listed, message
 
 DEFAULT_READING = "default"
@@ -56,7 +56,7 @@ class Reading:
     title: str
     problem: Problem
     solvers: tuple[str, ...] | None
-    """Solvers to run; None: all."""
+    """Solvers to run; None: the default ones."""
     tolerances: tuple[float, ...]
     steps: tuple[float, ...]
     """Steps of fixed-step solvers [s]."""
@@ -211,7 +211,8 @@ def reading_sources(tree: MappingNode, file: str | None) -> list[tuple[str, Sour
         return [(DEFAULT_READING, whole)]
     readings = tree.entries["readings"]
     if not isinstance(readings, MappingNode) or not readings.entries:
-        raise whole.error(("readings",), "'readings' must be a mapping, as in {name: {key: value}}")
+        message = "'readings' must be a mapping, as in {name: {key: value}}, with at least one reading"
+        raise whole.error(("readings",), message)
     base = MappingNode(tree.place, {k: v for k, v in tree.entries.items() if k != "readings"}, tree.keys, tree.size)
     found, size = [], 0
     for name, overrides in readings.entries.items():
@@ -229,6 +230,7 @@ def reading_sources(tree: MappingNode, file: str | None) -> list[tuple[str, Sour
         if size > MAX_WRITTEN_OUT:
             message = f"with this reading, all readings together have more than {MAX_WRITTEN_OUT} keys and values"
             raise whole.error(path, f"{message} (inherited ones included); give fewer readings", key=True)
+        check_added_parameters(source, whole)
         found.append((name, source))
     return found
 
@@ -276,6 +278,15 @@ def check_surfaces(source: Source, form: CaseForm, problem: Problem) -> None:
         raise source.error(("scene", "connections"), message, key=True)
     message = "there is no transition to find: 'surfaces' is empty and 'field' has no kinks; add a surface"
     raise source.error(("system",), message, key=True)
+
+
+def check_added_parameters(source: Source, whole: Source) -> None:
+    """Raise CaseError if a reading adds a parameter without a use, as a misspelt name does."""
+    for path in (("system", "parameters"), ("scene", "parameters")):
+        known = whole.keys(path)
+        added = [name for name in source.keys(path) if name not in known]
+        for name in sorted({*added} - words(source.tree)) if added else ():
+            raise source.unknown((*path, name), f"no expression uses the parameter '{name}'", "parameters", known)
 
 
 def check_model(source: Source, form: CaseForm) -> None:

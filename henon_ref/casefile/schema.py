@@ -286,7 +286,7 @@ class CaseForm(Form):
     published: Published | None = None
     exact: Exact | None = None
     orbit: Orbit | None = None
-    solvers: Annotated[Annotated[tuple[SolverName, ...], Size(1)] | None, "all if left out"] = None
+    solvers: Annotated[Annotated[tuple[SolverName, ...], Size(1)] | None, "the default solvers if left out"] = None
     tolerances: Annotated[tuple[Tolerance, ...], Size(1)] = (1e-6, 1e-9, 1e-12)
     # A coarse, a usual and a tight tolerance: enough for a work-precision line.
     steps: Annotated[tuple[Positive, ...], Size(1), "for fixed-step solvers [s]"] = (1e-3,)

@@ -43,7 +43,9 @@ def main(
         str | None,
         typer.Option(help="The reading; the first one if left out.", metavar="NAME", show_default=False),
     ] = None,
-    until: Annotated[str | None, typer.Option(help="Horizon [s]; as in the case if left out.", metavar="TIME")] = None,
+    until: Annotated[
+        str | None, typer.Option(help="Horizon in seconds; the case's if left out.", metavar="TIME")
+    ] = None,
     values: Annotated[
         list[str] | None,
         typer.Option("--set", help="A parameter, or the initial value of a state; may be repeated.", metavar="N=V"),

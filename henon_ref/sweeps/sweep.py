@@ -13,6 +13,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 import pandas as pd
 
+from henon_ref.errors import ArgumentError
 from henon_ref.integrator.start import MOST_STEPS
 from henon_ref.simulation.arguments import whole_number
 from henon_ref.simulation.calls import explained
@@ -133,6 +134,8 @@ def sweep(
     )  # fmt: skip
     processes = processors() if jobs is None else whole_number(jobs, "jobs")
     check_executor(executor)
+    if resume and out is None:
+        raise ArgumentError("resume requires out, the folder of the sweep to be continued")
     folder = None if out is None else SweepFolder(Path(out), plan)
     if folder is not None:
         folder.begin(resume=resume)

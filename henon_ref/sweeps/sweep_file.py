@@ -185,7 +185,8 @@ def _check_keys(source: Source, system: System, path: KeyPath) -> None:
 def _known(source: Source, path: KeyPath, allowed: tuple[str, ...]) -> None:
     for name in source.keys(path):
         if name not in allowed:
-            message = f"unknown key '{name}' in '{path[-1]}'{did_you_mean(name, allowed)}; allowed: {listed(allowed)}"
+            known = f"allowed: {listed(allowed)}" if allowed else "it has no keys"
+            message = f"unknown key '{name}' in '{path[-1]}'{did_you_mean(name, allowed)}; {known}"
             raise source.error((*path, name), message, key=True)
 
 

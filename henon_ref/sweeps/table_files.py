@@ -56,7 +56,8 @@ def read_table(path: Path) -> Mapping[str, Vector]:
     except ArgumentError:
         raise
     except (OSError, ValueError, pa.ArrowException) as error:
-        raise ArgumentError(f"the table {path} cannot be read: {str(error)[:200]}") from None
+        reason = getattr(error, "strerror", None) or str(error)[:200]
+        raise ArgumentError(f"the table {path} cannot be read: {reason}") from None
 
 
 def _parquet_columns(path: Path) -> Mapping[str, Vector]:
@@ -92,10 +93,15 @@ def _csv_columns(path: Path) -> Mapping[str, Vector]:
     rows = 0
     with csv.open_csv(path, read_options=blocks, convert_options=as_text) as batches:
         for batch in batches:
+            check_size(rows + batch.num_rows, len(names), f"the table {path}")
+            for name, part, column in zip(names, parts, batch.columns, strict=True):
+                try:
+                    part.append(_doubles(column))
+                except ValueError:
+                    row, word = next((k, w) for k, w in enumerate(column.to_pylist(), rows + 1) if not _is_number(w))
+                    words = f"the column '{name[:60]}' has '{word[:60]}' in row {row}; wanted numbers"
+                    raise ArgumentError(f"the table {path}: {words}") from None
             rows += batch.num_rows
-            check_size(rows, len(names), f"the table {path}")
-            for part, column in zip(parts, batch.columns, strict=True):
-                part.append(_doubles(column))
     return {name: np.concatenate(part or [np.zeros(0)]) for name, part in zip(names, parts, strict=True)}
 
 
@@ -107,6 +113,14 @@ def _doubles(column: pa.Array) -> Vector:
         return np.asarray(column.cast(pa.float64()).to_numpy(zero_copy_only=False), dtype=np.float64)
     except pa.ArrowInvalid:  # Python accepts more formats, such as +1.5
         return np.array(column.to_pylist(), dtype=np.float64)
+
+
+def _is_number(word: str) -> bool:
+    try:
+        np.array([word], dtype=np.float64)
+    except ValueError:
+        return False
+    return True
 
 
 def _check_names(path: Path, names: list[str]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
@@ -83,6 +84,13 @@ def _values(node: Node, of: Callable[[ScalarNode], Scalar]) -> PythonValue:
     if isinstance(node, SequenceNode):
         return [_values(item, of) for item in node.items]
     return of(node)
+
+
+def words(node: Node) -> set[str]:
+    """Return the words in the values of a tree, among them every name that an expression uses."""
+    if isinstance(node, ScalarNode):
+        return set(re.findall(r"\w+", node.text))
+    return set().union(*map(words, node.entries.values() if isinstance(node, MappingNode) else node.items))
 
 
 def locate(node: Node, path: Sequence[str | int], *, key: bool = False) -> Place:

@@ -151,7 +151,7 @@ def test_solvers_that_do_not_exist_are_refused_where_the_caller_knows_them() -> 
     ("readings", "place", "says"),
     [
         ("readings: [a]", "19:11", "must be a mapping"),
-        ("readings: {}", "19:11", "must be a mapping"),
+        ("readings: {}", "19:11", "with at least one reading"),
         ("readings:\n  A: {}", "20:3", "a-z, 0-9 and _"),
         (f"readings:\n  {'a' * 65}: {{}}", "20:3", "at most 64 characters, not 65"),
         ("readings:\n  a: {measure: {after: 2}, until: 2}", "20:24", "earlier than 'until', 2 [reading 'a']"),
@@ -167,6 +167,16 @@ def test_an_error_in_a_reading_points_into_the_reading(readings: str, place: str
     error = refusal(f"{SLIDE}{readings}\n")
     assert says in str(error)
     assert str(error).startswith(f"case.yaml:{place}: ")
+
+
+def test_a_parameter_that_a_reading_adds_must_have_a_use() -> None:
+    """A misspelt name would otherwise leave the parameter of the case as it is."""
+    one = "readings:\n  a: {system: {parameters: {f: 2}}}\n"
+    error = refusal(SLIDE + one)
+    assert error.message == "no expression uses the parameter 'f'; did you mean 'F'?; parameters: F [reading 'a']"
+    assert (error.line, error.column) == (20, 29)
+    used = "readings:\n  a: {system: {parameters: {f: 2, F: f}}}\n  b: {system: {parameters: {g: 2}}, until: g + 1}\n"
+    assert [float(reading.problem.until) for reading in parse_case(SLIDE + used).readings] == [3, 3]
 
 
 def test_the_texts_at_the_top_are_checked_where_every_reading_has_its_own() -> None:

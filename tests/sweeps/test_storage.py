@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 from sweep_systems import assert_same, belt, collected, parquet_files
 
-from henon_ref.errors import CaseError
+from henon_ref.errors import ArgumentError, CaseError
 from henon_ref.sweeps import observe, storage
 from henon_ref.sweeps.points import Points
 from henon_ref.sweeps.storage import SweepFolder
@@ -20,7 +20,7 @@ from henon_ref.sweeps.sweep import SweepTable, sweep
 from henon_ref.sweeps.sweep_file import load_sweep
 
 
-def swept(out: Path, **how: Any) -> SweepTable:
+def swept(out: Path | None, **how: Any) -> SweepTable:
     arguments = {"chunk": 3, "jobs": 1, "grid": {"vb": np.linspace(0.05, 1, 11)}, **how}
     return sweep(
         belt(),
@@ -66,6 +66,11 @@ def test_another_sweep_is_not_resumed_but_replaced(tmp_path: Path) -> None:
         swept(tmp_path / "out", resume=True, grid=other)
     swept(tmp_path / "out", grid=other)
     assert len(pd.read_parquet(tmp_path / "out" / "points")) == 5
+
+
+def test_only_a_sweep_with_a_folder_is_resumed() -> None:
+    with pytest.raises(ArgumentError, match="resume requires out"):
+        swept(None, resume=True)
 
 
 def test_a_folder_of_other_things_is_left_alone(tmp_path: Path) -> None:

@@ -86,6 +86,13 @@ def test_a_scene_may_stand_in_place_of_a_system(tmp_path: Path) -> None:
         ("  grid:", "  grit:", 13, 3, "did you mean 'grid'"),
         ("- sticks:", "- stick:", 17, 5, "did you mean 'sticks'"),
         ("{after: 20}", "{since: 20}", 17, 14, "unknown key 'since'"),
+        (
+            "sticks: {after: 20}",
+            "final_state: {after: 20}",
+            17,
+            19,
+            "unknown key 'after' in 'final_state'; it has no keys",
+        ),
         ("sticks: {after: 20}", "sticks: {after: late}", 17, 5, "finite number"),
         ("sticks: {after: 20}", "sticks: {after: 50}", 17, 21, "earlier than the horizon"),
         ("of: x, after", "of: q, after", 19, 5, "q"),

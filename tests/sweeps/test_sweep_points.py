@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
@@ -186,6 +187,20 @@ def table_of(frame: pd.DataFrame, path: Path) -> Points:
 def test_a_csv_file_that_is_no_table_is_refused(tmp_path: Path, content: str) -> None:
     (tmp_path / "points.csv").write_bytes(content.encode("latin-1"))
     with pytest.raises(ArgumentError):
+        table(tmp_path / "points.csv")
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("a,b\n1,2\n3,x\n", "the column 'b' has 'x' in row 2; wanted numbers"),
+        ("a,b\n1,\n", "the column 'b' has '' in row 1"),
+        ("a;b\n1;2\n", "the column 'a;b' has '1;2' in row 1"),
+    ],
+)
+def test_what_is_no_number_in_a_csv_file_has_its_place(tmp_path: Path, content: str, words: str) -> None:
+    (tmp_path / "points.csv").write_text(content)
+    with pytest.raises(ArgumentError, match=re.escape(words)):
         table(tmp_path / "points.csv")
 
 

@@ -61,13 +61,13 @@ def _tolerance(text: str) -> float:
         raise typer.BadParameter(f"a tolerance is a number, not '{text}'", param_hint="--tolerances") from None
 
 
-def names(text: str | None) -> tuple[str, ...] | None:
-    """Split a comma-separated list of names, and drop repeated names."""
+def names(text: str | None, option: str) -> tuple[str, ...] | None:
+    """Split the comma-separated list of names of an option, and drop repeated names."""
     if text is None:
         return None
     parts = tuple(part.strip() for part in text.split(",") if part.strip())
     if not parts:
-        raise typer.BadParameter("the list is empty")
+        raise typer.BadParameter("the list is empty", param_hint=option)
     return tuple(dict.fromkeys(parts))
 
 
@@ -100,7 +100,8 @@ def main(
         _flag(
             "--check",
             None,
-            "Only read the case files, and print their states, surfaces, effects, and the equations of each mode.",
+            "Only read the case files, and print their states, surfaces, jumps, effects, and the equations of each "
+            "mode.",
         ),
     ] = False,
     timeout: Annotated[
@@ -148,14 +149,14 @@ def main(
     ] = None,
 ) -> Request:
     options = {
-        "solvers": names(solvers),
-        "tolerances": None if tolerances is None else tuple(map(_tolerance, names(tolerances) or ())),
+        "solvers": names(solvers, "--solvers"),
+        "tolerances": None if tolerances is None else tuple(map(_tolerance, names(tolerances, "--tolerances") or ())),
         "repeats": repeats,
         "timeout": timeout,
         "processes": jobs or min(2, os.cpu_count() or 1),
         "folder": out,
         "resume": resume,
-        "required": names(require) or (),
+        "required": names(require, "--require") or (),
     }
     return Request(cases, options, {"gated": gate, "figures": figures, "as_json": json}, check)
 

@@ -25,7 +25,7 @@ from henon_ref.harness.campaign.plan import check_required, check_solvers
 from henon_ref.harness.campaign.progress import ProgressLine
 from henon_ref.harness.report.case_report import write_report
 from henon_ref.harness.report.figure_jobs import figure_job
-from henon_ref.harness.report.folder import check_writable, locked, remove_if_empty
+from henon_ref.harness.report.folder import check_report, check_writable, locked, remove_if_empty
 from henon_ref.harness.report.folder_report import write_folder_report
 from henon_ref.harness.report.manifest import provenance
 from henon_ref.harness.report.text.gate import bounds_left_out, demands_state, gate_state, why_unchecked
@@ -76,6 +76,8 @@ def run(
     out: Path = options["folder"]
     check_writable(out)
     cases, asked = load_cases(paths), Options(**options)
+    for case in cases:
+        check_report(out / case.name)
     check_solvers(cases, asked)
     check_required(cases, asked)
     rerun = rerun_command(paths, asked, figures=figures)

@@ -1,4 +1,4 @@
-"""Explain case files without a run: states, surfaces, effects, and the equations of each mode.
+"""Explain case files without a run: states, surfaces, jumps, effects, and the equations of each mode.
 
 The commands are ``henon-ref explain CASE...`` and ``henon-ref compare CASE... --check``; for their exit statuses see
 :mod:`henon_ref.commands.exit_status`.
@@ -32,7 +32,7 @@ app = application()
 
 @app.command(epilog=examples("explain fig8", "explain my_case.yaml"))
 def main(cases: Cases) -> int:
-    """Explain case files without a run: states, surfaces, effects, and the equations of each mode."""
+    """Explain case files without a run: states, surfaces, jumps, effects, and the equations of each mode."""
     explain(cases)
     return DONE
 
@@ -78,7 +78,7 @@ def _run(reading: Reading) -> Iterator[str]:
     if system.parameters:
         given = [f"{name.name} = {_text(value)}" for name, value in system.parameters.items()]
         yield f"parameters: {listed(given, 2 * SEVERAL)}"
-    yield f"solvers: {listed(reading.solvers) if reading.solvers else 'all'}"
+    yield f"solvers: {listed(reading.solvers) if reading.solvers else 'the default solvers'}"
     yield f"relative tolerances: {listed([f'{value:g}' for value in reading.tolerances])}"
     if reading.gate:
         yield f"gate on {listed(list(reading.gate))}"
@@ -90,6 +90,11 @@ def _model(system: FilippovSystem) -> Iterator[str]:
     yield f"{count(len(system.surfaces), 'surface')}:"
     for name, surface in list(zip(system.sign_names, system.surfaces, strict=True))[:SEVERAL]:
         yield f"  {name} = sign of {_text(surface)}"
+    for index, reset in sorted(system.resets.items())[:SEVERAL]:
+        jumps = [f"{state} -> {_text(value)}" for state, value in reset.map.items()]
+        first = f" (priority {reset.priority:g})" if reset.priority else ""
+        name = system.sign_names[index]
+        yield f"  where the surface of {name} falls through 0, jump: {listed(jumps, SEVERAL)}{first}"
     for valid in system.valid:
         yield f"the model holds while {_text(valid)} > 0"
     total = 3 ** len(system.surfaces)
@@ -135,7 +140,7 @@ def _mode(system: FilippovSystem, mode: Mode) -> Iterator[str]:
 def _same(one: FilippovSystem, other: FilippovSystem) -> bool:
     return all(
         getattr(one, name) == getattr(other, name)
-        for name in ("states", "surfaces", "field", "valid", "overrides", "effects")
+        for name in ("states", "surfaces", "field", "valid", "overrides", "resets", "effects")
     )
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 import os
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
@@ -84,7 +85,7 @@ def main(
     held = Held(rows, [] if known is None else read_known(known))
     found = gate(bounds, rows)
     unmet = held.bounds_unmet(found)
-    demands = {solver: demand(solver, rows, held.is_known) for solver in names(require) or ()}
+    demands = {solver: demand(solver, rows, held.is_known) for solver in names(require, "--require") or ()}
     unmet += [f"required: {words}" for solver, own in demands.items() for words in own.unmet(solver)]
     unmet += [] if earlier is None else held.worse(earlier)
     lines = [*unmet, *held.known_lines()]
@@ -209,15 +210,15 @@ def read_known(path: Path) -> list[KnownFailure]:
     CaseError
         If the file is invalid; the error has line and column.
     """
-    found = rows_of(KnownFailure, path)
-    with path.open(encoding="utf-8-sig", newline="") as file:
-        header = next(csv.reader(file), [])
+    header: list[str] = []
+    with suppress(OSError, UnicodeDecodeError, csv.Error), path.open(encoding="utf-8-sig", newline="") as file:
+        header = next(csv.reader(file), [])  # if it cannot be read, rows_of says why
     allowed = KnownFailure.columns()
     for name in map(str.strip, header):
         if name not in (*allowed, *RunRow.columns()):  # the missing column of a misspelt name would match any value
             words = f"unknown column {shortened(name)}; allowed: {', '.join(allowed)}{did_you_mean(name, allowed)}"
             raise CaseError(words, file=str(path), line=1, column=1)
-    return found
+    return rows_of(KnownFailure, path)
 
 
 def _write_junit(path: Path, content: bytes) -> None:

@@ -73,7 +73,7 @@ def main(
     if own is None:
         raise typer.BadParameter(f"unknown study '{study}'; the studies are {', '.join(STUDIES)}")
     given = {"cases": cases, "solvers": solvers, "rows": rows, "timeout": timeout, "jobs": jobs, "resume": resume}
-    chosen = names(solvers)
+    chosen = names(solvers, "--solvers")
     for name in chosen or ():
         if name != registry.ALL:
             registry.check(name)

@@ -86,7 +86,7 @@ def write_report(comparison: Comparison, origin: Provenance, folder: Path) -> Pa
         with locked([folder], wait=True):  # a writer of the index reads the old or the new report
             place.mkdir(exist_ok=True)
             stale = own_files(place) - set(files)
-            for name in files:
+            for name in sorted(files, key=lambda name: name != names.MANIFEST):  # it marks the files as a report's
                 os.replace(waiting / name, place / name)
             for name in stale:
                 (place / name).unlink(missing_ok=True)

@@ -36,6 +36,8 @@ CASE_FILE, SCHEMA = "page.json", 1
 """File with the data of a case for the page, except its rows, and the version of its format."""
 ROWS = (TRANSITIONS, SAMPLES)
 """Files of a report that are too long for a repository."""
+FILES = (MANIFEST, REPORT, RUNS, TRANSITIONS, STICKS, SAMPLES, CASE_FILE)
+"""Files of every report of a case."""
 INDEX, MATRIX = "README.md", "matrix.csv"
 """Index of all reports in a folder, and the table from which it is made."""
 PAGE = "index.html"
@@ -47,6 +49,7 @@ _STUDY = re.compile(
     r"|Rivals in turn|Times of henon and of other solvers, run in turn)\n"
 )
 """First line of the README.md of a study, in this version and earlier ones."""
+NOT_OURS = "was not written by henon_ref, so it is not replaced; choose another folder with --out"
 _BEGINNINGS = {
     INDEX: re.compile(rf"# Reports\n\n(Which solver to|\| solver \| right in |\d+ readings? of )|{_STUDY.pattern}"),
     MATRIX: re.compile("case,(title,)?reading,kind,solver,"),
@@ -77,8 +80,19 @@ def check_index(folder: Path) -> None:
     """Check that this package wrote the index, matrix and page to be replaced in a folder; raise CaseError if not."""
     for file, beginning in ((folder / name, beginning) for name, beginning in _BEGINNINGS.items()):
         if file.exists() and not _begins(file, beginning):
-            words = "was not written by henon_ref, so it is not replaced; choose another folder with --out"
-            raise CaseError(words, file=str(file))
+            raise CaseError(NOT_OURS, file=str(file))
+
+
+def check_report(folder: Path) -> None:
+    """Check that the report of a case can be written into its folder, and that it replaces only files of such a report.
+
+    Raise CaseError if not.
+    """
+    check_folder(folder)
+    own = own_files(folder)
+    for name in FILES:
+        if (folder / name).exists() and name not in own:
+            raise CaseError(NOT_OURS, file=str(folder / name))
 
 
 def check_writable(folder: Path) -> None:

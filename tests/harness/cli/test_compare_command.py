@@ -171,7 +171,8 @@ def test_a_case_without_a_gate_says_so_where_the_gate_is_asked_for(tmp_path, cap
     [
         (["--solvers", "henn"], "did you mean 'henon'"),
         (["--solvers", "ida"], "none of the requested solvers"),
-        (["--solvers", ","], "the list is empty"),
+        (["--solvers", ","], "--solvers: the list is empty"),
+        (["--require", ""], "--require: the list is empty"),
         (["--tolerances", "1e-3,abc"], "not 'abc'"),
         (["--tolerances", "nan"], "between 1e-16 and 1"),
         (["--repeats", "0"], "repeats"),

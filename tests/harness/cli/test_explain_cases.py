@@ -61,6 +61,33 @@ def test_a_scene_is_explained_with_its_effects_and_readings_share_their_equation
     assert "x2' = (mu - 3*x1)/m" in lines
     assert "from t = 0 to t = 6 s, start x1 = 0, x2 = 0" in lines
     assert lines[-1] == "equations as in one"
+    assert lines.count("solvers: the default solvers") == 2
+
+
+def test_jumps_are_explained():
+    ball = """
+schema: 1
+name: ball
+title: A ball
+system:
+  state: [x, v]
+  parameters: {r: 1/2}
+  surfaces: {s: x, u: "x - 3"}
+  field: [v, "-1"]
+resets:
+  s: {map: {v: "-r*v"}}
+  u: {map: {x: 2, v: 0}, priority: 2}
+initial: {x: 1, v: 0}
+until: 5
+readings:
+  one: {}
+  two: {resets: {s: {map: {v: "-v"}}}}
+"""
+    lines = [line.strip() for line in explanation(parse_case(ball))]
+    at = lines.index("u = sign of x - 3")
+    assert lines[at + 1] == "where the surface of s falls through 0, jump: v -> -r*v"
+    assert lines[at + 2] == "where the surface of u falls through 0, jump: x -> 2, v -> 0 (priority 2)"
+    assert "where the surface of s falls through 0, jump: v -> -v" in lines
 
 
 def test_many_surfaces_are_explained_in_part():

@@ -214,6 +214,7 @@ def test_a_known_failure_is_a_line(tmp_path):
     ("text", "words"),
     [
         ("case,slover\nx,y\n", "1:1: unknown column 'slover'; allowed: case, reading, solver, rtol, step_s, "),
+        ("case;solver\nfig8;ida\n", "1:1: unknown column 'case;solver'; allowed: case, reading, "),
         ("case,solver\nfig8,ida\nfig8\n", "3:1: 1 fields; there are 2 columns"),
         ("case,rtol\nfig8,tight\n", "2:6: 'tight' is no number: the field takes a number or nothing"),
         ("case,step_s\nfig8,nan\n", "2:6: 'nan' is no number"),

@@ -8,6 +8,7 @@ from importlib import metadata
 from itertools import pairwise
 
 import pytest
+import typer
 
 from henon_ref import __version__
 from henon_ref.harness.campaign.run_jobs import PREPARE_SECONDS
@@ -40,6 +41,13 @@ def test_every_subcommand_has_a_help_of_80_columns_that_ends_with_examples_a_lin
         given = [line.strip() for line in examples if line.strip()]
         assert given
         assert all(line.startswith(f"henon-ref {name}") for line in given)
+
+
+@pytest.mark.parametrize("name", SUBCOMMANDS)
+def test_no_help_has_a_word_in_brackets_which_rich_would_read_as_markup(name):
+    """[s] is "strike through" and is not shown."""
+    texts = [getattr(option, "help", None) or "" for option in typer.main.get_command(SUBCOMMANDS[name].app).params]
+    assert not [text for text in texts if "[" in text]
 
 
 def test_the_options_of_compare_stand_in_groups_and_its_limits_are_told(capsys):

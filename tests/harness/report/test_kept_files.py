@@ -111,6 +111,22 @@ def test_an_index_of_nothing_and_of_one_reading_is_known_again(tmp_path):
             check_index(tmp_path)
 
 
+@pytest.mark.parametrize("name", ["report.md", "runs.csv", "samples.csv"])
+def test_a_report_of_somebody_else_is_not_replaced(made_up, tmp_path, capsys, name):
+    (tmp_path / "out/made_up").mkdir(parents=True)
+    (tmp_path / "out/made_up" / name).write_text("Mine.\n")
+    assert run(made_up, "--out", "out") == 2
+    assert f"out/made_up/{name}: was not written by henon_ref" in capsys.readouterr().err
+    assert [path.name for path in (tmp_path / "out").rglob("*") if path.is_file()] == [name]
+    assert (tmp_path / "out/made_up" / name).read_text() == "Mine.\n"
+
+
+def test_a_file_in_place_of_the_folder_of_a_report_is_named(made_up, tmp_path, capsys):
+    (tmp_path / "made_up").write_text("Mine.\n")
+    assert run(made_up, "--out", ".") == 2
+    assert "made_up is a file; --out requires a folder" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("name", ["matrix.csv", "index.html"])
 def test_a_matrix_of_somebody_else_is_not_replaced(made_up, tmp_path, capsys, name):
     (tmp_path / name).write_text("1,2\n")
@@ -188,24 +204,41 @@ def test_files_of_an_earlier_report_that_this_one_lacks_are_removed(made_up, tmp
         "7",
         "not JSON",
         "[" * 100_000,
-        '{"files": 3}',
-        '{"files": {"mine.txt": 1}}',
-        '{"files": ["..", ".", "", "folder", "../escape", "a\\u0000b", "\\ud800", null, 3, ["mine.txt"]]}',
-        json.dumps({"files": ["a" * 10_000]}),
+        '{"files": ["manifest.json"]}',
+        '{"case": "made_up", "files": 3}',
+        '{"case": "made_up", "files": {"manifest.json": 1}}',
+        '{"case": "other", "files": ["manifest.json"]}',
     ],
 )
-def test_a_manifest_that_is_not_ours_takes_nothing_with_it(made_up, tmp_path, capsys, manifest):
+def test_a_manifest_of_somebody_else_is_not_replaced(made_up, tmp_path, capsys, manifest):
+    file = tmp_path / "out/made_up/manifest.json"
+    file.parent.mkdir(parents=True)
+    file.write_text(manifest)
+    assert run(made_up, "--out", "out", "--solvers", "henon") == 2
+    assert "out/made_up/manifest.json: was not written by henon_ref" in capsys.readouterr().err
+    assert [path for path in (tmp_path / "out").rglob("*") if path.is_file()] == [file]
+    assert file.read_text() == manifest
+
+
+@pytest.mark.parametrize(
+    "files",
+    [
+        ["..", ".", "", "folder", "../escape", "a\0b", "\ud800", None, 3, ["mine.txt"]],
+        ["a" * 10_000],
+    ],
+)
+def test_a_manifest_that_lists_no_file_of_a_report_takes_nothing_with_it(made_up, tmp_path, capsys, files):
     folder = tmp_path / "out" / "made_up"
     (folder / "folder").mkdir(parents=True)
     (folder / "mine.txt").write_text("kept")
     (tmp_path / "out" / "escape").write_text("kept")
-    (folder / "manifest.json").write_text(manifest)
+    (folder / "manifest.json").write_text(json.dumps({"case": "made_up", "files": [*files, "manifest.json"]}))
     assert run(made_up, "--out", "out", "--solvers", "henon") == 0
     assert messages(capsys) == []
     assert (folder / "folder").is_dir()
     assert (folder / "mine.txt").exists()
     assert (tmp_path / "out" / "escape").exists()
-    assert json.loads((folder / "manifest.json").read_text())["case"] == "made_up"
+    assert len(json.loads((folder / "manifest.json").read_text())["files"]) > 6
 
 
 @pytest.mark.parametrize(
