@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property, reduce
+from functools import cached_property, lru_cache, reduce
 from itertools import groupby
 from struct import Struct
 from typing import Any, NamedTuple
@@ -39,6 +39,8 @@ NAMES = (*ELEMENTARY, "Abs")
 """Functions of one argument, by number."""
 BITS = 256
 """Precision of python-flint's balls for functions and signs [bits]."""
+KEPT = 1024
+"""Number of cached doubles of exact numbers."""
 DIGITS = 90
 """Decimal digits of irrational numbers in balls."""
 _DOUBLES, _INTEGERS = ffi.typeof("double[]"), ffi.typeof("int64_t[]")
@@ -173,10 +175,9 @@ class ConstantProgram:
             own[point, lost[point]] = np.array(balls)[lost[point]]
         return own[:, :, :2].reshape(len(values), -1)
 
-    def over_ring(
-        self, values: Sequence[Any], number: Callable[[sp.Expr], Any], root: Callable[[Any], Any]
-    ) -> list[Any]:
-        """Evaluate the expressions over a ring; ``number`` converts an exact number, ``root`` is the square root."""
+    def over_ring(self, values: Sequence[Any], number: Callable[[sp.Expr], Any], functions: Any) -> list[Any]:
+        """Evaluate the expressions over a ring; ``number`` converts an exact number, ``functions`` is ``arb`` or
+        ``math``."""
         registers = dict(enumerate(values)) | {place: number(each) for place, each in self.numbers}
         for what, to, i, j in self.operations:
             a = registers[i]
@@ -187,14 +188,18 @@ class ConstantProgram:
             elif what == POWER:
                 registers[to] = a**j
             elif what == SQRT:
-                registers[to] = root(a)
+                registers[to] = functions.sqrt(a)
             else:
-                registers[to] = a ** registers[j] if what == POWER_OF else _function(j, a)
+                registers[to] = a ** registers[j] if what == POWER_OF else _function(j, a, functions)
         return [registers[output] for output in self.outputs]
 
     def balls(self, values: Sequence[sp.Expr]) -> list[arb]:
         """Evaluate the expressions at a point of exact numbers, in balls of python-flint's working precision."""
-        return self.over_ring([_ball(v) for v in values], _ball, arb.sqrt)
+        return self.over_ring([_ball(v) for v in values], _ball, arb)
+
+    def in_doubles(self, values: Sequence[float]) -> list[float]:
+        """Evaluate the expressions in double precision; an exception of ``math`` if one has no value."""
+        return self.over_ring(values, _double, math)
 
     def signs(self, values: Sequence[Any]) -> list[int | None]:
         """Return the signs at a point of exact numbers (int, Fraction or SymPy); 0 if zero to BITS bits.
@@ -209,7 +214,7 @@ class ConstantProgram:
             if self.is_rational and all(getattr(v, "is_Rational", True) for v in values):
                 exact = [fmpq(int(v.numerator), int(v.denominator)) for v in values]
                 try:
-                    return list(map(arb, self.over_ring(exact, lambda n: fmpq(int(n.p), int(n.q)), arb.sqrt)))
+                    return list(map(arb, self.over_ring(exact, lambda n: fmpq(int(n.p), int(n.q)), arb)))
                 except ZeroDivisionError:  # other expressions may have values at a pole of one
                     pass
             return self.balls(list(map(sp.sympify, values)))
@@ -221,9 +226,14 @@ class ConstantProgram:
         return simple and all(number.is_Rational for _, number in self.numbers)
 
 
-def _function(number: int, argument: Any) -> Any:
-    """Evaluate a function of NAMES in balls."""
-    return abs(argument) if NAMES[number] == "Abs" else getattr(argument, NAMES[number])()
+def _function(number: int, argument: Any, functions: Any = arb) -> Any:
+    """Evaluate a function of NAMES, in balls or with ``math``."""
+    return abs(argument) if NAMES[number] == "Abs" else getattr(functions, NAMES[number])(argument)
+
+
+@lru_cache(maxsize=KEPT)
+def _double(number: sp.Expr) -> float:
+    return float(number)
 
 
 def _ball(number: sp.Expr) -> arb:

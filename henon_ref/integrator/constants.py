@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from henon_ref.integrator.constant_program import ConstantProgram, ProgramWriter, constant_program
 from henon_ref.integrator.mode_table import CompiledModes, ModeTable
 from henon_ref.integrator.pairs import Pair
+from henon_ref.integrator.records import Workspace
 from henon_ref.jit.processor_time import compiling
 from henon_ref.kernel.shared import doubles, ffi, integers, kernel
 from henon_ref.modes.system import FilippovSystem
@@ -173,28 +174,33 @@ class ModeConstants:
     """Returns the values as exact numbers; called only if double-double does not decide."""
 
     def __post_init__(self) -> None:
-        self.table = self.programs.table
-        self.latest, self.is_finite = self._made()
-        """Data of the modes compiled at the last :meth:`update`, which replaces it as a whole; whether the first
-        constants are finite."""
+        self.is_finite = True
+        """Whether the latest constants are finite."""
+        self.latest = self.programs.loop().at(self.values) or self._in_balls()
+        """Data of the modes compiled at the last :meth:`update`, which replaces it as a whole."""
+
+    @property
+    def table(self) -> ModeTable:
+        return self.programs.table
 
     def update(self) -> LoopData:
         """Include the modes that have been compiled since the last update."""
         with one_at_a_time(), compiling():
             if self.latest.compiled is not self.table.compiled:
-                self.latest, _ = self._made()
+                self.latest = self.programs.loop().at(self.values) or self._in_balls()
             return self.latest
 
-    def _made(self) -> tuple[LoopData, bool]:
+    def _in_balls(self) -> LoopData:
+        """Return data for constants that :meth:`LoopProgram.at` does not compute."""
         program = self.programs.loop()
-        made = program.at(self.values)
-        if made is not None:
-            return made, True
         numbers = program.numbers(np.array(self.values).reshape(1, -1, 2), lambda _: self.exact())
-        return program.of(numbers), bool(np.isfinite(numbers).all())
+        self.is_finite = bool(np.isfinite(numbers).all())
+        return program.of(numbers)
 
-    def start(self, run: Any, template: Any, until: Pair, t: Pair, x: Sequence[Pair]) -> list[int] | None:
+    def start(self, workspace: Workspace, template: Any, numbers: Sequence[Pair]) -> list[int] | None:
         """Write a start into the block of a run (``start_run`` of ``kernel/start.c``).
+
+        ``numbers``: horizon, initial time and states.
 
         Returns
         -------
@@ -202,17 +208,19 @@ class ModeConstants:
             None if the start is clearly off all surfaces and the run is in its mode. Otherwise the signs of the
             surfaces, then of the ``valid`` expressions; UNCLEAR_SIGN for one that double-double does not decide.
         """
-        programs, compiled = self.programs, self.programs.start.alone
-        program, room = (compiled.program, compiled.room) if compiled else (ffi.NULL, 0)
-        numbers, memory = programs.pack(*until, *t, *chain.from_iterable(x), *self.values), ffi.new(_BLOCK, room)
-        if kernel.start_run(run, template, self.latest.tables, program, programs.surfaces, numbers, memory):
+        programs, compiled, room = self.programs, self.programs.start.alone, workspace.start_room
+        program, packed = compiled.program if compiled else ffi.NULL, programs.pack(*chain(*numbers), *self.values)
+        if kernel.start_run(workspace.run, template, self.latest.tables, program, programs.surfaces, packed, room):
             return None
-        return ffi.unpack(ffi.cast("int64_t *", memory), len(programs.start.outputs)) if compiled else self.signs(t, x)
+        if not compiled:
+            return self.signs(numbers[1:])
+        signs: list[int] = ffi.unpack(ffi.cast("int64_t *", room), program.results)
+        return signs
 
-    def signs(self, t: Pair, x: Sequence[Pair]) -> list[int]:
-        """Return the signs of surfaces and ``valid`` expressions at a point, as :meth:`start` does."""
-        point = np.array([*t, *chain.from_iterable(x), *self.values]).reshape(1, -1, 2)
-        found: list[int] = self.programs.start.signs_at(point)[0].tolist()
+    def signs(self, point: Sequence[Pair]) -> list[int]:
+        """Return the signs of surfaces and ``valid`` expressions at a time and states, as :meth:`start` does."""
+        values = np.array([*chain(*point), *self.values]).reshape(1, -1, 2)
+        found: list[int] = self.programs.start.signs_at(values)[0].tolist()
         return found
 
     def exact_signs(self, point: Sequence[Any]) -> list[int | None]:

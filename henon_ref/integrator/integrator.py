@@ -64,7 +64,8 @@ class Integrator:
         try:
             return self.free.pop()
         except IndexError:
-            return Workspace.of(*self.mode_table.sizes)
+            program = self.programs.start.alone
+            return Workspace.of(self.mode_table.sizes, program.room if program else 0)
 
     @property
     def parameters(self) -> tuple[sp.Symbol, ...]:
@@ -120,10 +121,10 @@ class Integrator:
         ModelError
             If the system has other values of its parameters, or no program evaluates an expression in them.
         """
-        time, end, *x = map(pair_of_exact, (start, until, *initial))
+        numbers = tuple(map(pair_of_exact, (until, start, *initial)))
         block, point = run_template(self.mode_table.sizes, **settings), (start, *initial)
         exact = lambda: list(map(exact_expression, point))  # noqa: E731
         workspace = self.workspace()
-        found = begin(workspace, self.constants(values), block, time, end, tuple(x), exact, mode or {})
+        found = begin(workspace, self.constants(values), block, numbers, exact, mode or {})
         self.free.append(workspace)
         return found

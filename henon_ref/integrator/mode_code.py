@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from henon_ref.jit.native_module import NativeModule, source_hash
 from henon_ref.kernel.shared import ffi, kernel
-from henon_ref.modes.equations import Guard, ModeTape, along, by_pattern
+from henon_ref.modes.equations import Guard, ModeTape, along
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.machine_code import Part, machine_code
@@ -195,7 +195,7 @@ def _speeds(
         if guard.kind == "surface":
             sign = system.signs[guard.index]
             normal = (normals or {}).get(guard.index, system.normal_velocity(guard.index))
-            found += by_pattern(_on_both_sides, sign, normal) or ()
+            found += [-sign * normal, -sign * normal.xreplace({sign: -sign})]
         else:
             found += [sp.Integer(0), sp.Integer(0)]
     return found
@@ -213,10 +213,6 @@ def bernstein_code(order: int) -> NativeModule:
 
     sources = source_hash("roots/bernstein.py", "jit/*.py", "kernel/kernel.h")
     return NativeModule(written, key=f"{sources} bernstein {order}")
-
-
-def _on_both_sides(sign: sp.Symbol, normal: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
-    return -sign * normal, -sign * normal.xreplace({sign: -sign})
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Collection
 from fractions import Fraction
 from functools import lru_cache
 from typing import Any
@@ -35,15 +36,23 @@ def pair_of(value: Any) -> Pair | None:
     >>> pair_of(Fraction(1, 10)) == pair_of(0.1)
     True
     """
-    kind = type(value)
+    return _rational(value.numerator, value.denominator) if type(value) is Fraction else decimal_pair(value)
+
+
+def decimal_pair(value: Any) -> Pair | None:
+    """Apply :func:`pair_of` to an int or float, whose double determines the exact number; None for a Fraction."""
+    if type(value) is int:
+        return (float(value), 0.0) if -WHOLE <= value <= WHOLE else None
     if isinstance(value, float):  # NumPy's doubles are
         value = float(value)
         return (value, 0.0) if -SHORT < value < SHORT and (value * 256.0).is_integer() else _printed(value)
-    if kind is int and -WHOLE <= value <= WHOLE:
-        return float(value), 0.0
-    if kind is Fraction:
-        return _rational(value.numerator, value.denominator)
     return None
+
+
+def pairs_of(values: Collection[Any], read: Callable[[Any], Pair | None] = pair_of) -> tuple[Pair, ...] | None:
+    """Apply :func:`pair_of` or :func:`decimal_pair` to several values; None if it is None for one."""
+    found = tuple([pair for value in values if (pair := read(value)) is not None])
+    return found if len(found) == len(values) else None
 
 
 def exact_number(value: Any) -> Fraction:

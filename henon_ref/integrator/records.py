@@ -80,12 +80,14 @@ class Workspace:
     """Memoryview of ``state``."""
     band: NDArray[np.float64]
     """View: coefficients of the last expansion, one row per state, then per guard."""
+    start_room: Any
+    """Room of ``start_run`` of ``kernel/start.c``, of doubles."""
     transitions: NDArray[np.float64]
     """View: transitions, shape (CHUNK, TRANSITION_PLACES + n). Each row is a :data:`TRANSITION` and a state; with
     contacts, the words of the modes before and after follow. (Rows of doubles are copied much faster than records.)"""
 
     @classmethod
-    def of(cls, *sizes: int) -> Workspace:
+    def of(cls, sizes: tuple[int, ...], start_room: int) -> Workspace:
         """Allocate a workspace for ``sizes``: states, largest number of guards, order, contacts (0 if a mode is a row),
         and constants of a mode of contacts. The memory is zero, as the loop requires.
         """
@@ -99,6 +101,7 @@ class Workspace:
             block[: own.end_of_state],
             block[: own.end_of_state].data.cast("B"),
             block[own.band : own.room].reshape(-1, own.width),
+            ffi.new("double[]", start_room),
             block[own.records :].reshape(CHUNK, -1),
         )
 

@@ -11,18 +11,11 @@ import sympy as sp
 
 from henon_ref.integrator.constant_program import ConstantProgram, constant_program
 from henon_ref.modes.arithmetic import BALLS, DOUBLES
-from henon_ref.modes.equations import renamed
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.mode_evaluation import ModeEvaluation, ModeWithTape, ball_function, mode_with_tape
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.precision import one_at_a_time
 from henon_ref.taylor.tape import TIME, Tape, build_tape
-
-KEPT = 64
-"""Largest number of cached functions."""
-ALIKE = 4
-"""Average number of expressions per pattern above which each pattern is compiled once, instead of all expressions
-together. (A first run of 64 equal blocks then takes 1.1 s instead of 1.7 s.)"""
 
 
 class SharedTapes:
@@ -54,15 +47,10 @@ class SharedTapes:
         with one_at_a_time():
             return mode_with_tape(self._system, mode)
 
-    def _function(self, names: tuple[sp.Symbol, ...], expressions: tuple[sp.Expr, ...]) -> Callable[..., list[Any]]:
-        """Compile (t, *names, *parameters) -> values of expressions, in double precision."""
+    def _function(self, names: tuple[sp.Symbol, ...], expressions: tuple[sp.Expr, ...]) -> ConstantProgram:
+        """Write a program of expressions in time, ``names`` and parameters."""
         with one_at_a_time():
-            places = {symbol: k for k, symbol in enumerate((TIME, *names, *self._parameters))}
-            parts = [renamed((e,)) for e in expressions]
-            if len({forms for forms, _ in parts}) > len(parts) / ALIKE:
-                parts = [renamed(expressions)]
-            made = [(_in_doubles(tuple(own.values()), forms), [places[s] for s in own]) for forms, own in parts]
-            return lambda *point: [value for function, of in made for value in function(*[point[k] for k in of])]
+            return constant_program((TIME, *names, *self._parameters), expressions)
 
     def _tape(self, names: tuple[sp.Symbol, ...], expressions: tuple[sp.Expr, ...]) -> Tape:
         """Build a tape of expressions in time and ``names``."""
@@ -85,8 +73,8 @@ class _InDoubles(_AtValues):
         return found
 
     def function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
-        function, values = self._shared.function(tuple(names), tuple(expressions)), self._values
-        return lambda *point: function(*point, *values)
+        program, values = self._shared.function(tuple(names), tuple(expressions)), self._values
+        return lambda *point: program.in_doubles((*point, *values))
 
 
 class _InBalls(_AtValues):
@@ -96,10 +84,3 @@ class _InBalls(_AtValues):
     def function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
         tape = self._shared.tape(tuple(names), tuple(expressions))
         return ball_function(tape, self.constants(tape))
-
-
-@lru_cache(maxsize=KEPT)
-def _in_doubles(names: tuple[sp.Symbol, ...], expressions: tuple[sp.Expr, ...]) -> Callable[..., list[Any]]:
-    """Compile (*names) -> values of expressions; cached by pattern."""
-    made: Callable[..., list[Any]] = sp.lambdify(names, list(expressions), "math", cse=True)
-    return made

@@ -113,9 +113,7 @@ def begin(
     workspace: Workspace,
     constants: ModeConstants,
     template: Any,
-    time: Pair,
-    until: Pair,
-    x: tuple[Pair, ...],
+    numbers: tuple[Pair, ...],
     exact: Callable[[], Sequence[Any]],
     mode: Mapping[int, int],
 ) -> Start:
@@ -128,18 +126,17 @@ def begin(
     constants : ModeConstants
     template : cdata
         As :func:`run_template` returns it.
-    time, until : Pair
-        Initial time and horizon [s].
-    x : tuple of Pair, shape (n,)
+    numbers : tuple of Pair, shape (2 + n,)
+        Horizon and initial time [s], and initial state.
     exact : callable
         Returns time and state as exact numbers, of Python or SymPy; called only if pairs do not decide a sign.
     mode : mapping
         Surface -> -1, 0 or +1, for a start on a surface from which several motions are possible.
     """
-    signs = constants.start(workspace.run, template, until, time, x)
+    signs = constants.start(workspace, template, numbers)
     clear = signs is None and not mode
     refused = None if clear else _entered(constants, workspace, signs or (), exact, mode)
-    return Start(time, until, x, refused, constants, bytearray(workspace.memory))
+    return Start(numbers[1], numbers[0], numbers[2:], refused, constants, bytearray(workspace.memory))
 
 
 def row_at_start(table: ModeTable, signs: Sequence[int]) -> tuple[int, int] | None:

@@ -238,7 +238,7 @@ def _contact(
             return None
         first, second = system.hold_guards(index)
         ends, held = (first, second), (override.field[row], first.expression, second.expression)
-    moving = (s for s in sorted(rate.free_symbols, key=str) if s in places)
+    moving = (s for s in sorted(rate.free_symbols, key=lambda symbol: symbol.name) if s in places)
     made = by_pattern(_in_slip_and_slide, h, x, sign, rate, sp.Tuple(*moving), *held)
     if made is None or (held and _moves_others(system, index, row, {x: sp.expand(x - h / sp.diff(h, x))})):
         return None

@@ -232,8 +232,9 @@ class FilippovSystem(SwitchedField):
             return self
         signs = {i: self.signs[i] for i in sorted(surfaces)}
         off = {s: sp.Integer(self.rests(i)) for i, s in signs.items()}
+        pushes = [(s, self.overrides[i].push) for i, s in signs.items()]
         rates = tuple(
-            sp.Add(put(rate, off), *(self.overrides[i].push[k] * s for i, s in signs.items()))
+            sp.Add(put(rate, off), *(push[k] * s for s, push in pushes if push[k] != 0))
             for k, rate in enumerate(self.field)
         )
         resting = self.resting & surfaces

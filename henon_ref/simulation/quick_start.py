@@ -7,11 +7,10 @@ to it (:mod:`henon_ref.simulation.arguments`); it also reports errors.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from fractions import Fraction
-from functools import cached_property, lru_cache
+from collections.abc import Callable, Iterable, Mapping
+from functools import cached_property, lru_cache, partial
 from itertools import chain
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import sympy as sp
 
@@ -19,7 +18,7 @@ from henon_ref.errors import ModelError
 from henon_ref.expressions.bounds import double_double
 from henon_ref.integrator.constants import ModeConstants
 from henon_ref.integrator.integrator import Integrator
-from henon_ref.integrator.pairs import Pair, exact_expression, exact_number, pair_of
+from henon_ref.integrator.pairs import Pair, decimal_pair, exact_expression, exact_number, pairs_of
 from henon_ref.integrator.start import Start, begin, run_template
 from henon_ref.kernel.shared import kernel
 from henon_ref.precision import one_at_a_time
@@ -29,13 +28,18 @@ if TYPE_CHECKING:
     from henon_ref.simulation.dependent_parameters import Number
 
 KEPT = 64
-"""Number of cached sets of parameter values."""
+"""Number of cached sets of parameters, and of their values."""
 CLEARLY = 1e-9
 """A condition on the parameters above this value holds, whatever the rounding."""
-Values = tuple[float, ...]
-"""Values of the parameters in the equations, a pair of doubles each."""
-Changes = tuple[tuple[str, float], ...]
-"""(name, value) of the parameters whose values differ from the system's."""
+
+
+class Changes(NamedTuple):
+    """What changes with given parameters."""
+
+    dependents: Mapping[str, Number]
+    """Parameters that depend on them."""
+    places: tuple[int, ...]
+    """Places of the given parameters, then of their dependents, among the values; -1 of one in no equation."""
 
 
 class QuickStart:
@@ -45,14 +49,12 @@ class QuickStart:
         self._system, self.integrator = system, integrator
         self._template = run_template(integrator.mode_table.sizes, tolerance=tolerance)
         programs, self._own = integrator.programs, system.model.parameters
-        values = chain.from_iterable(double_double(self._own[symbol]) for symbol in programs.parameters)
-        self._values: Values = tuple(values)
+        self._values = [*chain.from_iterable(double_double(self._own[symbol]) for symbol in programs.parameters)]
         self._places = {symbol.name: 2 * at for at, symbol in enumerate(programs.parameters)}
-        self._dependents: dict[tuple[str, ...], dict[str, Number] | None] = {}
         self._floats = {symbol.name: float(value) for symbol, value in self._own.items()}
         # The argument of a kink may lie at the edge of its domain, which decides whether its sign is open.
         self._in_kinks = bool(system.model.kinks) and not programs.start.is_rational
-        self._constants = lru_cache(maxsize=KEPT)(self._made)
+        self._changes, self._constants = lru_cache(KEPT)(self._changes_of), lru_cache(KEPT)(self._made)
 
     @classmethod
     def of(cls, system: System, integrator: Integrator, tolerance: float) -> QuickStart | None:
@@ -75,20 +77,20 @@ class QuickStart:
         if not plain or not (mode is None or type(mode) is dict) or len(initial) != len(self._system.state):
             return None
         point = start, *map(initial.get, self._system.state)
-        pairs = list(map(pair_of, (until, *point)))
-        if None in pairs:
+        numbers = pairs_of((until, *point))
+        if numbers is None:
             return None
-        end, time, *x = cast(list[Pair], pairs)
+        end, time = numbers[:2]
         if not (end[0] - time[0]) + (end[1] - time[1]) > 0.0:
             return None
         constants, given = self._constants_of(parameters), self._entries(mode) if mode else {}
         if constants is None or given is None:
             return None
-        if self._in_kinks and kernel.UNCLEAR_SIGN in constants.signs(time, x):
+        if self._in_kinks and kernel.UNCLEAR_SIGN in constants.signs(numbers[1:]):
             return None
         exact = lambda: list(map(exact_number, point))  # noqa: E731
         workspace = self.integrator.workspace()
-        found = begin(workspace, constants, self._template, time, end, tuple(x), exact, given)
+        found = begin(workspace, constants, self._template, numbers, exact, given)
         self.integrator.free.append(workspace)
         wrong = found.refused is not None and (given or found.refused.status == "failed")
         return None if wrong else found  # the reader reports the error
@@ -101,55 +103,46 @@ class QuickStart:
         return {names.index(name): entry for name, entry in mode.items()}
 
     def _constants_of(self, parameters: Mapping[Any, Any] | None) -> ModeConstants | None:
-        """Return the constants at the system's values, some of them changed; None if the values need the reader."""
-        if not parameters:
-            return self._constants(self._values, ())
-        values = self._changed(parameters)
-        return None if values is None else self._constants(values, tuple(parameters.items()))
-
-    def _changed(self, parameters: Mapping[Any, Any]) -> Values | None:
-        """Return the values with some parameters changed; None if they need the reader.
+        """Return the constants at the system's values, some of them changed; None if the values need the reader.
 
         (Fractions need it: the exact value of a decimal number follows from its double, that of a fraction does not.)
         """
-        pairs = {}
-        for name, value in parameters.items():
-            pair = pair_of(value)
-            if pair is None or name not in self._floats or type(value) is Fraction:
-                return None
-            pairs[name] = pair
-        dependents = self._dependents_of(tuple(parameters))
-        if dependents is None:
+        if not parameters:
+            return self._constants((), ())
+        given = pairs_of(parameters.values(), decimal_pair)
+        return None if given is None else self._constants(tuple(parameters), given)
+
+    def _made(self, names: tuple[str, ...], given: tuple[Pair, ...]) -> ModeConstants | None:
+        """Return the constants at changed values; None if they need the reader, or a constant is not finite."""
+        changes = self._changes(names)
+        if changes is None:
             return None
-        for name, number in dependents.items():
-            pairs[name] = number.pair([parameters[own] for own in number.names])
-        values = list(self._values)
-        for name, pair in pairs.items():
-            if not math.isfinite(pair[0]):
+        pairs, values = given, self._values.copy()
+        if names and (changes.dependents or self._conditions):
+            numbers = _numbers(names, given)
+            pairs += tuple([own.pair([numbers[name] for name in own.names]) for own in changes.dependents.values()])
+            if not self._clearly_allowed(numbers | _numbers(changes.dependents, pairs[len(given) :])):
                 return None
-            place = self._places.get(name)
-            if place is not None:  # the equations depend on it
+        for place, pair in zip(changes.places, pairs, strict=True):
+            if place >= 0:
                 values[place : place + 2] = pair
-        if self._conditions is not None and not self._clearly_allowed(
-            {name: high for name, (high, _) in pairs.items()}
-        ):
+        made = ModeConstants(self.integrator.programs, tuple(values), partial(self._exact, names, given))
+        return made if made.is_finite else None
+
+    def _changes_of(self, names: tuple[str, ...]) -> Changes | None:
+        """Return what changes with given parameters; None if it is more than numbers (or an exponent)."""
+        from henon_ref.simulation.dependent_parameters import Number, following
+
+        if not self._floats.keys() >= set(names):
             return None
-        return tuple(values)
-
-    def _dependents_of(self, names: tuple[str, ...]) -> dict[str, Number] | None:
-        """Return the parameters that depend on given ones; None if more than numbers changes (or an exponent)."""
-        if names not in self._dependents:
-            from henon_ref.simulation.dependent_parameters import Number, following
-
-            try:
-                expressions = following(self._system, frozenset(names))
-                found: dict[str, Number] | None = {name: Number(own) for name, own in expressions.items()}
-            except ModelError:
-                found = None
-            if found is not None and not self._system.exponent_parameters.isdisjoint((*names, *found)):
-                found = None
-            self._dependents[names] = found
-        return self._dependents[names]
+        try:
+            dependents = {name: Number(own) for name, own in following(self._system, frozenset(names)).items()}
+        except ModelError:
+            return None
+        changed = *names, *dependents
+        if not self._system.exponent_parameters.isdisjoint(changed):
+            return None
+        return Changes(dependents, tuple([self._places.get(name, -1) for name in changed]))
 
     @cached_property
     def _conditions(self) -> Callable[..., list[float]] | None:
@@ -158,26 +151,25 @@ class QuickStart:
             wanted = self._system.conditions
             return sp.lambdify(list(self._own), wanted, "math") if wanted else None
 
-    def _clearly_allowed(self, parameters: Mapping[str, float]) -> bool:
-        """Whether the conditions of the scene hold for these values by more than rounding."""
-        assert self._conditions is not None
+    def _clearly_allowed(self, numbers: Mapping[str, float]) -> bool:
+        """Whether numbers are finite, and the conditions of the scene hold for them by more than rounding."""
+        if not all(map(math.isfinite, numbers.values())):
+            return False
         try:
-            found = self._conditions(**{**self._floats, **parameters})
+            found = self._conditions(**{**self._floats, **numbers}) if self._conditions else ()
         except (ArithmeticError, ValueError):
             return False
         return all(condition > CLEARLY for condition in found)
 
-    def _made(self, values: Values, changes: Changes) -> ModeConstants | None:
-        """Return the constants at given values; None if a constant is not finite."""
-        programs = self.integrator.programs
-        made = ModeConstants(programs, values, lambda: self._exact(changes))
-        return made if made.is_finite else None
-
-    def _exact(self, changes: Changes) -> list[sp.Expr]:
+    def _exact(self, names: tuple[str, ...], given: tuple[Pair, ...]) -> list[sp.Expr]:
         """Return the exact values of all parameters: changed ones as printed decimal numbers, and their dependents."""
-        given = dict(changes)
+        numbers, changes = _numbers(names, given), self._changes(names)
+        assert changes is not None
         known = {symbol.name: value for symbol, value in self._own.items()}
-        known |= {name: exact_expression(value) for name, value in given.items()}
-        dependents = self._dependents_of(tuple(given)) or {}
-        known |= {name: number.exact(given) for name, number in dependents.items()}
+        known |= {name: exact_expression(value) for name, value in numbers.items()}
+        known |= {name: own.exact(numbers) for name, own in changes.dependents.items()}
         return [known[symbol.name] for symbol in self.integrator.programs.parameters]
+
+
+def _numbers(names: Iterable[str], pairs: Iterable[Pair]) -> dict[str, float]:
+    return {name: high for name, (high, _) in zip(names, pairs, strict=True)}

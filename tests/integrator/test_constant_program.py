@@ -63,6 +63,15 @@ def test_many_points_are_those_one_by_one() -> None:
         assert np.array_equal(PROGRAM.registers(row[None])[0], each)
 
 
+def test_in_doubles_it_is_the_function_of_the_expressions() -> None:
+    for values in np.random.default_rng(3).uniform(0.5, 9, (20, 3)).tolist():
+        wanted = [float(sp.N(exact(expression, tuple(values)), 30)) for expression in EXPRESSIONS]
+        assert PROGRAM.in_doubles(values) == pytest.approx(wanted, rel=1e-9)
+    for point, error in (((1.0, 1.0, 0.1), ZeroDivisionError), ((1e200, 1.0, 1.0), OverflowError)):
+        with pytest.raises(error):
+            PROGRAM.in_doubles(point)
+
+
 def numbers(*values: float) -> list[sp.Expr]:
     return [sp.Rational(value) for value in values]
 
