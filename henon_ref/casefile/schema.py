@@ -281,7 +281,7 @@ class CaseForm(Form):
     initial: InitialForm
     until: Annotated[Expression, "the horizon [s]"]
     sliding: Annotated[Mapping[str, SlidingForm], "sign symbol: sliding mode, in place of Filippov's"] = NONE
-    resets: Annotated[Mapping[str, ResetForm], "sign symbol: jump of the state when its surface falls through zero"] = NONE
+    resets: Annotated[Mapping[str, ResetForm], "sign symbol: jump of the state as its surface falls through 0"] = NONE
     measure: Annotated[MeasureForm, "which sticks are measured"] = MeasureForm()
     published: Published | None = None
     exact: Exact | None = None
