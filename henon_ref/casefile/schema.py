@@ -167,8 +167,8 @@ class InitialForm(Form):
 
     OTHERS = Expression
 
-    t: Expression = "0"
-    mode: Mapping[str, ModeEntry] = NONE
+    t: Annotated[Expression, "time of the start [s]"] = "0"
+    mode: Annotated[Mapping[str, ModeEntry], "sign symbol: -1 or 1 (side of the surface), or 0 (sliding)"] = NONE
 
 
 class ReleaseForm(Form):
@@ -182,7 +182,7 @@ class ReleaseForm(Form):
 class SlidingForm(Form):
     """Sliding mode of the source, in place of Filippov's."""
 
-    field: tuple[Expression, ...]
+    field: Annotated[tuple[Expression, ...], "x' while it slides, one expression for each state"]
     release: Annotated[tuple[ReleaseForm, ...], Size(1)]
     entry: Annotated[
         Literal["attracting", "inside"],
@@ -216,7 +216,7 @@ class Published(Form):
 
     stick_durations: Annotated[tuple[PositiveDigits, ...], "[s]"] = ()
     # If the source prints fewer lengths than there are sticks, they repeat in this order.
-    stick_lengths: tuple[Digits, ...] = ()
+    stick_lengths: Annotated[tuple[Digits, ...], "change of the first state in each stick"] = ()
     transition_times: Annotated[tuple[Digits, ...], "[s], of some transitions"] = ()
     # Each is compared with the nearest exact transition time.
 
@@ -270,24 +270,24 @@ class CaseForm(Form):
 
     schema: Annotated[Version, "version of this form"]
     name: Annotated[CaseName, "name, also of the report's folder"]
-    title: OneLine
+    title: Annotated[OneLine, "title of the report"]
     source: Annotated[OneLine | None, "source of the case"] = None
     story: Annotated[Text | None, "the motion, its difficulty, the correct result"] = None
     equations: Annotated[Text | None, "the equations as a reader would write them"] = None
-    links: tuple[OneLine, ...] = ()
-    tags: tuple[OneLine, ...] = ()
+    links: Annotated[tuple[OneLine, ...], "addresses for the report"] = ()
+    tags: Annotated[tuple[OneLine, ...], "words for henon-ref cases --tag"] = ()
     system: SystemForm | None = None
     scene: SceneForm | None = None
     initial: InitialForm
     until: Annotated[Expression, "the horizon [s]"]
-    sliding: Annotated[Mapping[str, SlidingForm], "sign symbol: sliding mode of the source"] = NONE
-    resets: Annotated[Mapping[str, ResetForm], "sign symbol: jump of the state at its surface"] = NONE
-    measure: MeasureForm = MeasureForm()
+    sliding: Annotated[Mapping[str, SlidingForm], "sign symbol: sliding mode, in place of Filippov's"] = NONE
+    resets: Annotated[Mapping[str, ResetForm], "sign symbol: jump of the state as its surface falls through 0"] = NONE
+    measure: Annotated[MeasureForm, "which sticks are measured"] = MeasureForm()
     published: Published | None = None
     exact: Exact | None = None
     orbit: Orbit | None = None
     solvers: Annotated[Annotated[tuple[SolverName, ...], Size(1)] | None, "the default solvers if left out"] = None
-    tolerances: Annotated[tuple[Tolerance, ...], Size(1)] = (1e-6, 1e-9, 1e-12)
+    tolerances: Annotated[tuple[Tolerance, ...], Size(1), "relative tolerances"] = (1e-6, 1e-9, 1e-12)
     # A coarse, a usual and a tight tolerance: enough for a work-precision line.
     steps: Annotated[tuple[Positive, ...], Size(1), "for fixed-step solvers [s]"] = (1e-3,)
     gate: Mapping[SolverName, Gate] = NONE
