@@ -1,4 +1,4 @@
-"""Runs of the reference over the suite, written down to the last bit, and two such records compared.
+"""Record the runs of the reference over the suite to the last bit, and compare two records.
 
     python -m tests.support.bits dump RECORD [--tolerances 1e-6,1e-9,1e-12,own] [--only fig8,hard] [--first]
                                              [--solver henon] [--deadline SECONDS]

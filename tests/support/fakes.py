@@ -1,4 +1,4 @@
-"""Solvers that do what a test wants, and truths made of a list of times."""
+"""Made-up solvers with a prescribed behaviour, and truths made from a list of times."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A folder of made-up reports with a page, and Chromium to look at it with."""
+"""A folder of made-up reports with a page, opened in Chromium."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Hashes of the LLVM IR that the Taylor code generator writes for every mode of the suite; two such records compared.
+"""Hashes of the LLVM IR of the Taylor coefficients of every mode of the suite; comparison of two records.
 
     python -m tests.support.ir dump RECORD [--only fig8,hard] [--orders 1,4,7,12,24]
     python -m tests.support.ir compare RECORD RECORD

@@ -1,4 +1,4 @@
-"""Random scenes, and three routes held against each other on them: the reference, multiprecision, and a library.
+"""Compare three routes on random scenes: the reference, multiprecision, and a library.
 
 As a script::
 
@@ -46,17 +46,17 @@ from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Trajectory
 
 LIBRARIES = (("heyoka", 1e-13), ("scipy-dop853", 1e-12), ("scipy-dop853", 1e-10), ("scipy-dop853", 1e-8))
-"""Asked in turn until one is right; DOP853, which looks at the ends of its steps alone, steps over pairs of roots."""
+"""Tried in this order until one is right; DOP853 compares signs at the ends of a step, and misses pairs of roots."""
 BOUNDS = {"henon": 1e-11, "heyoka": 1e-9, "scipy-dop853": 1e-6}
-"""Error of a transition's time [s] where its conditioning times the size of the state is at most 1 s."""
+"""Largest error of a transition time [s] whose conditioning times the size of the state is at most 1 s."""
 DEADLINE = 60.0
 """Processor time of one route on one scene [s]."""
 NO_REST = "no rest is derived"
-"""In the reason of a run that ends where impacts come to a limit beyond what the package knows (``docs/scenes.md``)."""
+"""Part of the reason of a run that ends at a limit of impacts that the package does not support (``docs/scenes.md``)."""
 EXPLAINED = ("ill-conditioned", "not unique", "not judged", "loop", NO_REST)
-"""Verdicts that put a disagreement down to the question, and limits of the package that its documentation names."""
+"""Verdicts on runs that the problem itself explains, and documented limits of the package."""
 AT_REST = 1e-6
-"""A relative velocity [m/s or rad/s] or a distance below this counts as zero, where a run could not go on."""
+"""Relative velocity [m/s or rad/s] or distance below which it counts as zero at the end of a run."""
 
 
 class OutOfTimeError(Exception):
@@ -65,7 +65,7 @@ class OutOfTimeError(Exception):
 
 @contextmanager
 def deadline(seconds: float) -> Iterator[None]:
-    """Raise :class:`OutOfTimeError` once so much processor time has gone."""
+    """Raise :class:`OutOfTimeError` after some processor time [s]."""
 
     def ring(*_: object) -> None:
         raise OutOfTimeError

@@ -1,4 +1,4 @@
-"""Random stacks of two blocks on a floor, each contact with static friction: how their runs end.
+"""Random stacks of two blocks on a floor, each contact with static friction, and the ends of their runs.
 
     python -m tests.support.random_stacks [NUMBER] [SEED] [SECONDS]
 

@@ -1,4 +1,4 @@
-"""Random Filippov systems, and the reference held against heyoka on them.
+"""Compare the reference with heyoka on random Filippov systems.
 
 A system has 1-3 surfaces and 2-6 states; its field is made of linear and cubic damping, sines of states, products of
 states, harmonic drives and signs (some of them times a state); cubic damping keeps it bounded. It is written as a

@@ -1,4 +1,4 @@
-"""Reports say what the rows say: text, tables, figures, and whether stored ones still hold.
+"""Text, tables and figures of reports agree with their rows, also in stored reports.
 
 ``snapshot.md`` and ``snapshot_of_many.md`` are whole reports; where their words are to be others,
 ``HENON_REF_SNAPSHOT=1 pytest tests/harness/report`` writes them anew.

@@ -1,4 +1,4 @@
-"""The tables of a report hold what the rows hold: of one reading, of all readings at once, of what a source prints."""
+"""Tables of a report agree with its rows: of one reading, of all readings, and of printed numbers."""
 
 from __future__ import annotations
 

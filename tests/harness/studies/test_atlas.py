@@ -1,4 +1,4 @@
-"""The atlas: families of readings, what becomes of a run, and the page with its figure."""
+"""The atlas: families of readings, outcomes of runs, and the page with its figure."""
 
 from __future__ import annotations
 
