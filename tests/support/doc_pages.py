@@ -42,8 +42,8 @@ from henon_ref.sweeps.sweep_file import load_sweep
 ROOT = Path(__file__).resolve().parents[2]
 PICTURES = ROOT / "docs" / "pictures"
 TRUTHS = Path(__file__).parent / "truths"
-"""Truths of cases that pages create, made by ``henon-ref truth``; each takes half a minute. They are copied to the cache
-of the user that a page runs with. A truth that does not match its case is computed again."""
+"""Truths of cases that pages create, made by ``henon-ref truth`` (half a minute each), and copied to the cache with
+which a page runs. A truth that does not match its case is computed again."""
 SECONDS = 600
 """Largest time of a block in a shell [s]."""
 SHELLS = ("bash", "sh", "shell", "console")

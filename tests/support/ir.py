@@ -108,7 +108,7 @@ def differing(one: Record, other: Record) -> list[str]:
 
 
 def main() -> int:
-    """Command line; see the module's text."""
+    """Command line; see the docstring of the module."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     commands = parser.add_subparsers(dest="command", required=True)
     dump = commands.add_parser("dump")

@@ -83,7 +83,7 @@ def runs(number: int = NUMBER, seed: int = SEED, seconds: float = SECONDS) -> It
 
 
 def main() -> None:
-    """Command line; see the module's text."""
+    """Command line; see the docstring of the module."""
     number, seed = (int(v) for v in (*sys.argv[1:3], *map(str, (NUMBER, SEED)[len(sys.argv[1:3]) :])))
     seconds = float(sys.argv[3]) if len(sys.argv) > 3 else SECONDS
     ended = Counter[str]()
