@@ -82,7 +82,8 @@ def test_prices_count_only_right_rows_and_never_a_faster_wrong_one(comparison):
     assert [first.rtol for first, _ in (three, six, nine, twelve)] == [1e-6, 1e-6, 1e-12, 1e-12]
     assert {other.solver for _, other in (three, six, nine, twelve)} == {"heyoka"}
     assert (
-        "| 12 | `henon` | 1e-12 | 0.3 ms | `heyoka` | 1e-12 | 0.9 ms | 3 |" in price_table(comparison.run_rows).markdown
+        "| 12 | `henon` | 1e-12 | 0.3 ms | `heyoka` | 1e-12 | 0.9 ms | 3 |"
+        in price_table(comparison.run_rows, {}).markdown
     )
 
 
