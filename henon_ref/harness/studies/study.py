@@ -71,8 +71,8 @@ class Study:
             If the folder cannot be written.
         """
         module, _, function = self.target.partition(":")
-        made: StudyResult = getattr(import_module(f"henon_ref.harness.studies.{module}"), function)(request)
-        return made
+        result: StudyResult = getattr(import_module(f"henon_ref.harness.studies.{module}"), function)(request)
+        return result
 
 
 STUDIES = {
