@@ -1,4 +1,4 @@
-"""A new library is an adapter with its names, and one method that integrates a smooth mode until a guard stops it."""
+"""An adapter for a library: its names, and one method that integrates a smooth mode until a guard stops it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every library lets the state jump, by the same driver."""
+"""Jumps of the state with every library, by the shared driver."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The two solvers people write first: what they see of a stick, and how their transitions are read off."""
+"""SciPy with sign or tanh in the right-hand side: sticks, and the transitions that are read from the samples."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What each library makes of a guard that starts at zero, policy by policy.
+"""Each library with each restart, if a guard starts at zero.
 
 The ball: x' = v, v' = -1 above the surface x = 0 from (0, 1): it comes back at t = 2 exactly. A library that
 fires at once never leaves; one that is told a direction may never see the ball come down. The slide: a

@@ -1,4 +1,4 @@
-"""The shared driver, on a library that is exact: straight lines and parabolas, no tolerance in the way."""
+"""The shared driver with an exact library: straight lines and parabolas, without tolerances."""
 
 from __future__ import annotations
 

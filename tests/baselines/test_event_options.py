@@ -1,4 +1,4 @@
-"""Options of the libraries' own event handling: what they set, and that a run with them is a run."""
+"""Options of the libraries' own event location: the arguments that they set, and a run with each of them."""
 
 from __future__ import annotations
 

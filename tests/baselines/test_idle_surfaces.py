@@ -1,4 +1,4 @@
-"""Surfaces that stay at zero: nobody watches them until something moves them.
+"""Surfaces on which the state rests: their guards are not evaluated until the surface function changes.
 
 From https://github.com/sys-bio/roadrunner/issues/1358, where an event's timer stops at zero.
 """

@@ -1,4 +1,4 @@
-"""Callbacks compiled by numba compute what plain Python does, and numba is imported for them only."""
+"""Callbacks compiled by numba have the values of plain Python, and only they import numba."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""diffrax, diffsol and nosnoc against closed forms, each in a process of its own; and where they are not installed."""
+"""diffrax, diffsol and nosnoc against closed forms, each in a separate process; rows if they are not installed."""
 
 from __future__ import annotations
 

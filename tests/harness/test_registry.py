@@ -1,4 +1,4 @@
-"""Solvers by name: built-in ones without importing them, third parties' by entry point."""
+"""Solvers by name: built-in ones without importing them, those of other packages by entry point."""
 
 from __future__ import annotations
 

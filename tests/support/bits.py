@@ -1,4 +1,4 @@
-"""Runs of the reference over the suite, written down to the last bit, and two such records compared.
+"""Record the runs of the reference over the suite to the last bit, and compare two records.
 
     python -m tests.support.bits dump RECORD [--tolerances 1e-6,1e-9,1e-12,own] [--only fig8,hard] [--first]
                                              [--solver henon] [--deadline SECONDS]
@@ -87,7 +87,7 @@ def _readings(only: Collection[str], name: str, first: bool) -> Iterator[tuple[s
 
 
 def as_text(run: Trajectory) -> dict[str, Any]:
-    """A run as JSON can hold it."""
+    """Convert a run to JSON values."""
     return {
         "status": run.status,
         "transitions": [_transition(each) for each in run.transitions],
@@ -105,7 +105,7 @@ def _transition(each: Transition) -> dict[str, Any]:
 
 
 class Likeness(IntEnum):
-    """How far two runs are alike: each class holds what those above it say, but for the first."""
+    """Degrees of agreement of two runs; each includes those above it, except the first."""
 
     DIFFERENT = 0
     SEQUENCE = 1
@@ -117,7 +117,7 @@ class Likeness(IntEnum):
 
 
 class Compared(NamedTuple):
-    """One run of two records beside the other."""
+    """A run in two records, and their agreement."""
 
     likeness: Likeness
     time: float
@@ -127,7 +127,7 @@ class Compared(NamedTuple):
 
 
 def compared(one: dict[str, Any], other: dict[str, Any]) -> Compared:
-    """Two runs beside each other."""
+    """Compare two runs."""
     if one == other:
         return Compared(Likeness.BITS, 0.0, 0.0)
     if _sequence(one) != _sequence(other):
@@ -150,7 +150,7 @@ def _number(text: str) -> float:
 
 
 def compare(one: Record, other: Record) -> dict[str, Compared]:
-    """All runs of two records, those that are least alike first; one that only one record has is different."""
+    """Compare all runs of two records, least agreement first; a run in one record only is different."""
     missing = Compared(Likeness.DIFFERENT, 0.0, 0.0)
     found = {
         key: compared(one[key], other[key]) if key in one and key in other else missing
@@ -160,7 +160,7 @@ def compare(one: Record, other: Record) -> dict[str, Compared]:
 
 
 def report(found: dict[str, Compared]) -> str:
-    """How many runs are how much alike, then a line for each one whose bits are not equal."""
+    """Number of runs by degree of agreement, then a line for each run whose bits differ."""
     counts = (f"{sum(each.likeness is kind for each in found.values())} {kind.name.lower()}" for kind in Likeness)
     lines = [f"{len(found)} runs: {', '.join(counts)}"]
     for key, each in found.items():
@@ -170,7 +170,7 @@ def report(found: dict[str, Compared]) -> str:
 
 
 def main() -> int:
-    """Command line; see the module's text."""
+    """Command line; see the docstring of the module."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     commands = parser.add_subparsers(dest="command", required=True)
     dump = commands.add_parser("dump")

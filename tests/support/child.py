@@ -1,4 +1,4 @@
-"""Runs of the peers in a process of their own: jax's threads must not be in one that forks, and diffsol may end one."""
+"""Runs of the peers in a separate process: jax's threads prevent a fork of this one, and diffsol may abort."""
 
 from __future__ import annotations
 

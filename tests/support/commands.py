@@ -1,4 +1,4 @@
-"""The command with made-up solvers, truths and figures in place of those that take long."""
+"""The command ``compare`` with made-up solvers, truths and figures, which are fast."""
 
 from __future__ import annotations
 

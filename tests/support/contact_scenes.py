@@ -1,4 +1,4 @@
-"""Scenes of bodies that touch with dry friction, as problems; libraries that run them."""
+"""Scenes of bodies with dry friction between them, as problems; libraries that run them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A program and what the tests use of it: runs the blocks of the documentation's pages, as a reader would.
+"""Run the code blocks of the documentation's pages; a program, and functions for the tests.
 
 ``python -m tests.support.doc_pages docs/bifurcation.md ...`` runs pages, and puts the pictures that their blocks save
 where the pages show them, in ``docs/pictures``.
@@ -42,10 +42,10 @@ from henon_ref.sweeps.sweep_file import load_sweep
 ROOT = Path(__file__).resolve().parents[2]
 PICTURES = ROOT / "docs" / "pictures"
 TRUTHS = Path(__file__).parent / "truths"
-"""Of cases that pages make and that take half a minute each: a page finds them in the reader's cache, as if it had been
-tried before. Made by ``henon-ref truth``; what does not fit a case any more is computed anew, as anywhere."""
+"""Truths of cases that pages create, made by ``henon-ref truth`` (half a minute each), and copied to the cache with
+which a page runs. A truth that does not match its case is computed again."""
 SECONDS = 600
-"""That a block in a shell may take."""
+"""Largest time of a block in a shell [s]."""
 SHELLS = ("bash", "sh", "shell", "console")
 MATLAB = "matlab"
 UNREAD = ("text", "", "diff")

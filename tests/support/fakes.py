@@ -1,4 +1,4 @@
-"""Solvers that do what a test wants, and truths made of a list of times."""
+"""Made-up solvers with a prescribed behaviour, and truths made from a list of times."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ gate: {{henon: {{max_time_error: 1e-5}}}}
 
 
 def case(name: str = "made_up", text: str = CASE) -> Case:
-    """A small case whose mathematics nobody integrates here."""
+    """A small case, which the tests do not integrate."""
     return parse_case(text.format(name=name))
 
 
@@ -65,7 +65,7 @@ _CYCLE = (("stick", 1, 0), ("release", 0, -1), ("crossing", -1, 1))
 
 
 def reference(times: tuple[float, ...] = TIMES) -> tuple[Reference, ...]:
-    """Stick, release, crossing, stick, ... at these times."""
+    """Transitions stick, release, crossing, stick, ... at these times."""
     return tuple(
         Reference(kind, 0, (before,), (after,), t)
         for i, t in enumerate(times)
@@ -74,7 +74,7 @@ def reference(times: tuple[float, ...] = TIMES) -> tuple[Reference, ...]:
 
 
 def expected(times: tuple[float, ...] = TIMES, **changes: object) -> Expected:
-    """What runs are scored against."""
+    """Reference of scoring."""
     return replace(Expected("ok", reference(times), 0.0, 5.0, 5.0), **changes)
 
 
@@ -98,7 +98,7 @@ def statement(case: Case, reading: object) -> Statement:
 
 @dataclass(frozen=True)
 class Fake:
-    """A solver whose time error is its tolerance, and which may misbehave."""
+    """A solver whose time errors equal its tolerance; it can also fail in prescribed ways."""
 
     name: str = "fake"
     what: str = "right"
@@ -149,7 +149,7 @@ def _crashes(error: float, deadline: float) -> Trajectory:
 
 
 def _once(what: Callable[[float, float], Trajectory]) -> Callable[[float, float], Trajectory]:
-    """Right in a worker's first run at each setting, then something else."""
+    """Right in the first run of a worker at each setting, and different later."""
     seen: set[float] = set()
 
     def run(error: float, deadline: float) -> Trajectory:
@@ -170,7 +170,7 @@ def _gives_up(error: float, deadline: float) -> Trajectory:
 
 
 def _chatters(error: float, deadline: float) -> Trajectory:
-    """At a loose tolerance caught in transitions that are none of the truth's; right at others."""
+    """Many spurious transitions at a loose tolerance; right at other tolerances."""
     if error < 1e-4:
         return _right(error, deadline)
     first, second = found()[:2]
@@ -204,7 +204,7 @@ def _compiles(error: float, deadline: float) -> Trajectory:
 
 
 def _act(what: str) -> Callable[[float, float], Trajectory]:
-    """Does what a hostile job does, then answers rightly, if it comes to that."""
+    """Does what a hostile job does, then returns the right answer if it still can."""
 
     def run(error: float, deadline: float) -> Trajectory:
         getattr(Act(what, notes=os.devnull), f"do_{what}")(None)
@@ -214,7 +214,7 @@ def _act(what: str) -> Callable[[float, float], Trajectory]:
 
 
 def _forks(error: float, deadline: float) -> Trajectory:
-    """The child comes back as well, late, with a wrong answer."""
+    """The forked child also returns, late, with a wrong answer."""
     if os.fork() == 0:
         time.sleep(0.5)
         return _right(0.1, deadline)
@@ -242,7 +242,7 @@ def _leaves_a_daemon(error: float, deadline: float) -> Trajectory:
 
 
 def _numpy(error: float, deadline: float) -> Trajectory:
-    """As a solver that works in arrays writes it down."""
+    """Result with NumPy arrays and numbers."""
     events = [
         replace(
             e, surface=np.int64(0), from_mode=np.array(e.from_mode), time=np.float64(e.time), state=np.array(e.state)

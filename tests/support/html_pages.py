@@ -1,4 +1,4 @@
-"""A folder of made-up reports with a page, and Chromium to look at it with."""
+"""A folder of made-up reports with a page, opened in Chromium."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def two_readings() -> Comparison:
 
 
 def made_folder(folder: Path) -> Path:
-    """Two cases, their reports, and the page over them; the page's path."""
+    """Write the reports of two cases and their page; return the path of the page."""
     for name in RUNS:
         write_report(comparison(name), ORIGIN, folder)
     write_folder_report(folder)
@@ -89,13 +89,13 @@ def made_folder(folder: Path) -> Path:
 
 
 def chromium() -> str | None:
-    """The path of a Chromium of this machine; None where there is none."""
+    """The path of an installed Chromium; None if there is none."""
     return next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 
 
 @contextmanager
 def browser() -> Iterator[Any]:
-    """A headless Chromium; the test is skipped where there is none, or Playwright or axe-core is not installed."""
+    """A headless Chromium; the test is skipped if it, Playwright or axe-core is not installed."""
     path = chromium()
     if path is None:
         pytest.skip("no Chromium is found: apt-get install chromium")
@@ -111,7 +111,7 @@ def browser() -> Iterator[Any]:
 
 @dataclass
 class Seen:
-    """A page that is open, and what it has said and asked for."""
+    """An open page, with its console messages and requests."""
 
     page: Any
     said: list[str] = field(default_factory=list)
@@ -124,7 +124,7 @@ class Seen:
 def opened(
     browser: Any, file: Path, *, size: tuple[int, int] = SIZES[1], scheme: str = "light", at: str = ""
 ) -> Iterator[Seen]:
-    """Open a file of the disk; nothing may be said on the console, and nothing else loaded."""
+    """Open a file; the console must remain empty, and nothing else may be loaded."""
     page = browser.new_page(viewport={"width": size[0], "height": size[1]}, color_scheme=scheme)
     seen = Seen(page)
     page.on("console", lambda message: seen.said.append(message.text))
@@ -139,7 +139,7 @@ def opened(
 
 
 def serious(page: Any) -> list[tuple[str, str]]:
-    """What axe-core finds that is serious or critical: its rule, and the first element."""
+    """Serious and critical findings of axe-core: the rule, and the first element."""
     from axe_playwright_python.sync_playwright import Axe
 
     found = Axe().run(page).response["violations"]
@@ -152,7 +152,7 @@ def sideways(page: Any) -> int:
 
 
 def set_value(page: Any, name: str, value: object, event: str = "change") -> None:
-    """Give a control a value, as a reader's hand does."""
+    """Set the value of a control, with the events of an input by hand."""
     page.locator(f"#{name}").evaluate(
         "(node, [value, event]) => { node.value = value; node.dispatchEvent(new Event(event, {bubbles: true})); }",
         [str(value), event],

@@ -1,4 +1,4 @@
-"""Hashes of the LLVM IR that the Taylor code generator writes for every mode of the suite; two such records compared.
+"""Hashes of the LLVM IR of the Taylor coefficients of every mode of the suite; comparison of two records.
 
     python -m tests.support.ir dump RECORD [--only fig8,hard] [--orders 1,4,7,12,24]
     python -m tests.support.ir compare RECORD RECORD
@@ -108,7 +108,7 @@ def differing(one: Record, other: Record) -> list[str]:
 
 
 def main() -> int:
-    """Command line; see the module's text."""
+    """Command line; see the docstring of the module."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     commands = parser.add_subparsers(dest="command", required=True)
     dump = commands.add_parser("dump")

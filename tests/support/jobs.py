@@ -1,4 +1,4 @@
-"""Jobs that fail in all ways there are, for a pool of workers."""
+"""Jobs for a pool of workers that fail in all possible ways."""
 
 from __future__ import annotations
 

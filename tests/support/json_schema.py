@@ -1,4 +1,4 @@
-"""What a JSON Schema says of a value: the keywords that the schema of a case file uses, and an error for any other."""
+"""Validation by a JSON Schema, for the keywords in the schema of a case file; any other keyword is an error."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Comparisons made up from rows, for what reports say of them."""
+"""Made-up comparisons and requests of studies, for tests of reports."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The multiprecision route for tests that hold something against it; they are skipped where heyoka is not installed."""
+"""The multiprecision route as a reference for tests, which are skipped if heyoka is not installed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which tests run how often: slow ones by the clock, what a version of Python may change with each of them."""
+"""How often tests run: slow ones are marked, and only some depend on the version of Python."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ EVERY_PYTHON = (
     "harness/test_registry.py", "jit/", "packaging/test_metadata.py", "simulation/test_system_from_python.py",
     "sweeps/test_storage.py", "test_package.py", "workers/test_executors.py",
 )  # fmt: skip
-"""What a version of Python may change: syntax trees, processes and pickles, entry points, warnings (errors here).
-All others are ``long``: .ci/pythons collects them, so that each is imported, and leaves them out."""
+"""Tests whose results may depend on the version of Python: syntax trees, processes and pickles, entry points, warnings
+(errors here). All others are marked ``long``: .ci/pythons collects, and thereby imports them, but does not run them."""
 
 
 def daily(values: Iterable[Any], *, some: Collection[Any]) -> list[Any]:
-    """All values for ``parametrize``; those that are not among ``some`` are marked slow. A tuple is of several."""
+    """Values for ``parametrize``; those that are not in ``some`` are marked slow. A tuple has several arguments."""
     rows = [(value in some, value if isinstance(value, tuple) else (value,)) for value in values]
     return [pytest.param(*row, marks=[] if often else [pytest.mark.slow]) for often, row in rows]

@@ -1,4 +1,4 @@
-"""A problem from text, so that a test reads like the problem it checks."""
+"""Problems from short text."""
 
 from __future__ import annotations
 

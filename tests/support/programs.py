@@ -1,4 +1,4 @@
-"""Programs that stand for solvers in other languages: each is a line of Python, run by the tests' own interpreter."""
+"""Programs in place of solvers in other languages: each is a line of Python."""
 
 from __future__ import annotations
 

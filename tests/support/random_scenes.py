@@ -1,19 +1,19 @@
-"""Random scenes, and three routes held against each other on them: the reference, multiprecision, and a library.
+"""Compare three routes on random scenes: the reference, multiprecision, and a library.
 
 As a script::
 
     python tests/support/random_scenes.py [--seed 1] [--first 1] [--count 300]
 
-runs scenes of a seed (:mod:`scene_draws`), a line each (how they end, transitions, the worst error of a time); each
-disagreement with its case file, and counts of everything at the end.
+runs scenes of a seed (:mod:`scene_draws`) and prints one line per scene (ends, transitions, largest error of a time),
+the case file of each disagreement, and counts at the end.
 
-The multiprecision route says what is right. A run is right where it has the same transitions, each with an error within
-a bound times its conditioning (see :mod:`henon_ref.harness.truth.conditioning`). Where it has not, the question may
-be to blame (:mod:`henon_ref.harness.score.verdict`): an error that its tolerance grants makes a transition appear or
-vanish. The library is heyoka; where it is not right another one is asked, at one tolerance after the other.
+The multiprecision route is the reference. A run is right if it has the same transitions, each with an error within a
+bound times its conditioning (:mod:`henon_ref.harness.truth.conditioning`). Otherwise the problem may be ill-conditioned
+(:mod:`henon_ref.harness.score.verdict`): an error of the size of the tolerance makes a transition appear or vanish. The
+library is heyoka; if it is not right, another library runs, at several tolerances.
 
-Where a run is not right, or the exact one cannot go on, the states of all transitions and of its end are asked for a
-loop: contacts at rest whose relative velocities depend on each other, for which no mode has equations.
+If a run is not right, or the exact run cannot continue, the states of all transitions and of the end are searched for a
+loop: contacts at rest whose relative velocities are linearly dependent, for which no mode has equations.
 """
 
 from __future__ import annotations
@@ -46,17 +46,17 @@ from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Trajectory
 
 LIBRARIES = (("heyoka", 1e-13), ("scipy-dop853", 1e-12), ("scipy-dop853", 1e-10), ("scipy-dop853", 1e-8))
-"""Asked in turn until one is right; DOP853, which looks at the ends of its steps alone, steps over pairs of roots."""
+"""Tried in this order until one is right; DOP853 compares signs at the ends of a step, and misses pairs of roots."""
 BOUNDS = {"henon": 1e-11, "heyoka": 1e-9, "scipy-dop853": 1e-6}
-"""Error of a transition's time [s] where its conditioning times the size of the state is at most 1 s."""
+"""Largest error of a transition time [s] whose conditioning times the size of the state is at most 1 s."""
 DEADLINE = 60.0
 """Processor time of one route on one scene [s]."""
 NO_REST = "no rest is derived"
-"""In the reason of a run that ends where impacts come to a limit beyond what the package knows (``docs/scenes.md``)."""
+"""Part of the reason of a run that ends at an unsupported limit of impacts (``docs/scenes.md``)."""
 EXPLAINED = ("ill-conditioned", "not unique", "not judged", "loop", NO_REST)
-"""Verdicts that put a disagreement down to the question, and limits of the package that its documentation names."""
+"""Verdicts on runs that the problem itself explains, and documented limits of the package."""
 AT_REST = 1e-6
-"""A relative velocity [m/s or rad/s] or a distance below this counts as zero, where a run could not go on."""
+"""Relative velocity [m/s or rad/s] or distance below which it counts as zero at the end of a run."""
 
 
 class OutOfTimeError(Exception):
@@ -65,7 +65,7 @@ class OutOfTimeError(Exception):
 
 @contextmanager
 def deadline(seconds: float) -> Iterator[None]:
-    """Raise :class:`OutOfTimeError` once so much processor time has gone."""
+    """Raise :class:`OutOfTimeError` after some processor time [s]."""
 
     def ring(*_: object) -> None:
         raise OutOfTimeError
@@ -81,7 +81,7 @@ def deadline(seconds: float) -> Iterator[None]:
 
 @dataclass(frozen=True)
 class Exact:
-    """What the multiprecision route says of a problem."""
+    """Result of the multiprecision route for a problem."""
 
     status: str
     reason: str
@@ -89,7 +89,7 @@ class Exact:
 
 
 def exact_run(problem: Problem) -> Exact:
-    """What the multiprecision route says of a problem."""
+    """Result of the multiprecision route for a problem."""
     start, until = float(problem.start), float(problem.until)
     try:
         exact = multiprecision(problem)
@@ -111,7 +111,7 @@ def exact_run(problem: Problem) -> Exact:
 
 
 class Loops:
-    """Whether relative velocities of friction and at stops that are zero at once depend on each other, at a state."""
+    """Whether zero relative velocities of friction contacts and stops are linearly dependent at a state."""
 
     def __init__(self, problem: Problem) -> None:
         system = problem.system
@@ -126,7 +126,7 @@ class Loops:
                 self._contacts.append([sp.lambdify(arguments, e) for e in (*both, slopes)])
 
     def at(self, time: float, state: Sequence[object]) -> bool:
-        """Contacts of the same two bodies (parallel velocities) are none."""
+        """Contacts of the same two bodies (parallel velocities) form no loop."""
         place = (time, *(float(str(v)) for v in state))
         rows: list[np.ndarray] = []
         for surface, speed, slopes in self._contacts:
@@ -138,7 +138,7 @@ class Loops:
 
 
 def run(name: str, problem: Problem, rtol: float) -> Trajectory | None:
-    """A solver's run; None where it does not do such systems."""
+    """A solver's run; None if it does not support the system."""
     try:
         return solver(name).prepare(problem, rtol=rtol, atol=rtol, deadline=DEADLINE)()
     except UnsupportedError:
@@ -163,7 +163,7 @@ class Judged:
 
 
 def judged(name: str, problem: Problem, exact: Exact, rtol: float) -> Judged:
-    """How far a solver's run is right."""
+    """Comparison of a solver's run with the exact one."""
     found, expected = run(name, problem, rtol), exact.expected
     if found is None:
         return Judged("unsupported")
@@ -185,7 +185,7 @@ def judged(name: str, problem: Problem, exact: Exact, rtol: float) -> Judged:
 
 @dataclass
 class Tally:
-    """What the draws were like, and what came of them."""
+    """Counts of the drawn scenes and of the results."""
 
     scenes: int = 0
     transitions: int = 0
@@ -204,7 +204,7 @@ class Tally:
 
 
 class Comparison:
-    """Holds the routes against each other, scene by scene; prints what they say and counts it."""
+    """Compares the routes on one scene after another; prints and counts the results."""
 
     def __init__(self) -> None:
         self.tally = Tally()
@@ -253,7 +253,7 @@ class Comparison:
             print(text, flush=True)
 
     def _library(self, problem: Problem, exact: Exact) -> list[tuple[str, Judged]]:
-        """Libraries and tolerances, in turn, until one is right, or has an excuse."""
+        """Run libraries and tolerances in order until one is right, or its disagreement is explained."""
         found: list[tuple[str, Judged]] = []
         for name, rtol in LIBRARIES:
             with self._clock(name):
@@ -265,7 +265,7 @@ class Comparison:
         return found
 
     def _told(self, who: str, word: str, fault: str, number: int) -> str:
-        """Count a disagreement; what the line says of it."""
+        """Count a disagreement, and return its text for the line."""
         if word in EXPLAINED:
             self.tally.explained[f"{who}: {word}"] += 1
         else:
@@ -282,7 +282,7 @@ class Comparison:
 
 
 def compared(base: int, numbers: Iterable[int]) -> list[str]:
-    """Hold the routes against each other on some scenes of a seed; returns what is not explained."""
+    """Compare the routes on some scenes of a seed; return the unexplained disagreements."""
     comparison = Comparison()
     for number in numbers:
         comparison.compare(number, scene(base, number))
@@ -293,7 +293,7 @@ def compared(base: int, numbers: Iterable[int]) -> list[str]:
 
 
 def main() -> int:
-    """Command line; see the module's text."""
+    """Command line; see the docstring of the module."""
     parser = argparse.ArgumentParser(description="Random scenes, three routes held against each other.")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--first", type=int, default=1, help="number of the first scene")

@@ -1,4 +1,4 @@
-"""Random stacks of two blocks on a floor, each contact with static friction: how their runs end.
+"""Random stacks of two blocks on a floor, each contact with static friction, and the ends of their runs.
 
     python -m tests.support.random_stacks [NUMBER] [SEED] [SECONDS]
 
@@ -83,7 +83,7 @@ def runs(number: int = NUMBER, seed: int = SEED, seconds: float = SECONDS) -> It
 
 
 def main() -> None:
-    """Command line; see the module's text."""
+    """Command line; see the docstring of the module."""
     number, seed = (int(v) for v in (*sys.argv[1:3], *map(str, (NUMBER, SEED)[len(sys.argv[1:3]) :])))
     seconds = float(sys.argv[3]) if len(sys.argv) > 3 else SECONDS
     ended = Counter[str]()

@@ -1,4 +1,4 @@
-"""Random Filippov systems, and the reference held against heyoka on them.
+"""Compare the reference with heyoka on random Filippov systems.
 
 A system has 1-3 surfaces and 2-6 states; its field is made of linear and cubic damping, sines of states, products of
 states, harmonic drives and signs (some of them times a state); cubic damping keeps it bounded. It is written as a
@@ -105,7 +105,7 @@ def systems(draw: st.DrawFn) -> Draw:
 
 
 def run(name: str, problem: Problem) -> Trajectory | None:
-    """A solver's run; None where it does not do such systems."""
+    """A solver's run; None if it does not support the system."""
     try:
         return solver(name).prepare(problem, rtol=TOLERANCE, atol=TOLERANCE, deadline=60)()
     except UnsupportedError:
@@ -113,7 +113,7 @@ def run(name: str, problem: Problem) -> Trajectory | None:
 
 
 def disagreement(ours: Trajectory, theirs: Trajectory, close: float = CLOSE) -> str:
-    """What two runs differ in first; empty where they agree. Touches are left out: heyoka does not see them."""
+    """First difference of two runs; empty if they agree. Touches are left out, since heyoka does not find them."""
     a, b = ([t for t in run.transitions if t.kind != "graze"] for run in (ours, theirs))
     for i, (t, u) in enumerate(zip(a, b, strict=False)):
         if (t.surface, t.from_mode, t.to_mode) != (u.surface, u.from_mode, u.to_mode):
@@ -133,7 +133,7 @@ def _shown(transition: Transition) -> str:
 
 
 def error_beyond_conditioning(problem: Problem, ours: Trajectory, theirs: Trajectory) -> str:
-    """What the reference has wrong up to where two runs differ, by 256 bits; empty where it is right.
+    """Error of the reference up to the difference of two runs, by 256 bits; empty if it is right.
 
     Right is: the exact transitions with the exact modes, each with an error of at most ``BOUND`` times its
     conditioning (see :mod:`henon_ref.harness.truth.conditioning`) times the size of the state.
@@ -160,13 +160,13 @@ def error_beyond_conditioning(problem: Problem, ours: Trajectory, theirs: Trajec
 
 
 def disagreeing(t: Transition, u: Transition, close: float = CLOSE) -> bool:
-    """Whether two transitions are not the same."""
+    """Whether two transitions differ."""
     return (t.surface, t.from_mode, t.to_mode) != (u.surface, u.from_mode, u.to_mode) or abs(t.time - u.time) > close
 
 
 @dataclass
 class Tally:
-    """What the draws were like."""
+    """Counts of the drawn systems."""
 
     systems: int = 0
     transitions: int = 0
@@ -196,7 +196,7 @@ class Tally:
 
 
 def compared(draws: int, base: int, other: str = "heyoka", close: float = CLOSE) -> list[str]:
-    """Hold the reference against another solver on so many draws; returns (and prints) what is not explained."""
+    """Compare the reference with another solver on some draws; return and print the unexplained differences."""
     found: list[str] = []
     tally = Tally()
     drawn = [0]

@@ -1,4 +1,4 @@
-"""Runs of the reference, and what a test asks of them."""
+"""Runs of the reference, and their kinds and times of transitions."""
 
 from __future__ import annotations
 

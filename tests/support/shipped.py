@@ -1,4 +1,4 @@
-"""The cases of the suite, each read once in a process of tests: all of them take seconds.
+"""The cases of the suite; each is read once per process, because reading all of them takes seconds.
 
 Tests are named by what stands in the files; a case is built where a test of it runs, not where tests are collected.
 """

@@ -1,4 +1,4 @@
-"""The case file of the contract, changed and refused."""
+"""The case file of the contract, with changes, and the error that a change causes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A tree with the build of this project and, in place of its C sources, small ones that are compiled at once."""
+"""A source tree with this project's build, and small C sources that compile quickly."""
 
 from __future__ import annotations
 

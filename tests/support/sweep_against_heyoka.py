@@ -1,4 +1,4 @@
-"""A program: a sweep of the friction oscillator beside heyoka's batch and ensemble mode, same points and horizon.
+"""A program: compare a sweep of the friction oscillator with heyoka's batch and ensemble modes.
 
 ``python -m tests.support.sweep_against_heyoka [POINTS]``. heyoka at its best: one integrator for all modes, whose
 parameters (the sign, whether it sticks, the lift of a fresh guard) belong to each lane of the batch; terminal events

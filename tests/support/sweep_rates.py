@@ -1,4 +1,4 @@
-"""A program: the rates of sweeps, as docs/sweep.md has them.
+"""A program: measure the rates of sweeps in docs/sweep.md.
 
 ``python -m tests.support.sweep_rates [NAME ...]``: friction, belt, bifurcation, workers, tasks, chunks, extremes;
 without a name all of them.

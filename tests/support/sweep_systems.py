@@ -1,4 +1,4 @@
-"""Systems that tests of sweeps share, and how two results are compared."""
+"""Systems for tests of sweeps, and comparison of two results."""
 
 from __future__ import annotations
 

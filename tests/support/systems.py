@@ -1,4 +1,4 @@
-"""Systems with known answers, written as `FilippovSystem` objects, for the tests of any solver.
+"""Systems with known solutions, written as `FilippovSystem` objects, for the tests of any solver.
 
 Sources and closed forms stand with each; numbers are exact. Each is built once: deriving the equations of its
 modes costs more than most runs.

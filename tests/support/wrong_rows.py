@@ -1,4 +1,4 @@
-"""Rows of runs that are wrong, and of what they missed, for the patterns of causes."""
+"""Rows of wrong runs and of missed transitions, for the patterns of causes."""
 
 from __future__ import annotations
 

@@ -105,6 +105,6 @@ def _description(tips: Mapping[str, NDArray[np.float64]]) -> str:
     ordered = sorted(tips.items(), key=lambda tip: float(tip[1][0]))
     parts = [f"{solver} {error:.1e} s in {style.time_text(wall)}" for solver, (wall, error) in ordered]
     return (
-        "Work-precision diagram with logarithmic axes: across, the median wall time of one run; upward, the worst "
+        "Work-precision diagram with logarithmic axes: median wall time of one run (horizontal), and worst "
         f"error of a transition time in seconds. The most accurate run of each solver: {'; '.join(parts)}."
     )

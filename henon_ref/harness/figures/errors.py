@@ -91,7 +91,7 @@ def draw_errors(runs: Sequence[Scored], expected: Expected) -> Figure | None:
         labels = [(curve.label, lines[curve.run.solver]) for curve in curves]
         label_column(axes, labels, x=1.045, gap=0.055, ends=[max(curve.last, lowest) for curve in curves])
         axes.set_xlabel("time of the transition [s]")
-        axes.set_ylabel("largest error of a transition time so far [s]")
+        axes.set_ylabel("largest error of a transition time up to t [s]")
         axes.set_title(TITLE)
         describe(figure, TITLE, _description(curves, expected))
         return figure
@@ -137,8 +137,8 @@ def _description(curves: Sequence[Curve], expected: Expected) -> str:
     ordered = sorted(curves, key=lambda curve: curve.last)
     words = [f"{curve.label} {curve.last:.1e} s" if curve.last else f"{curve.label} none" for curve in ordered]
     return (
-        f"Across, time from {expected.start:g} to {expected.end_time:g} s; upward, on a logarithmic axis, the largest "
-        f"absolute error of a transition time up to then. At the end: {'; '.join(words)}."
+        f"Horizontal axis: time from {expected.start:g} to {expected.end_time:g} s; logarithmic vertical axis: largest "
+        f"absolute error of all transition times up to this time. At the end: {'; '.join(words)}."
     )
 
 

@@ -44,28 +44,19 @@ KINDS = {
 BLAME = ("ill-conditioned", "solver defect")
 
 Outcome = Literal["right", "missed", "spurious", "both", "status", "failed"]
-OUTCOMES: dict[Outcome, str] = {
-    "right": "found right",
-    "missed": "missed",
-    "spurious": "spurious",
-    "both": "missed and spurious",
-    "status": "ended otherwise than the exact run",
-    "failed": "failed or out of time",
+OUTCOMES: dict[Outcome, tuple[str, str]] = {
+    "right": ("right", "#CFE3F3"),
+    "missed": ("missed", style.ORANGE),
+    "spurious": ("spurious", style.VERMILLION),
+    "both": ("missed and spurious", style.PURPLE),
+    "status": ("other end than the exact run", style.GREEN),
+    "failed": ("failed or out of time", style.BLACK),
 }
-"""Outcomes of a run, with their labels."""
+"""Label and colour of each outcome of a run; right is pale, so that the panels can be read without colour."""
 COLUMNS = 3
 """Panels per row."""
 PANEL = 1.25
 """Height of a panel with its title and ticks [in]."""
-COLOURS: dict[Outcome, str] = {
-    "right": "#CFE3F3",
-    "missed": style.ORANGE,
-    "spurious": style.VERMILLION,
-    "both": style.PURPLE,
-    "status": style.GREEN,
-    "failed": style.BLACK,
-}
-"""Right is pale and all other outcomes are darker, so that the panels can be read without colour."""
 MOST_TICKS = 5
 """Number of labelled distances below a panel."""
 
@@ -130,12 +121,11 @@ def run_atlas(request: StudyRequest) -> StudyResult:
     sections, figures = [], {}
     for family in found:
         case, own = family.case, rows[family.case.name]
-        figures[f"{case.name}.svg"] = draw_atlas(family, own, solvers_of(own))
+        figures[f"{case.name}.svg"] = draw_atlas(family, own)
         sections.append(
             {
                 "title": markdown(case.title),
                 "case": case.name,
-                "figure": f"{case.name}.svg",
                 "story": paragraphs(case.readings[0].story or ""),
                 "counts": count_table(own).markdown,
             }
@@ -164,12 +154,13 @@ def count_table(rows: Sequence[RunRow]) -> Table:
         tally: Counter[str | None] = Counter(outcome_of(row) for row in own)
         tally.update(row.verdict for row in own if row.verdict in BLAME)
         lines.append((code(solver), f"{len(own)}", *(f"{tally[word] or ''}" for word in (*OUTCOMES, *BLAME))))
-    headings = ("solver", "runs", *OUTCOMES.values(), *BLAME)
+    headings = ("solver", "runs", *(label for label, _ in OUTCOMES.values()), *BLAME)
     return Table(headings, "l" + "r" * (len(headings) - 1), lines)
 
 
-def draw_atlas(family: Family, rows: Sequence[RunRow], solvers: Sequence[str]) -> Figure:
+def draw_atlas(family: Family, rows: Sequence[RunRow]) -> Figure:
     """Draw tolerance against distance in one panel per solver; each cell is a run."""
+    solvers = solvers_of(rows)
     tolerances = sorted({number(row.rtol) for row in rows}, reverse=True)
     cells = {(row.solver, row.reading, number(row.rtol)): outcome_of(row) for row in rows}
     lines = math.ceil(len(solvers) / COLUMNS)
@@ -205,8 +196,8 @@ def _description(family: Family, cells: Mapping[tuple[str, str, float], Outcome 
         own = [outcome for key, outcome in cells.items() if key[0] == solver and outcome is not None]
         counts.append(f"{solver} {own.count('right')} of {len(own)}")
     return (
-        f"A panel a solver. Across, {family.meaning}; upward, the relative tolerance; a cell's colour says how the run "
-        f"ended. Right runs: {'; '.join(counts)}."
+        f"One panel per solver. Horizontal axis: {family.meaning}; vertical axis: relative tolerance; colours: "
+        f"outcomes of the runs. Right runs: {'; '.join(counts)}."
     )
 
 
@@ -227,7 +218,7 @@ def _draw_panel(axes: Axes, solver: str, outcomes: Sequence[Sequence[Outcome | N
                 boxes.setdefault(outcome, []).append(Path(corners, closed=True))
             begin = end
     for outcome, paths in boxes.items():
-        axes.add_patch(PathPatch(Path.make_compound_path(*paths), facecolor=COLOURS[outcome], linewidth=0))
+        axes.add_patch(PathPatch(Path.make_compound_path(*paths), facecolor=OUTCOMES[outcome][1], linewidth=0))
     width, height = len(outcomes[0]), len(outcomes)
     lines = [((i, 0), (i, height)) for i in range(1, width)] + [((0, j), (width, j)) for j in range(1, height)]
     grid = Path.make_compound_path(*map(Path, lines))
@@ -289,8 +280,8 @@ def _legend(figure: Figure, present: set[Outcome | None]) -> None:
     from matplotlib.patches import Patch
 
     handles: list[Patch | Line2D] = [
-        Patch(facecolor=COLOURS[outcome], edgecolor=style.GREY, linewidth=0.4, label=words)
-        for outcome, words in OUTCOMES.items()
+        Patch(facecolor=colour, edgecolor=style.GREY, linewidth=0.4, label=label)
+        for outcome, (label, colour) in OUTCOMES.items()
         if outcome in present
     ]
     handles.append(Line2D([], [], color=style.BLACK, lw=0.8, label="tolerance = distance"))

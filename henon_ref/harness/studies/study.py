@@ -71,47 +71,33 @@ class Study:
             If the folder cannot be written.
         """
         module, _, function = self.target.partition(":")
-        made: StudyResult = getattr(import_module(f"henon_ref.harness.studies.{module}"), function)(request)
-        return made
+        result: StudyResult = getattr(import_module(f"henon_ref.harness.studies.{module}"), function)(request)
+        return result
 
 
 STUDIES = {
     "price": Study(
-        "price",
-        "price.page:run_price",
-        "Times of every solver at every tolerance, and of the parts of a run.",
-        ("cases", "solvers", "jobs", "resume"),
-        jobs=1,
-        every_run=("price.csv", "samples.csv"),
+        "price", "price.page:run_price", "Times of every solver at every tolerance, and of the parts of a run.",
+        ("cases", "solvers", "jobs", "resume"), jobs=1, every_run=("price.csv", "samples.csv"),
     ),
     "paired-times": Study(
-        "rivals",
-        "paired_times:run_paired_times",
+        "rivals", "paired_times:run_paired_times",
         "Times of henon and of the cheapest other solvers, from alternating runs.",
-        ("cases", "rows", "timeout", "jobs"),
-        jobs=1,
-        nothing="no reading in which henon and another solver reach 3 digits",
-        every_run=("ratios.csv",),
+        ("cases", "rows", "timeout", "jobs"), jobs=1,
+        nothing="no reading in which henon and another solver reach 3 digits", every_run=("ratios.csv",),
     ),
     "atlas": Study(
-        "atlas",
-        "atlas:run_atlas",
-        "Grazes and pairs of roots at decreasing distances, at tolerances from 1e-3 to 1e-13.",
+        "atlas", "atlas:run_atlas", "Grazes and pairs of roots at decreasing distances, at tolerances from 1e-3 on.",
         ("cases", "solvers", "timeout", "jobs", "resume"),
         nothing="no case whose readings differ in a distance alone, or no solver that has a tolerance",
         every_run=("runs.csv",),
     ),
     "restarts": Study(
-        "restarts",
-        "restarts:run_restarts",
-        "Every library with every restart after an event; which defaults another restart beats.",
+        "restarts", "restarts:run_restarts", "Every library with every restart, and defaults that another one beats.",
         ("cases", "solvers", "timeout", "jobs", "resume"),
-        nothing="no library to restart, or no reading with a stored truth",
-        every_run=("runs.csv",),
+        nothing="no library to restart, or no reading with a stored truth", every_run=("runs.csv",),
     ),
-    "causes": Study(
-        "causes", "causes:run_causes", "Causes of failures of the libraries, each shown by a run of the library alone."
-    ),
+    "causes": Study("causes", "causes:run_causes", "Causes of failures, each shown by a run of the library alone."),
     "paper": Study("paper", "paper.page:run_paper", "Every number and equation of the paper, computed again."),
-}
+}  # fmt: skip
 """Studies by name."""

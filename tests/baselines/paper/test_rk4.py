@@ -1,4 +1,4 @@
-"""henon-rk4: order 4 at the transitions, against closed forms on grids that do not hit them by luck.
+"""henon-rk4: order 4 of the transition times, against closed forms, on grids that do not contain the transitions.
 
 Systems: the non-stop forced Coulomb oscillator (Den Hartog 1931, Shaw 1986), Leine's Stribeck belt (1998)
 and Fig. 8 of Olejnik and Awrejcewicz (2013).

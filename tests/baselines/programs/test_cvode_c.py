@@ -1,4 +1,4 @@
-"""CVODE from C: right where its tolerances allow, compiled once a system, and unavailable with a reason."""
+"""CVODE from C: results within its tolerances, one compilation per system, and the reason if it is unavailable."""
 
 from __future__ import annotations
 

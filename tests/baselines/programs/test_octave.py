@@ -1,4 +1,4 @@
-"""Octave's ``ode45`` by the protocol: every transition, off by what its straight lines leave."""
+"""Octave's ``ode45`` by the protocol: every transition, with the error of its linear interpolation."""
 
 from __future__ import annotations
 

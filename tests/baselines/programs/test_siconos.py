@@ -1,4 +1,4 @@
-"""Siconos by the protocol: the right sequence, at times that are off by about a step."""
+"""Siconos by the protocol: the right sequence, with errors of the times of about one step."""
 
 from __future__ import annotations
 

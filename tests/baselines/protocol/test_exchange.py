@@ -1,4 +1,4 @@
-"""Whatever a program does, an exchange gives its output or one sentence, in bounded time, and leaves nothing behind."""
+"""An exchange with any program returns its output or one sentence, in bounded time, and leaves no process behind."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The text of a problem says what the system's own expressions say, at any point."""
+"""The text of a problem has the same values as the system's own expressions."""
 
 from __future__ import annotations
 

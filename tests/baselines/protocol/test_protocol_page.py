@@ -1,4 +1,4 @@
-"""The page on the protocol: its example is what is sent and read, and every field is explained."""
+"""The page on the protocol: its example equals an actual exchange, and it explains every field."""
 
 from __future__ import annotations
 

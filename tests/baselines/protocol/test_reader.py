@@ -1,4 +1,4 @@
-"""The reader of responses: right ones as they are, everything else one refusal, whatever the bytes."""
+"""The reader of responses: valid responses unchanged, and one error message for any other bytes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A comparison of made-up solvers: every failure is a row, answers come before timings."""
+"""A comparison of made-up solvers: every failure is a row, and a run is scored before it is timed."""
 
 from __future__ import annotations
 

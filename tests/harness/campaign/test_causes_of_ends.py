@@ -1,4 +1,4 @@
-"""Causes of runs that end otherwise than the exact one: by a word, too late, or by taking too long."""
+"""Causes of runs that end differently from the exact one: by a message, too late, or by a timeout."""
 
 from __future__ import annotations
 

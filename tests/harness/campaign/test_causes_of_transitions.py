@@ -1,4 +1,4 @@
-"""Causes of transitions that are missed, found too much, or at another time."""
+"""Causes of missed and spurious transitions, and of wrong times."""
 
 from __future__ import annotations
 

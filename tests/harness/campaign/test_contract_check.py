@@ -1,4 +1,4 @@
-"""What a solver hands back: plain numbers pass as they are, NumPy's are made plain, anything else is refused."""
+"""Check of a solver's result: plain numbers are unchanged, NumPy's are converted, anything else is an error."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``compare`` as scripts call it: without a guard, beside threads, interrupted."""
+"""``compare`` called from scripts: without a main guard, with threads, interrupted."""
 
 from __future__ import annotations
 

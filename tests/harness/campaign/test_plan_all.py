@@ -1,4 +1,4 @@
-"""What ``--solvers all`` runs: what runs by default on each reading, and the peers."""
+"""``--solvers all``: the default solvers of each reading, and the peers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A hang, a crash, memory beyond the limit or a message that is none is one failed job; the others go on."""
+"""A hang, a crash, an exceeded memory limit or an invalid message is one failed job; the other jobs continue."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The line that tells how a comparison gets on."""
+"""The progress line of a comparison."""
 
 from __future__ import annotations
 

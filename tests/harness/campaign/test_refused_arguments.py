@@ -1,4 +1,4 @@
-"""What a comparison refuses before anything runs: arguments, names, and what is no solver."""
+"""Arguments, names and objects that a comparison rejects before anything runs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What ``print`` and a notebook show of a comparison and a case; names in them are a stranger's text."""
+"""Representation of a comparison and a case in ``print`` and a notebook; names in them are untrusted text."""
 
 from __future__ import annotations
 

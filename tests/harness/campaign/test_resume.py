@@ -1,4 +1,4 @@
-"""Rows that an interrupted comparison has kept: which of them another one uses, and which not."""
+"""Rows kept by an interrupted comparison, and which of them the next one uses."""
 
 from __future__ import annotations
 

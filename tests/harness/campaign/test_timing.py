@@ -1,4 +1,4 @@
-"""Timing: how many samples are taken, and what is said of them. No test asserts a time."""
+"""Timing: number of samples, and the statistics. No test asserts a time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every row of a run that is not judged says why, in the solver's own words or in ours."""
+"""Every row of a run that is not judged has a reason, from the solver or from the harness."""
 
 from __future__ import annotations
 

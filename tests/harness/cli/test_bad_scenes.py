@@ -1,4 +1,4 @@
-"""A bad scene through the command: the line and column of the wrong key or entry, the mend, exit status 2."""
+"""A bad scene in the command: line and column of the wrong key or entry, what is allowed, exit status 2."""
 
 from __future__ import annotations
 

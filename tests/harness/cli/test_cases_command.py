@@ -1,4 +1,4 @@
-"""The list of cases, read without looking into any expression."""
+"""The list of cases, which is made without parsing any expression."""
 
 from __future__ import annotations
 

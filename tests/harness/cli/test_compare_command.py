@@ -1,4 +1,4 @@
-"""The command: exit status, one message for what is wrong, the files it writes."""
+"""The command ``compare``: exit status, one message per error, the files that it writes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a comparison says at its end: the table, what is not right, one JSON document."""
+"""Final output of a comparison: the table, the runs that are not right, one JSON document."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How commands end: exit status 3 and a log for what nobody foresaw, and nobody need listen to what they say."""
+"""Exit statuses: 3 and a log for an unforeseen error; a closed output stream does not change the status."""
 
 from __future__ import annotations
 

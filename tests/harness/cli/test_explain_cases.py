@@ -1,4 +1,4 @@
-"""``explain`` and ``compare --check``: what a case file says, without a run."""
+"""``explain`` and ``compare --check``: the contents of a case file, without a run."""
 
 from __future__ import annotations
 

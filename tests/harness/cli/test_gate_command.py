@@ -1,4 +1,4 @@
-"""The command that holds reports against bounds, required solvers and an earlier comparison: somebody's CI."""
+"""The command ``gate``: reports are checked against bounds, required solvers and an earlier comparison, for CI."""
 
 from __future__ import annotations
 

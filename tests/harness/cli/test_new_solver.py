@@ -1,4 +1,4 @@
-"""``new-solver`` writes a package that works as it stands, whole or not at all."""
+"""``new-solver`` writes a package that works without changes, completely or not at all."""
 
 from __future__ import annotations
 

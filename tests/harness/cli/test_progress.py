@@ -1,4 +1,4 @@
-"""What a terminal is shown while a comparison runs."""
+"""Status line in a terminal during a comparison."""
 
 from __future__ import annotations
 

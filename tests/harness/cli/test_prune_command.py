@@ -1,4 +1,4 @@
-"""The command that leaves of reports what people read."""
+"""The command ``prune``, which removes all files of reports except those to be read."""
 
 from __future__ import annotations
 

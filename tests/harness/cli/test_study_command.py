@@ -1,4 +1,4 @@
-"""The command of studies: what each takes, where its page lies, and what is refused before anything is written."""
+"""The command ``study``: options of each study, the place of its page, and errors before anything is written."""
 
 from __future__ import annotations
 

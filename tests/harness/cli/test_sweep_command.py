@@ -1,4 +1,4 @@
-"""The command: exit statuses, what it writes, an interrupt and its resumption."""
+"""The command ``sweep``: exit statuses, its files, an interrupt and its resumption."""
 
 from __future__ import annotations
 

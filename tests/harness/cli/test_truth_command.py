@@ -1,4 +1,4 @@
-"""``henon-ref truth``: stores, checks, refuses."""
+"""``henon-ref truth``: stored truths, their check, and its errors."""
 
 from __future__ import annotations
 

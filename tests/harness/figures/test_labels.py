@@ -1,4 +1,4 @@
-"""Labels of a figure: in order, apart, within the axes, their lines not across each other nor across the curves."""
+"""Labels of a figure: in order, apart, within the axes, with connecting lines that cross nothing."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is committed under ``reports/``: small, without links to what is not there, and its index made of its rows."""
+"""The committed ``reports/``: small, without dead links, and an index that equals the one made from the matrix."""
 
 from __future__ import annotations
 

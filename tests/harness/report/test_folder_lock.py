@@ -1,4 +1,4 @@
-"""Two runs at once: one a folder, the second one names the first and changes nothing; a killed one blocks nobody."""
+"""Two runs at once: one per folder; the second names the first and changes nothing; a killed run leaves no lock."""
 
 from __future__ import annotations
 

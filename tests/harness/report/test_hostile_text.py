@@ -1,4 +1,4 @@
-"""A case file and a solver from strangers: what they call themselves does nothing in a report, a file, a terminal."""
+"""Names from untrusted case files and solvers have no effect in a report, a file or a terminal."""
 
 from __future__ import annotations
 

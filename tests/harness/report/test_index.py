@@ -1,4 +1,4 @@
-"""The index: which solver to take, made from the matrix alone, whose rows are those of the reports."""
+"""The index: recommended solvers, made from the matrix alone, whose rows are those of the reports."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The command and files: nothing of somebody else's is replaced, nothing is half-written, nothing finished is lost."""
+"""Files of others are not replaced, no file is half-written, and no finished report is lost."""
 
 from __future__ import annotations
 

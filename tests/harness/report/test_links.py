@@ -1,4 +1,4 @@
-"""Relative links: which lead nowhere, and what stands in their place."""
+"""Relative links: which of them are dead, and their replacement."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where results come from: what is written beside them is what they were made with."""
+"""Provenance: command, commit, machine and versions in the files equal those of the run."""
 
 from __future__ import annotations
 

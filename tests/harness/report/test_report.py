@@ -1,4 +1,4 @@
-"""Reports say what the rows say: text, tables, figures, and whether stored ones still hold.
+"""Text, tables and figures of reports agree with their rows, also in stored reports.
 
 ``snapshot.md`` and ``snapshot_of_many.md`` are whole reports; where their words are to be others,
 ``HENON_REF_SNAPSHOT=1 pytest tests/harness/report`` writes them anew.
@@ -82,7 +82,8 @@ def test_prices_count_only_right_rows_and_never_a_faster_wrong_one(comparison):
     assert [first.rtol for first, _ in (three, six, nine, twelve)] == [1e-6, 1e-6, 1e-12, 1e-12]
     assert {other.solver for _, other in (three, six, nine, twelve)} == {"heyoka"}
     assert (
-        "| 12 | `henon` | 1e-12 | 0.3 ms | `heyoka` | 1e-12 | 0.9 ms | 3 |" in price_table(comparison.run_rows).markdown
+        "| 12 | `henon` | 1e-12 | 0.3 ms | `heyoka` | 1e-12 | 0.9 ms | 3 |"
+        in price_table(comparison.run_rows, {}).markdown
     )
 
 

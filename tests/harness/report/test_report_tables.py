@@ -1,4 +1,4 @@
-"""The tables of a report hold what the rows hold: of one reading, of all readings at once, of what a source prints."""
+"""Tables of a report agree with its rows: of one reading, of all readings, and of printed numbers."""
 
 from __future__ import annotations
 
@@ -59,8 +59,8 @@ def test_a_run_that_fails_when_it_is_repeated_is_right_without_a_time():
 def test_a_single_solver_is_not_ranked():
     alone = compared(made("henon", 1e-6, 1e-4), made("henon", 1e-9, 1e-4), made("ida", 1e-6, 0.0, what="unavailable"))
     assert solvers(alone)["`henon`"]["times as long"] == ""
-    assert price_table(alone.run_rows) is None
-    assert price_table(usual().run_rows) is not None
+    assert price_table(alone.run_rows, {}) is None
+    assert price_table(usual().run_rows, {}) is not None
 
 
 def test_without_a_truth_nothing_is_scored():

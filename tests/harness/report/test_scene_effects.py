@@ -1,4 +1,4 @@
-"""The table of a scene's effects: what each adds to the tape and to a step, counted by leaving it out."""
+"""Table of a scene's effects: operations on the tape and per step that are saved if an effect is left out."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Errors are taken in double-double, and no status or digit is claimed that the truth does not support."""
+"""Errors are computed in double-double, and no status or digit is claimed that the truth does not support."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The kind of a reading is read off its exact run."""
+"""The kind of a reading follows from its exact run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A run of very many transitions is scored in a time that grows with their number, not with its square."""
+"""The time to score a run grows with the number of its transitions, not with the square."""
 
 from __future__ import annotations
 

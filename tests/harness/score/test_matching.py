@@ -1,4 +1,4 @@
-"""Sequences are matched by order and mode before any error is taken."""
+"""Sequences are matched by order and mode before any error is computed."""
 
 from __future__ import annotations
 

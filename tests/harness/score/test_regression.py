@@ -1,4 +1,4 @@
-"""Rows held against earlier ones: by status, by digits, and what is no loss."""
+"""Comparison of rows with earlier ones: by status and by digits, and differences that are no loss."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a row is to a test runner, and failures that are expected."""
+"""Classification of a row for a test runner, and expected failures."""
 
 from __future__ import annotations
 

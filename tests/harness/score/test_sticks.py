@@ -1,4 +1,4 @@
-"""Sticks: whole ones only, within the measured window, against what a source prints."""
+"""Sticks: only complete ones, within the measured window, compared with printed durations."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A solver is blamed for what its tolerance could have told it, and for nothing else."""
+"""A solver is at fault only if an error of the size of its tolerance cannot explain the difference."""
 
 from __future__ import annotations
 

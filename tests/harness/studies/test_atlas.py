@@ -1,4 +1,4 @@
-"""The atlas: families of readings, what becomes of a run, and the page with its figure."""
+"""The atlas: families of readings, outcomes of runs, and the page with its figure."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from henon_ref.casefile.case import load_case
 from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.result_files import read_rows
 from henon_ref.harness.rows import RunRow
-from henon_ref.harness.studies.atlas import COLOURS, TOLERANCES, draw_atlas, family_of, outcome_of, run_atlas
+from henon_ref.harness.studies.atlas import OUTCOMES, TOLERANCES, draw_atlas, family_of, outcome_of, run_atlas
 
 
 def row(**values: object) -> RunRow:
@@ -89,9 +89,11 @@ def test_neighbours_of_one_outcome_are_one_shape() -> None:
         for i, reading in enumerate(list(family.distances))
         for rtol in (1e-3, 1e-6)
     ]
-    panel = draw_atlas(family, rows, ["henon"]).axes[0]
+    panel = draw_atlas(family, rows).axes[0]
     shapes = {patch.get_facecolor(): patch.get_path() for patch in panel.patches if patch.get_fill()}
-    missed, right = (shapes[to_rgba(COLOURS[outcome])].vertices.reshape(-1, 5, 2) for outcome in ("missed", "right"))
+    missed, right = (
+        shapes[to_rgba(OUTCOMES[outcome][1])].vertices.reshape(-1, 5, 2) for outcome in ("missed", "right")
+    )
     assert [(*box[0], *box[2]) for box in missed.tolist()] == [(5, 1, 9, 2)]
     assert [(*box[0], *box[2]) for box in right.tolist()] == [(0, 0, 29, 1), (0, 1, 5, 2), (9, 1, 29, 2)]
     assert len(panel.patches) == 3

@@ -1,4 +1,4 @@
-"""The studies' pages: one writer for all, and the runs behind them."""
+"""Pages of studies: the function that writes them, and the runs that they report."""
 
 from __future__ import annotations
 

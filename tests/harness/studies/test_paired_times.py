@@ -1,4 +1,4 @@
-"""Paired times: who is timed against whom, and what the page and the index say of it."""
+"""Paired times: selection of the solvers, and the text of page and index."""
 
 from __future__ import annotations
 

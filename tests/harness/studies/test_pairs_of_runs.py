@@ -1,4 +1,4 @@
-"""What of a run with heyoka is heyoka's own."""
+"""Part of a run with heyoka that is spent in heyoka's own calls."""
 
 from __future__ import annotations
 

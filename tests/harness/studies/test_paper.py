@@ -66,10 +66,10 @@ def test_section_2_holds() -> None:
 @pytest.mark.slow  # daily: section 2, by the same analysis, and Fig. 8
 def test_section_3_holds_and_sticks_do_occur_in_fig_4() -> None:
     made = section3.fan()
-    assert 0 < made.sticking() < len(made.runs)
-    assert made.one_orbit()
-    assert made.orbit()[0] == pytest.approx(7.7229, abs=1e-4)
-    assert all(section3.fan_findings(made).holds.values())
+    found = section3.fan_findings(made)
+    assert all(found.holds.values())
+    assert 0 < found.values["sticking"] < len(made.runs)
+    assert found.values["period"] == pytest.approx(7.7229, abs=1e-4)
 
 
 def test_fig_8_holds_in_all_readings() -> None:

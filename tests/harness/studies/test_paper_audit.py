@@ -1,4 +1,4 @@
-"""The audit: the program with its mistakes as switches, between the method done right and the appendix as printed."""
+"""The audit: the paper's program with a switch per mistake, from the correct method to the appendix as printed."""
 
 from __future__ import annotations
 

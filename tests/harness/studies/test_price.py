@@ -1,4 +1,4 @@
-"""The price list: what an absent effect leaves behind, long runs, landings, and how prices are read from rows."""
+"""The price list: effects, long runs, landings, and tables made from rows."""
 
 from __future__ import annotations
 

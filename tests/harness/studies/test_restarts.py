@@ -1,4 +1,4 @@
-"""How libraries are restarted: merits and defaults over the suite, the page's tables, and the runs behind them."""
+"""Restarts: results and defaults over the suite, the tables of the page, and the runs of the study."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A truth that takes long: it is bounded, what is cut short is not kept, and what is computed is said."""
+"""Time limits of a truth: an incomplete truth is not stored, and a progress message appears."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One truth of two routes and closed forms: agreement is stored, contradiction is refused with what broke."""
+"""A truth from two routes and closed forms: stored if they agree; otherwise an error names the contradiction."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Truths of systems whose state jumps: both routes against closed forms, and how an error moves an impact."""
+"""Truths of systems with jumps of the state: both routes against closed forms, and the conditioning of impacts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""All roots of a step's polynomial: pairs, touches, roots of higher order, roots at the step's end."""
+"""All roots of a step's polynomial: pairs, touches, multiple roots, roots at the end of the step."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Stored truths: what is written is what is read, and the same truth is the same bytes."""
+"""Stored truths: reading returns what was written, and equal truths have equal bytes."""
 
 from __future__ import annotations
 

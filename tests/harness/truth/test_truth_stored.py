@@ -1,4 +1,4 @@
-"""The stored truths: whole, and those of Fig. 8 against the figures of the paper's listing and of its equations."""
+"""The stored truths: complete, and those of Fig. 8 against the numbers of the paper's listing and equations."""
 
 from __future__ import annotations
 

@@ -31,11 +31,10 @@ def packed(system: FilippovSystem, motion: Motion) -> dict[str, Any]:
     points = np.column_stack([motion.states[:, x] if pair else motion.times, motion.states[:, y]])
     limits = limits_around(points[:, 0]), limits_around(points[:, 1])
     curves = [(label, points[piece]) for label, piece in plane_of(system, x, y).pieces(motion.modes)]
-    threshold = THRESHOLD
-    pieces = [(label, _on_grid(own, limits, threshold)) for label, own in curves]
-    while sum(len(own) for _, own in pieces) > MOST_POINTS and threshold < CELLS:
-        threshold *= 2
+    for threshold in (THRESHOLD * 2**k for k in range(12)):
         pieces = [(label, _on_grid(own, limits, threshold)) for label, own in curves]
+        if sum(len(own) for _, own in pieces) <= MOST_POINTS:
+            break
     surfaces = surface_curves(system, pair, limits) if pair else []
     return {
         "names": [system.state_names[x] if pair else "t", system.state_names[y]],

@@ -24,9 +24,11 @@ UNKNOWN = "kind not known"
 """Kind of a reading whose report does not name it."""
 AS_MANY = 0.9
 """Fraction of the largest number of readings from which a solver counts as reaching equally many."""
-HEADINGS = ("kind of case", "readings", "solver", "success", "time", "other package", "success", "times as long")
-SIDES = "lrlrrlrr"
-"""Alignment of the columns ``HEADINGS`` of the page."""
+HEADINGS = (
+    ("kind of case", "l"), ("readings", "r"), ("solver", "l"), ("success", "r"), ("time", "r"), ("other package", "l"),
+    ("success", "r"), ("times as long", "r"),
+)  # fmt: skip
+"""Columns of the page, with their alignment."""
 CAPTION = (
     "Fastest of the solvers that obtain {} in the most readings (or in up to a tenth fewer), and best solver of all "
     "other packages. Success: number of these readings. Readings: for digits, those with a transition time, of all. "

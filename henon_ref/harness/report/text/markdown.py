@@ -82,7 +82,7 @@ def _whole(comparison: Comparison) -> Mapping[str, Any] | None:
         "judged": len(readings),
         "others": len(comparison.readings) - len(readings),
         "solvers": tables.whole_table(whole, len(readings)).markdown,
-        "prices": _text(tables.price_table(whole)),
+        "prices": _text(tables.price_table(whole, {})),
         "digits": tables.digits_table(readings).markdown,
     }
 

@@ -130,7 +130,7 @@ def _ending(row: RunRow) -> str:
     return f"{row.status}, {row.verdict}" if row.verdict in UNDECIDED else row.status
 
 
-def price_table(rows: Sequence[RunRow], samples: Samples | None = None) -> Table | None:
+def price_table(rows: Sequence[RunRow], samples: Samples) -> Table | None:
     """Make the table of the two cheapest solvers for each number of digits; None if fewer than two solvers ran."""
     found, ran = {level: cheapest(rows, level) for level in LEVELS}, {r.solver for r in rows if r.status not in NOT_RUN}
     if len(ran) < 2 or not any(first for first, _ in found.values()):
@@ -145,7 +145,7 @@ def price_table(rows: Sequence[RunRow], samples: Samples | None = None) -> Table
     return Table(headings, "rlrrlrrr", lines)
 
 
-def _priced(row: RunRow | None, samples: Samples | None) -> tuple[str, str, str]:
+def _priced(row: RunRow | None, samples: Samples) -> tuple[str, str, str]:
     return ("none", "", "") if row is None else (code(row.solver), row.setting, timed(row, samples))
 
 
@@ -213,9 +213,9 @@ def _wall(row: RunRow, samples: Sequence[float]) -> str:
     return duration(row.wall_s) + (f" ({note})" if note else "") + _mark(row, samples)
 
 
-def timed(row: RunRow, samples: Samples | None = None) -> str:
+def timed(row: RunRow, samples: Samples) -> str:
     """Format the median wall time of a row, with a mark if its samples scatter too much."""
-    return duration(row.wall_s) + _mark(row, (samples or {}).get(row.key, ()))
+    return duration(row.wall_s) + _mark(row, samples.get(row.key, ()))
 
 
 def _mark(row: RunRow, samples: Sequence[float]) -> str:

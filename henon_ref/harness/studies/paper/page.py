@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from matplotlib.figure import Figure
 from ruamel.yaml import YAML
@@ -31,7 +31,6 @@ SECTIONS: Mapping[str, Callable[[], Findings]] = {
 """Functions that compute the sections of ``paper.yaml``."""
 
 Verdict = Literal["reproduced", "corrected", "not reproducible", "fails"]
-VERDICTS: tuple[Verdict, ...] = ("reproduced", "corrected", "not reproducible", "fails")
 
 
 @dataclass(frozen=True)
@@ -83,7 +82,7 @@ def run_paper(request: StudyRequest) -> StudyResult:
     rows = [(claim.where, claim.says, f"**{claim.verdict}**", claim.how) for claim in claims]
     context = {
         "claims": len(claims),
-        "tally": ", ".join(f"{counts[verdict]} {verdict}" for verdict in VERDICTS if counts[verdict]),
+        "tally": ", ".join(f"{counts[verdict]} {verdict}" for verdict in get_args(Verdict) if counts[verdict]),
         "table": Table(("where", "what it says", "verdict", "evidence"), "llll", rows).markdown,
         "sections": shown,
         "origin": request.origin,

@@ -53,24 +53,11 @@ class Fan:
     runs: tuple[Trajectory, ...]
     motions: tuple[Motion, ...]
 
-    def sticking(self) -> int:
-        """Number of runs that stick at least once."""
-        return sum(any(t.kind == "stick" for t in run.transitions) for run in self.runs)
-
-    def last_stick(self) -> float:
-        """End of the last stick of any run [s]."""
-        return max(t.time for run in self.runs for t in run.transitions if t.kind == "release")
-
     def orbit(self) -> tuple[float, float, float]:
         """Period of the final orbit of all runs [s], and the positions at which it crosses down and up."""
         last = self.runs[0].transitions[-3:]
         down, up = sorted(last[:2], key=lambda t: t.to_mode)
         return last[2].time - last[0].time, down.state[0], up.state[0]
-
-    def one_orbit(self) -> bool:
-        """Check whether all runs end on the same orbit."""
-        ends = [sorted(t.state[0] for t in run.transitions[-2:]) for run in self.runs]
-        return bool(np.allclose(ends, ends[0], atol=1e-4))
 
 
 def fan() -> Fan:
@@ -113,6 +100,8 @@ def fan_findings(made: Fan) -> Findings:
     analysis, points = made.analysis, made.analysis.tangent_points()
     period, down, up = made.orbit()
     third = float(printed_points()[2])
+    sticking = sum(any(t.kind == "stick" for t in run.transitions) for run in made.runs)
+    ends = [sorted(t.state[0] for t in run.transitions[-2:]) for run in made.runs]
     return Findings(
         {
             "touching": all(
@@ -120,13 +109,13 @@ def fan_findings(made: Fan) -> Findings:
             ),
             "eq_16": same_all([p.position for p in points], printed_points()),
             "visibility": [p.visibility for p in points] == ["visible", "invisible"] * 3,
-            "sticks": made.sticking() > 0 and made.one_orbit(),
+            "sticks": sticking > 0 and np.allclose(ends, ends[0], atol=1e-4),
             "bent": abs(up - third) < 0.1 or abs(down - third) < 0.1,
         },
         {
             "count": len(made.runs),
-            "sticking": made.sticking(),
-            "last": made.last_stick(),
+            "sticking": sticking,
+            "last": max(t.time for run in made.runs for t in run.transitions if t.kind == "release"),
             "period": period,
             "up": up,
             "down": down,

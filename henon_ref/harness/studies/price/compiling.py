@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from henon_ref.casefile.case import Case
 from henon_ref.harness import registry
+from henon_ref.harness.campaign.timing import timed
 from henon_ref.harness.rows import Row, number
 from henon_ref.harness.studies.page import title
 from henon_ref.harness.studies.pairs import FIRST, PairRow
@@ -82,12 +83,7 @@ def getting_ready(problem: Problem, solver: str, rtol: float) -> float:
     run = registry.solver(solver).prepare(problem, rtol=rtol, atol=rtol, deadline=TIMEOUT)
     run()
     first = time.perf_counter() - began
-    later = []
-    for _ in range(WARM_RUNS):
-        began = time.perf_counter()
-        run()
-        later.append(time.perf_counter() - began)
-    return first - min(later)
+    return first - min(timed(run) for _ in range(WARM_RUNS))
 
 
 def ready_table(found: Sequence[Ready]) -> Table:

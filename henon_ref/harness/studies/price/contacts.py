@@ -47,7 +47,7 @@ class ManyContacts(Row):
 
 def many_contacts(blocks: Sequence[int] = BLOCKS) -> list[ManyContacts]:
     """Measure chains with these numbers of blocks."""
-    return list(map(_measured, blocks))
+    return [_measured(count) for count in blocks]
 
 
 def _measured(blocks: int) -> ManyContacts:

@@ -239,7 +239,7 @@ def draw_ladder(rows: Sequence[RunRow], count: str) -> Figure:
         describe(
             figure,
             f"Accuracy against {'time' if is_time else count.replace('_', ' ')}",
-            f"Across, {COUNTS[count]}; upward, the worst error of a transition time; both axes are logarithmic. "
+            f"Logarithmic axes: {COUNTS[count]} (horizontal), and worst error of a transition time (vertical). "
             f"Least error of each solver: {least}.",
         )
     return figure

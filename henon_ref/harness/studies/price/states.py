@@ -98,10 +98,8 @@ def chain_problem(blocks: int, *, belt: float = BELT, until: float | None = None
 def sizes(blocks: Sequence[int] = BLOCKS, solvers: Sequence[str] = SOLVERS) -> list[Size]:
     """Time every solver on every chain, with and without transitions, in interleaved runs."""
     found = []
-    for problem in (
-        shipped_problem("fig8", "listing_limit"),
-        chain_problem(3),
-    ):  # import and compile everything that chains of all lengths share
+    # Import and compile everything that chains of all lengths share.
+    for problem in (shipped_problem("fig8", "listing_limit"), chain_problem(3)):
         for name in solvers:
             registry.solver(name).prepare(problem, rtol=RTOL)()
     first = solvers[0]

@@ -47,7 +47,7 @@ def test_it_is_as_wide_as_its_window_and_has_no_serious_finding(
 def test_it_works_copied_alone_into_an_empty_folder(chromium: Any, reports: Path, tmp_path: Path) -> None:
     shutil.copy(reports, tmp_path)
     with opened(chromium, tmp_path / "index.html") as seen:
-        assert seen.page.title() == "henon_ref: which solver, for how many digits"
+        assert seen.page.title() == "henon_ref: recommended solvers by required digits"
         assert rows_of(seen.page) == list(RUNS)
         assert seen.page.locator("#portrait svg path.piece").count() > 0
         assert seen.page.locator("#work svg path").count() > 0

@@ -1,4 +1,4 @@
-"""The page of a folder of reports, as text: one file, small, with the rows' numbers, and nothing of a stranger's."""
+"""The page of a folder of reports, as text: one small file with the numbers of the rows, all text escaped."""
 
 from __future__ import annotations
 

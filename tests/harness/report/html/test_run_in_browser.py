@@ -1,4 +1,4 @@
-"""A run's part of the page of a folder of reports, in headless Chromium: its words, portrait, figures and address."""
+"""The part of the page on one run, in headless Chromium: text, portrait, figures and address."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The page of a sweep's folder: diagram or map, and the run behind a point, which a case file says again."""
+"""The page of a sweep: diagram or map, and the run of a point, which is also shown as a case file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Modes decided in balls: what Filippov's rules say, tangencies included."""
+"""Modes decided in ball arithmetic by Filippov's rules, including tangencies."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Digits on the way between SymPy, heyoka and balls: none lost, none made up."""
+"""Conversions of digits between SymPy, heyoka and balls lose and add no digits."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What two precisions agree on, and what happens where they do not."""
+"""Agreement of two precisions, and the result if they disagree."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Series in balls against series in closed form; signs that are known and signs that are not."""
+"""Series in ball arithmetic against closed forms; decided and undecided signs."""
 
 from __future__ import annotations
 

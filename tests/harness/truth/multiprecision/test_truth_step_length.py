@@ -1,4 +1,4 @@
-"""Lengths of multiprecision's steps where a guard stays constant."""
+"""Length of multiprecision steps if a guard is constant."""
 
 from __future__ import annotations
 

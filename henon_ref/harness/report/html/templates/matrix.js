@@ -163,7 +163,7 @@ function cellNode(cell) {
 }
 
 /** Possible results of a cell for the selected digits -> text in its title and in the key of the colours. */
-const STANDINGS = { reached: "reaches the digits wanted", fewer: "right, with fewer digits", wrong: "not right",
+const STANDINGS = { reached: "reaches the required digits", fewer: "right, with fewer digits", wrong: "not right",
   timeout: "out of time", undecided: "ill-conditioned or not unique: not decided in double precision", none: "not judged" };
 
 /** Set the title of a cell when the pointer enters it. */

@@ -224,7 +224,7 @@ function followFilters() {
 
 /** Make the controls whose choices depend on the data. */
 function makeControls() {
-  options(byId("digits"), DATA.choice.map(({ digits }) => [digits, digits ? count(digits, "digit") : "right at all"]));
+  options(byId("digits"), DATA.choice.map(({ digits }) => [digits, digits ? count(digits, "digit") : "right, any digits"]));
   byId("digits").value = byId("digits").dataset.first;
   options(byId("kind"), [["", "all kinds"], ...DATA.kinds.map((name, k) => [k, name])]);
   const tags = [...new Set(DATA.cases.flatMap((own) => own.tags || []))].sort();
