@@ -67,6 +67,9 @@ def main(
 
     if plot is not None:
         check_picture(plot)
+    for path, what in ((case, "the case"), (plot, "--plot")):
+        if csv is not None and path is not None and csv.resolve() == path.resolve():
+            raise CaseError(f"--csv {csv}: this is the file of {what}; name another one")
     run = _run(System.from_case(case, reading), until, values or (), rtol, dense=plot is not None)
     table = run.transitions
     if csv is not None:
