@@ -105,6 +105,8 @@ def _run(system: System, until: str | None, values: Sequence[str], rtol: float, 
             what = "wanted NAME=VALUE" if not value else f"'{name}' is neither a parameter nor a state"
             meant = did_you_mean(name, known) if value else ""
             raise CaseError(f"--set {entry}: {what}{meant}; names: {listed(known)}")
+        if name in (*parameters, *initial):
+            raise CaseError(f"--set {entry}: '{name}' is set twice")
         (initial if name in system.state else parameters)[name] = value
     return simulate(
         system,

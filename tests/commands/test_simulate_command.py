@@ -74,6 +74,7 @@ def test_the_case_file_is_not_overwritten(
         ([str(CASES / "stribeck_belt.yaml"), "--set", "G=1"], "'G' is neither a parameter nor a state; names: "),
         ([str(CASES / "stribeck_belt.yaml"), "--set", "vp"], "--set vp: wanted NAME=VALUE"),
         ([str(CASES / "stribeck_belt.yaml"), "--set", "vp=x"], "vp"),
+        ([str(CASES / "stribeck_belt.yaml"), "--set", "vp=1", "--set", "vp=2"], "--set vp=2: 'vp' is set twice"),
         ([str(CASES / "stribeck_belt.yaml"), "--until", "-1"], "until"),
         ([str(CASES / "stribeck_belt.yaml"), "--plot", "a.bmp"], "must end with one of .png, .svg, .pdf"),
         ([str(CASES / "stribeck_belt.yaml"), "--plot", "none/a.png"], "the folder none does not exist"),
