@@ -282,7 +282,7 @@ def test_what_a_sign_makes_senseless_is_found_at_its_side(row: str) -> None:
 
 
 def test_readings_with_the_same_system_share_it() -> None:
-    text = belt("s") + "readings: {a: {}, b: {until: 3}, c: {system: {parameters: {k: 2}}, until: 10*k}}\n"
+    text = belt("s") + "readings: {a: {}, b: {until: 3}, c: {system: {parameters: {k: 2}}, until: k}}\n"
     a, b, c = (reading.problem.system for reading in parse_case(text).readings)
     assert a is b
     assert a is not c
