@@ -67,6 +67,9 @@ def main(
 
     if plot is not None:
         check_picture(plot)
+    for path, what in ((case, "the case"), (plot, "--plot")):
+        if csv is not None and path is not None and csv.resolve() == path.resolve():
+            raise CaseError(f"--csv {csv}: this is the file of {what}; name another one")
     run = _run(System.from_case(case, reading), until, values or (), rtol, dense=plot is not None)
     table = run.transitions
     if csv is not None:
@@ -102,6 +105,8 @@ def _run(system: System, until: str | None, values: Sequence[str], rtol: float, 
             what = "wanted NAME=VALUE" if not value else f"'{name}' is neither a parameter nor a state"
             meant = did_you_mean(name, known) if value else ""
             raise CaseError(f"--set {entry}: {what}{meant}; names: {listed(known)}")
+        if name in (*parameters, *initial):
+            raise CaseError(f"--set {entry}: '{name}' is set twice")
         (initial if name in system.state else parameters)[name] = value
     return simulate(
         system,

@@ -175,6 +175,8 @@ def test_a_parameter_that_a_reading_adds_must_have_a_use() -> None:
     error = refusal(SLIDE + one)
     assert error.message == "no expression uses the parameter 'f'; did you mean 'F'?; parameters: F [reading 'a']"
     assert (error.line, error.column) == (20, 29)
+    bare = changed("parameters: {F: 1}", "parameters: {}").replace("F*s", "s") + one
+    assert "'f'; parameters: none [reading 'a']" in refusal(bare).message
     used = "readings:\n  a: {system: {parameters: {f: 2, F: f}}}\n  b: {system: {parameters: {g: 2}}, until: g + 1}\n"
     assert [float(reading.problem.until) for reading in parse_case(SLIDE + used).readings] == [3, 3]
 

@@ -53,6 +53,17 @@ def test_parameters_starts_and_the_horizon_are_set_and_files_are_written(
     assert "<svg" in files[1].read_text()
 
 
+def test_the_case_file_is_not_overwritten(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    case = tmp_path / "my.yaml"
+    case.write_text((CASES / "leaving_slide.yaml").read_text())
+    monkeypatch.chdir(tmp_path)
+    assert command([str(case), "--csv", "my.yaml"]) == 2
+    assert capsys.readouterr().err == "error: --csv my.yaml: this is the file of the case; name another one\n"
+    assert case.read_text() == (CASES / "leaving_slide.yaml").read_text()
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -63,10 +74,12 @@ def test_parameters_starts_and_the_horizon_are_set_and_files_are_written(
         ([str(CASES / "stribeck_belt.yaml"), "--set", "G=1"], "'G' is neither a parameter nor a state; names: "),
         ([str(CASES / "stribeck_belt.yaml"), "--set", "vp"], "--set vp: wanted NAME=VALUE"),
         ([str(CASES / "stribeck_belt.yaml"), "--set", "vp=x"], "vp"),
+        ([str(CASES / "stribeck_belt.yaml"), "--set", "vp=1", "--set", "vp=2"], "--set vp=2: 'vp' is set twice"),
         ([str(CASES / "stribeck_belt.yaml"), "--until", "-1"], "until"),
         ([str(CASES / "stribeck_belt.yaml"), "--plot", "a.bmp"], "must end with one of .png, .svg, .pdf"),
         ([str(CASES / "stribeck_belt.yaml"), "--plot", "none/a.png"], "the folder none does not exist"),
         ([str(CASES / "stribeck_belt.yaml"), "--csv", "none/a.csv"], "cannot write none/a.csv"),
+        ([str(CASES / "fig8.yaml"), "--csv", "a.svg", "--plot", "./a.svg"], "--csv a.svg: this is the file of --plot"),
         ([], "Missing argument"),
     ],
 )

@@ -198,8 +198,10 @@ def rows_of(kind: type[AnyRow], path: Path) -> list[AnyRow]:
         return read_rows(kind, path)
     except TableError as error:
         raise CaseError(str(error), file=str(path), line=error.line, column=error.column) from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise CaseError(f"cannot be read: {error}", file=str(path)) from None
+    except UnicodeDecodeError:
+        raise CaseError("cannot be read: it is not UTF-8; save the file as UTF-8", file=str(path)) from None
+    except OSError as error:
+        raise CaseError(f"cannot be read: {error.strerror or error}", file=str(path)) from None
 
 
 def read_known(path: Path) -> list[KnownFailure]:

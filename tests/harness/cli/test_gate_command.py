@@ -238,7 +238,7 @@ def test_a_bad_file_of_known_failures_is_told_with_its_place(tmp_path, text, wor
         ("case,reading,solver\nc,d,ida\n", ": c: d: ida: '' is no status; there are ok, wrong"),
         ("case,reading,solver,status\nc,d,ida,fine\n", ": c: d: ida: 'fine' is no status"),
         ("case,reading,solver,rtol\nc,d,ida,small\n", "2:9: 'small' is no number"),
-        ("case\n\xff\n", ": cannot be read: "),
+        ("case\n\xff\n", ": cannot be read: it is not UTF-8; save the file as UTF-8"),
     ],
 )
 def test_a_bad_baseline_is_told_with_its_place(out, capsys, text, words):
@@ -247,6 +247,11 @@ def test_a_bad_baseline_is_told_with_its_place(out, capsys, text, words):
     captured = capsys.readouterr()
     assert captured.err.startswith(f"error: bad.csv:{words.removeprefix(':')}")
     assert (captured.err.count("\n"), captured.out) == (1, "")
+
+
+def test_a_file_of_known_failures_that_is_not_there_is_named_once(out, capsys):
+    assert gate(out, "--known", "gone.csv") == 2
+    assert capsys.readouterr().err == "error: gone.csv: cannot be read: No such file or directory\n"
 
 
 def test_what_is_no_report_is_said(out, capsys):
