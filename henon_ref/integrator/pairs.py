@@ -36,17 +36,17 @@ def pair_of(value: Any) -> Pair | None:
     >>> pair_of(Fraction(1, 10)) == pair_of(0.1)
     True
     """
-    return _rational(value.numerator, value.denominator) if type(value) is Fraction else decimal_pair(value)
-
-
-def decimal_pair(value: Any) -> Pair | None:
-    """Apply :func:`pair_of` to an int or float, whose double determines the exact number; None for a Fraction."""
     if type(value) is int:
         return (float(value), 0.0) if -WHOLE <= value <= WHOLE else None
     if isinstance(value, float):  # NumPy's doubles are
         value = float(value)
         return (value, 0.0) if -SHORT < value < SHORT and (value * 256.0).is_integer() else _printed(value)
-    return None
+    return _rational(value.numerator, value.denominator) if type(value) is Fraction else None
+
+
+def decimal_pair(value: Any) -> Pair | None:
+    """Apply :func:`pair_of` to an int or float, whose double determines the exact number; None for a Fraction."""
+    return None if type(value) is Fraction else pair_of(value)
 
 
 def pairs_of(values: Collection[Any], read: Callable[[Any], Pair | None] = pair_of) -> tuple[Pair, ...] | None:

@@ -131,6 +131,8 @@ class QuickStart:
 
     def _changes_of(self, names: tuple[str, ...]) -> Changes | None:
         """Return what changes with given parameters; None if it is more than numbers (or an exponent)."""
+        if not names:
+            return Changes({}, ())
         from henon_ref.simulation.dependent_parameters import Number, following
 
         if not self._floats.keys() >= set(names):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from fractions import Fraction
 from pathlib import Path
 
 import pytest
@@ -93,6 +94,13 @@ def test_a_decimal_start_lies_on_a_decimal_surface(exact: list[object]) -> None:
     assert run.transitions.empty
     assert run.final_mode == "s=+1"
     assert len(exact) == 0
+
+
+def test_a_fraction_is_not_the_decimal_number_of_its_double() -> None:
+    gap = warm(hr.System(["x", "v"], {"a": 0.1}, {"s": "x - a"}, ["v", "-s"]))
+    value = Fraction(5, 3)  # below the decimal number that Python prints for it, 1.6666666666666667
+    assert hr.simulate(gap, {"x": value, "v": 1}, until=0.5, parameters={"a": value}).transitions.empty
+    assert len(hr.simulate(gap, {"x": value, "v": 1}, until=0.5, parameters={"a": float(value)}).transitions) == 1
 
 
 @pytest.mark.parametrize("value", [0, 0.0, -1, -1e-300])
