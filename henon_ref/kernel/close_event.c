@@ -237,7 +237,8 @@ static void step_to(struct work *w, struct bounded time, const struct bounded *s
         w->known_zeros[g] = 0;
 }
 
-/* Step to the event or minimum of a guard near the suspected place; UNDECIDED_EVENT if the guard remains open. */
+/* Step to the event or minimum of a guard near the suspected place; EVENT if the state jumps there, UNDECIDED_EVENT if
+ * the guard remains open. */
 static int64_t settle(struct work *w, struct pair_expansion *e, int64_t g, double natural, struct bounded *state)
 {
     struct run *run = w->run;
@@ -269,9 +270,15 @@ static int64_t settle(struct work *w, struct pair_expansion *e, int64_t g, doubl
     double left = (run->horizon - end.high) + (run->horizon_low - end.low), nothing = TIME_ROUNDING * fabs(run->horizon);
     bool event = near.what == FALLING || near.what == TOUCHING, late = left < (event ? -nothing : nothing);
     struct change found = {0};
-    if (event && !late && !change_at(w, e, g, near, time, state, &found))
+    bool jumps = near.what == FALLING && guard->jump && !late;
+    if (event && !late && !jumps && !change_at(w, e, g, near, time, state, &found))
         return UNDECIDED_EVENT;
     step_to(w, time, state, step.high);
+    if (jumps) { /* jump.c decides what follows */
+        for (int64_t k = 0; k < w->mode->guards; k++)
+            w->hits[k] = k == g ? 1 : 0;
+        return EVENT;
+    }
     leave(w);
     if (late) {
         run->time = run->horizon, run->time_low = run->horizon_low;

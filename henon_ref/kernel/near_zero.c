@@ -272,7 +272,10 @@ static struct near_place flat_zero(const struct pair_expansion *e, const struct 
         powers_at(e, at, &powers);
         struct bounded off = local_term(e, q, &powers.own, order - 1), slope = local_term(e, q, &powers.own, order);
         struct bounded steep = bounded_product(exactly((double)order), slope);
-        at = added(at, divided((struct pair){-off.high, -off.low}, (struct pair){steep.high, steep.low}));
+        struct pair shift = divided((struct pair){-off.high, -off.low}, (struct pair){steep.high, steep.low});
+        if (shift.high == 0.0)
+            break;
+        at = added(at, shift);
     }
     if (fabs(at.low) <= DOUBLE_PLACE * at.high)
         at.low = 0.0;
