@@ -18,7 +18,8 @@ from henon_ref.integrator.mode_code import tape_program
 from henon_ref.modes.mode import Mode
 from henon_ref.trajectory import Decisions, Trajectory
 
-HARD = Path(__file__).parents[2] / "cases" / "hard"
+CASES = Path(__file__).parents[2] / "cases"
+HARD = CASES / "hard"
 # Valleys of elementary functions of x = t: the guard, less g, and where its minimum, zero for g = 0, is.
 VALLEYS = {
     "cos(x) + 1": "pi",
@@ -72,6 +73,19 @@ def test_readings_of_ladders_need_no_python(case: str, rtol: float) -> None:
         if (case, reading.name) not in left_open and not close:
             run = HENON_SOLVER.prepare(reading.problem, rtol=rtol)()
             assert (run.status, run.counts.decisions) == ("ok", Decisions()), reading.name
+
+
+def test_an_impact_near_a_graze_needs_no_python(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And the oscillator leaves it, and the next impacts, as multiprecision says."""
+    (path,) = CASES.rglob("impact_oscillator.yaml")
+    for reading in load_case(path).readings:
+        own = HENON_SOLVER.prepare(reading.problem, rtol=1e-9)()
+        assert (own.status, own.counts.decisions) == ("ok", Decisions()), reading.name
+        with monkeypatch.context() as without:
+            without.setattr(mode_code, "tape_program", lambda *_: None)
+            other = HENON_SOLVER.prepare(reading.problem, rtol=1e-9)()
+        assert [q[1:] for q in _told(own)] == [q[1:] for q in _told(other)]
+        assert [q[0] for q in _told(own)] == pytest.approx([q[0] for q in _told(other)], rel=0, abs=1e-9)
 
 
 # Guards of x = t that are flat at x = 1, and what is told there where the gap is 0.
