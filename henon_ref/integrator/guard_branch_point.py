@@ -69,9 +69,13 @@ def _passed(modes: PreciseModes, mode: Mode, time: arb, state: Sequence[arb], le
     if not all(_converged(series) for series in motion):
         return None
     states = [arb_poly(series) for series in motion]
-    places = [arb(side * part) for part in SIDES for side in (-1, 1)]
-    values = [modes.guard_values(mode, time + length * p, [series(p) for series in states]) for p in places]
-    if not all(_clear([float(v) for v in guard]) for guard in zip(*values, strict=True)):
+    values = []
+    for place in (arb(side * part) for part in SIDES for side in (1, -1)):
+        at = modes.guard_values(mode, time + length * place, [series(place) for series in states])
+        if not all(value.is_finite() for value in at):  # most branch points are ends of the domain
+            return None
+        values.append([float(value) for value in at])
+    if not all(map(_clear, zip(*values, strict=True))):
         return None
     return [series(arb(1)) for series in states]
 
@@ -82,6 +86,6 @@ def _converged(series: Sequence[arb]) -> bool:
 
 
 def _clear(values: Sequence[float]) -> bool:
-    """Whether values have one sign and are CLEAR times larger than their variation; False if one is NaN."""
+    """Whether values have one sign and are CLEAR times larger than their variation."""
     variation = max(values) - min(values)
     return all(v > CLEAR * variation for v in values) or all(v < -CLEAR * variation for v in values)

@@ -222,7 +222,7 @@ def close_to_horizon(run: State) -> bool:
     Over such a time guards change by less than the rounding error of the states, so that no step can be validated.
     """
     scalars, left = run.scalars, run.left(run.now)
-    if not (run.guards and left <= CLOSE_PART * abs(run.until[0])):
+    if not (left <= CLOSE_PART * abs(run.until[0]) and run.guards):
         return False
     scalars.suspect = scalars.step_length = left
     scalars.guard, scalars.stalled = kernel.NOWHERE, 0

@@ -15,7 +15,7 @@ from henon_ref.jit.processor_time import compiling
 from henon_ref.kernel.shared import EPS
 from henon_ref.modes.arithmetic import RING
 from henon_ref.modes.decision import Decision
-from henon_ref.modes.equations import Guard
+from henon_ref.modes.equations import Guard, gradient
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.mode_evaluation import ModeEvaluation
 from henon_ref.modes.selection import mode_by_signs
@@ -135,7 +135,7 @@ class PreciseModes:
         """Return the distance of a sliding state from its surfaces, which rounding causes."""
         farthest = 0.0
         for h in (self.system.surfaces[i] for i in surfaces):
-            slopes = tuple(sp.diff(h, x) for x in self.system.states)
+            slopes = gradient(h, self.system.states)
             value, *steep = (abs(float(v)) for v in self._at((h, *slopes), time.mid(), [v.mid() for v in state]))
             farthest = max(farthest, value / max(steep) if max(steep) > 0 else 0.0)
         return farthest

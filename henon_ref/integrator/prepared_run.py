@@ -12,8 +12,10 @@ from henon_ref.integrator.integrator import Integrator
 from henon_ref.integrator.records import HENON
 from henon_ref.integrator.run import Run
 from henon_ref.integrator.start import NO_LIMIT
+from henon_ref.integrator.transition_array import shown
+from henon_ref.modes.kinks import HiddenKinks
 from henon_ref.modes.problem import Problem
-from henon_ref.trajectory import Trajectory, without_hidden_kinks
+from henon_ref.trajectory import Trajectory
 
 ROUNDING = 2e-16
 """Smallest local error: below it rounding dominates."""
@@ -71,4 +73,5 @@ def prepared_run(
         return Run(integrator, start, sample_times, deadline).to_horizon()
 
     # Without kinks the run itself is returned: a wrapper would cost some percent of a short run.
-    return (lambda: without_hidden_kinks(run(), problem.system)) if problem.system.kinks else run
+    kinks = HiddenKinks(problem.system)
+    return (lambda: shown(run(), kinks)) if problem.system.kinks else run

@@ -18,7 +18,7 @@ from henon_ref.integrator.records import (
 )
 from henon_ref.modes.kinks import HiddenKinks
 from henon_ref.modes.mode import Mode
-from henon_ref.trajectory import Kind, Transition
+from henon_ref.trajectory import Kind, Trajectory, Transition
 
 KINDS: tuple[Kind, ...] = ("stick", "release", "crossing", "graze", "reset")
 """Names of the kinds, indexed by the constants of :mod:`henon_ref.integrator.records`."""
@@ -36,19 +36,28 @@ class TransitionArray(Sequence[Transition]):
     contacts : int, optional
         Number of entries of a mode, if the words of the modes before and after follow each state
         (:mod:`henon_ref.integrator.records`). They are converted to indices and modes on first access.
+    kinks : HiddenKinks, optional
+        Kinks whose transitions are left out if another branch hides them; on first access, too.
     """
 
     __slots__ = ("_made_of", "_numbered")
 
-    def __init__(self, rows: NDArray[np.float64], modes: Sequence[Mode], contacts: int = 0) -> None:
-        self._made_of = rows, modes, contacts
-        self._numbered = None if contacts else (rows, modes)
+    def __init__(
+        self, rows: NDArray[np.float64], modes: Sequence[Mode], contacts: int = 0, kinks: HiddenKinks | None = None
+    ) -> None:
+        self._made_of = rows, modes, contacts, kinks
+        self._numbered = None if contacts or kinks else (rows, modes)
 
     def _in_numbers(self) -> tuple[NDArray[np.float64], Sequence[Mode]]:
         """Return rows with indices of modes, and these modes."""
         if self._numbered is None:
-            rows, _, contacts = self._made_of
-            self._numbered = numbered_rows(rows, contacts)
+            rows, modes, contacts, kinks = self._made_of
+            if contacts:
+                rows, modes = numbered_rows(rows, contacts)
+            if kinks:
+                records, modes = _records(rows), tuple(modes)
+                rows, modes = rows[kinks.are_transitions(records, modes)], tuple(map(kinks.shown, modes))
+            self._numbered = rows, modes
         return self._numbered
 
     @property
@@ -63,20 +72,18 @@ class TransitionArray(Sequence[Transition]):
 
     @property
     def recorded(self) -> NDArray[np.float64]:
-        """Rows as given to the constructor."""
-        return self._made_of[0]
+        """Rows as given to the constructor, without those on hidden kinks."""
+        return self.rows if self._made_of[3] else self._made_of[0]
 
     def visible(self, kinks: HiddenKinks) -> TransitionArray:
         """Return the transitions that are not on hidden kinks, with modes converted by :meth:`HiddenKinks.shown`."""
-        if kinks.hides_none(self.modes):
-            return self
-        rows = self.rows[kinks.are_transitions(self.records, self.modes)]
-        return TransitionArray(rows, tuple(map(kinks.shown, self.modes)))
+        rows, modes, contacts, _ = self._made_of
+        return TransitionArray(rows, modes, contacts, kinks)
 
     @property
     def records(self) -> NDArray[Any]:
         """View as records, shape (k,), of :func:`henon_ref.integrator.records.transition_dtype`."""
-        return self.rows.view(transition_dtype(self.rows.shape[1] - TRANSITION_PLACES))[:, 0]
+        return _records(self.rows)
 
     @property
     def times(self) -> NDArray[np.float64]:
@@ -97,8 +104,8 @@ class TransitionArray(Sequence[Transition]):
     def __getitem__(self, at: slice) -> TransitionArray: ...
     def __getitem__(self, at: int | slice) -> Transition | TransitionArray:
         if isinstance(at, slice):
-            rows, modes, contacts = self._made_of
-            return TransitionArray(rows[at], modes, contacts)
+            rows, modes, contacts, kinks = self._made_of
+            return TransitionArray(self.rows[at], self.modes) if kinks else TransitionArray(rows[at], modes, contacts)
         row = self.rows[at]
         time, low, source, target, surface, kind, landing = row[:TRANSITION_PLACES].view(TRANSITION)[0].tolist()
         return Transition(
@@ -111,6 +118,18 @@ class TransitionArray(Sequence[Transition]):
             time_low=low,
             landing=LANDINGS[landing],
         )
+
+
+def _records(rows: NDArray[np.float64]) -> NDArray[Any]:
+    return rows.view(transition_dtype(rows.shape[1] - TRANSITION_PLACES))[:, 0]
+
+
+def shown(found: Trajectory, kinks: HiddenKinks) -> Trajectory:
+    """Return the result of a run without transitions on kinks that another branch hides."""
+    transitions = found.transitions
+    if isinstance(transitions, TransitionArray):
+        transitions = transitions.visible(kinks)
+    return found._replace(transitions=transitions, end_mode=kinks.shown(found.end_mode))
 
 
 def numbered_rows(rows: NDArray[np.float64], contacts: int) -> tuple[NDArray[np.float64], tuple[Mode, ...]]:

@@ -11,8 +11,10 @@
 
 /* Largest number of steps by which one event may continue the motion from the run's start. */
 #define PAIR_STEPS 64
-/* Smallest part to which these steps are shortened. */
+/* Smallest part to which these steps are shortened, and the number of terms up to which the next one is twice as
+ * long: with twice as many terms, a step of an entire function is four times as long. */
 #define PAIR_PART 0x1p-6
+#define FEW_TERMS 40
 /* Largest relative difference of the state from the motion since the run's start before errors count as grown. */
 #define SAME_MOTION 1e-2
 /* The motion is expanded up to this multiple of the distance to the suspected place. */
@@ -55,23 +57,26 @@ static bool motion_from_start(const struct work *w, struct pair_expansion *e, st
 {
     const struct run *run = w->run;
     int64_t n = run->states;
-    double *origin = w->origin, *high = origin + 3, *low = high + n, *error = low + n, part = 1.0, largest = 0.0;
+    double *origin = w->origin, *high = origin + 3, *low = high + n, *error = low + n, largest = 0.0;
+    double *part = &origin[2]; /* length of a step, relative to that of the present step; 0 if no start is stored */
+    if (*part > 0.0)
+        *part = larger(*part, 1.0);
     for (int step = 0; step < PAIR_STEPS; step++) {
         struct pair from = {origin[0], origin[1]};
         struct pair left = added((struct pair){run->time, run->time_low}, negative(from));
-        if (origin[2] != 1.0 || left.high < 0.0 || part < PAIR_PART)
+        if (left.high < 0.0 || *part < PAIR_PART)
             return false;
         if (left.high == 0.0 && left.low == 0.0)
             break;
         for (int64_t i = 0; i < n; i++)
             state[i] = (struct bounded){high[i], low[i], error[i]};
-        double length = part * run->step_length;
+        double length = *part * run->step_length;
         bool last = left.high <= length;
         struct pair stretch = last ? left : (struct pair){length, 0.0};
         e->unit = unit_above(stretch.high), e->reach = stretch.high / e->unit;
         expand_in_pairs(e, known_to(from.high, from.low, PAIR_ROUNDING), state, PAIR_TERMS);
         if (!e->converged) {
-            part *= 0.5;
+            *part *= 0.5;
             continue;
         }
         struct powers powers;
@@ -80,6 +85,8 @@ static bool motion_from_start(const struct work *w, struct pair_expansion *e, st
             struct bounded there = value_in_pairs(e, &e->series[i], &powers.own);
             high[i] = there.high, low[i] = there.low, error[i] = there.error;
         }
+        if (e->terms <= FEW_TERMS)
+            *part *= 2.0;
         struct pair time = last ? (struct pair){run->time, run->time_low} : added(from, stretch);
         origin[0] = time.high, origin[1] = time.low;
     }
@@ -230,7 +237,8 @@ static void step_to(struct work *w, struct bounded time, const struct bounded *s
         w->known_zeros[g] = 0;
 }
 
-/* Step to the event or minimum of a guard near the suspected place; UNDECIDED_EVENT if the guard remains open. */
+/* Step to the event or minimum of a guard near the suspected place; EVENT if the state jumps there, UNDECIDED_EVENT if
+ * the guard remains open. */
 static int64_t settle(struct work *w, struct pair_expansion *e, int64_t g, double natural, struct bounded *state)
 {
     struct run *run = w->run;
@@ -262,9 +270,15 @@ static int64_t settle(struct work *w, struct pair_expansion *e, int64_t g, doubl
     double left = (run->horizon - end.high) + (run->horizon_low - end.low), nothing = TIME_ROUNDING * fabs(run->horizon);
     bool event = near.what == FALLING || near.what == TOUCHING, late = left < (event ? -nothing : nothing);
     struct change found = {0};
-    if (event && !late && !change_at(w, e, g, near, time, state, &found))
+    bool jumps = near.what == FALLING && guard->jump && !late;
+    if (event && !late && !jumps && !change_at(w, e, g, near, time, state, &found))
         return UNDECIDED_EVENT;
     step_to(w, time, state, step.high);
+    if (jumps) { /* jump.c decides what follows */
+        for (int64_t k = 0; k < w->mode->guards; k++)
+            w->hits[k] = k == g ? 1 : 0;
+        return EVENT;
+    }
     leave(w);
     if (late) {
         run->time = run->horizon, run->time_low = run->horizon_low;

@@ -6,8 +6,8 @@
 #define NARROWEST 0x1p-21
 /* Number of halvings used to show that a guard is positive. */
 #define HALVINGS 6
-/* Radius, in the unit of the expansion, to which a root must be known. */
-#define KNOWN_PLACE 0x1p-62
+/* Radius, in the unit of the expansion, to which a root must be known: a part of a double's last place. */
+#define KNOWN_PLACE 0x1p-58
 /* A number is clearly not zero if it exceeds its error bound by this factor. */
 #define CLEAR 2.0
 /* Highest order of a zero or minimum that is recognised; Newton steps to its place; relative distance within which the
@@ -272,7 +272,10 @@ static struct near_place flat_zero(const struct pair_expansion *e, const struct 
         powers_at(e, at, &powers);
         struct bounded off = local_term(e, q, &powers.own, order - 1), slope = local_term(e, q, &powers.own, order);
         struct bounded steep = bounded_product(exactly((double)order), slope);
-        at = added(at, divided((struct pair){-off.high, -off.low}, (struct pair){steep.high, steep.low}));
+        struct pair shift = divided((struct pair){-off.high, -off.low}, (struct pair){steep.high, steep.low});
+        if (shift.high == 0.0)
+            break;
+        at = added(at, shift);
     }
     if (fabs(at.low) <= DOUBLE_PLACE * at.high)
         at.low = 0.0;

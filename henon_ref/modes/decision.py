@@ -32,8 +32,13 @@ class Decision:
 
 def several(system: FilippovSystem, found: Sequence[Mode], time: str) -> Decision:
     """Return the refusal for more than one consistent mode."""
-    modes = " or ".join(mode_text(mode, system.sign_names) for mode in found)
+    modes = _modes_text(tuple(found), system.sign_names)
     return Decision("nonunique", None, f"the future is not unique at t = {time}: {modes}")
+
+
+@lru_cache(maxsize=64)
+def _modes_text(modes: tuple[Mode, ...], signs: tuple[str, ...]) -> str:
+    return " or ".join(mode_text(mode, signs) for mode in modes)
 
 
 def explained(refusal: Decision, system: FilippovSystem, mode: Mode, surfaces: tuple[int, ...]) -> Decision:
@@ -44,7 +49,7 @@ def explained(refusal: Decision, system: FilippovSystem, mode: Mode, surfaces: t
             system.equations(with_entries(mode, surfaces, (0,) * len(surfaces)))
         except ModelError as error:
             words += f"; {error}"
-    return replace(refusal, reason=refusal.reason + words)
+    return replace(refusal, reason=refusal.reason + words) if words else refusal
 
 
 @lru_cache(maxsize=64)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import chain
@@ -39,11 +39,6 @@ class HiddenKinks:
             return mode
         return _shown(self, mode)
 
-    def hides_none(self, modes: Iterable[Mode]) -> bool:
-        """Check whether no kink is hidden in any of these modes, so that every event in them is a transition."""
-        kinks = self.system.kinks
-        return not kinks or not any(self.hidden(i, mode) for mode in modes for i in kinks)
-
     def is_transition(self, surface: int, before: Mode, after: Mode) -> bool:
         """Check whether an event on a surface between two modes is a transition: the surface is not a hidden kink."""
         if surface not in self.system.kinks:
@@ -52,17 +47,21 @@ class HiddenKinks:
             return not self.hidden(surface, before)
         return self.shown(before)[surface] != self.shown(after)[surface]
 
-    def are_transitions(self, records: NDArray[Any], modes: Sequence[Mode]) -> NDArray[np.bool_]:
+    def are_transitions(self, records: NDArray[Any], modes: tuple[Mode, ...]) -> NDArray[np.bool_]:
         """Apply :meth:`is_transition` to records with the fields ``surface``, ``from_mode`` and ``to_mode``."""
-        found, count = np.ones(len(records), dtype=bool), len(modes)
-        pairs = records["from_mode"].astype(np.int64) * count + records["to_mode"]
-        for index in self.system.kinks:
-            at = np.flatnonzero(records["surface"] == index)
-            if at.size:
-                own, which = np.unique(pairs[at], return_inverse=True)
-                flags = [self.is_transition(index, modes[pair // count], modes[pair % count]) for pair in own.tolist()]
-                found[at] = np.array(flags, dtype=bool)[which]
-        return found
+        if not (self.system.kinks and len(records)):
+            return np.ones(len(records), dtype=bool)
+        hidden, entries = _table(self, modes)
+        before, after = ((records[name], records["surface"]) for name in ("from_mode", "to_mode"))
+        graze, found = entries[before] == entries[after], np.where(hidden, 1, entries)
+        return np.where(graze, ~hidden[before], found[before] != found[after])
+
+
+@lru_cache(maxsize=64)
+def _table(kinks: HiddenKinks, modes: tuple[Mode, ...]) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
+    """Return whether a surface is hidden, and its entry, by mode and surface."""
+    hidden = [[kinks.hidden(i, mode) for i in range(len(mode))] for mode in modes]
+    return np.array(hidden, dtype=bool), np.array(modes, dtype=np.int64)
 
 
 @lru_cache(maxsize=1024)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import accumulate, pairwise
-from math import comb, factorial
+from math import comb, isqrt
 from typing import Literal
 
 from flint import arb, arb_poly
@@ -47,8 +47,6 @@ CUT_LEAST, CUT_MOST = 2.0**-20, 2.0**-3
 """Least and largest distance of the cuts from a minimum, as a part of its piece."""
 SMALL = ONE >> 40
 """Smallest value that cannot be a touch."""
-TOUCH_BITS = 80
-"""First distance of the cuts from a touch: the piece's width over 2 to this power."""
 What = Literal["root", "touch", "miss"]
 Fixed = Sequence[int]
 """Coefficients, each times 2^220."""
@@ -78,7 +76,7 @@ def first_event_of(q: Fixed, zeros: int, suspect: int) -> tuple[What, bool, int]
         if crossed and (bottom is None or bottom >= low):
             return "root", False, _flat_root(q, middle, 1, exact=outcome == "root")
     if outcome == "touch":
-        touched = _minimum(whole, middle)
+        touched = bottom if bottom is not None and low <= bottom <= high else _minimum(whole, middle)
         touched = middle if touched is None else touched
         if bottom is None or touched <= bottom + SAME_MINIMUM:
             return "touch", True, _flat_root(whole, touched, 0, exact=True)
@@ -104,23 +102,27 @@ def _flat_root(q: Fixed, place: int, parity: int, *, exact: bool) -> int:
     The order is that of the term that dominates away from the root. A root of order m is a simple root of the
     derivative m-1, which determines its position. ``exact``: the root is at ``place``; otherwise it is only near.
     """
-    derivatives = [list(q)]
-    for _ in range(HIGHEST):
-        derivatives.append(_derivative(derivatives[-1]))
-    refined = place if exact else _exactly_flat(derivatives, place)
-    order = leading_term([horner(d, refined) / ONE / factorial(k) for k, d in enumerate(derivatives)], RELATIVE_ZERO)[1]
+    refined = place if exact else _exactly_flat(q, place)
+    with working_precision(BITS):
+        local = arb_poly([arb(c) / ONE for c in q])(arb_poly([arb(refined) / ONE, 1])).coeffs()
+    order = leading_term([float(c) for c in local[: HIGHEST + 1]], RELATIVE_ZERO)[1]
     if order % 2 != parity or order == 0:
         return place
+    *_, flat, steep = accumulate(range(order), lambda d, _: _derivative(d), initial=q)
     for _ in range(8):
-        refined -= (horner(derivatives[order - 1], refined) << BITS) // horner(derivatives[order], refined)
+        shift = (horner(flat, refined) << BITS) // horner(steep, refined)
+        refined -= shift
+        if shift == 0:
+            break
     return refined
 
 
-def _exactly_flat(derivatives: Sequence[Fixed], place: int) -> int:
+def _exactly_flat(q: Fixed, place: int) -> int:
     """Return the zero of the slope near a position, by Newton's method on the slope over its derivative."""
+    derivatives = [*accumulate(range(3), lambda d, _: _derivative(d), initial=q)][1:]
     found, longest = place, FLAT_RANGE
     for _ in range(FLAT_STEPS):
-        slope, bend, twist = (horner(d, found) for d in derivatives[1:4])
+        slope, bend, twist = (horner(d, found) for d in derivatives)
         below = bend * bend - slope * twist
         if below <= 0:
             break
@@ -203,12 +205,14 @@ def _around_minimum(q: Fixed, piece: Fixed, low: int, high: int) -> list[int]:
     width = high - low
     middle, distance = (int(part * 2.0**53) * width >> 53 for part in found)
     if abs(horner(q, low + middle)) < SMALL:
-        touched = _minimum(q, low + middle)
+        bend = _derivative(_derivative(q))
+        touched = _minimum(q, low + middle) if horner(bend, low + middle) > SMALL else None
         if touched is not None and low < touched < high and abs(horner(q, touched)) <= ZERO:
-            middle, distance = touched - low, width >> TOUCH_BITS
+            middle = touched - low
+            distance = isqrt((4 * ZERO << 2 * BITS) // max(horner(bend, touched), 1))  # the value there is 2 ZERO
     while distance < CUT_MOST * width:
         places = [at for at in (low + middle - distance, low + middle + distance) if low < at < high]
-        if all(abs(horner(q, at)) > CLEARANCE * ZERO for at in places):
+        if all(abs(horner(q, at)) > ZERO for at in places):
             return places
         distance *= 4
     return []

@@ -14,7 +14,7 @@ from henon_ref.integrator.integrator import Integrator
 from henon_ref.integrator.prepared_run import local_error, order_for
 from henon_ref.integrator.records import HENON
 from henon_ref.integrator.start import MOST_STEPS, NO_LIMIT, Start
-from henon_ref.integrator.transition_array import TransitionArray
+from henon_ref.integrator.transition_array import shown
 from henon_ref.modes.mode import mode_text
 from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.arguments import problem_of, start_of, stop_of, tolerance_of, whole_number
@@ -73,9 +73,7 @@ class Launch(NamedTuple):
         if self.base.model.kinks:
             from henon_ref.modes.kinks import HiddenKinks
 
-            kinks = HiddenKinks(self.base.model)
-            visible = found.visible(kinks) if isinstance(found, TransitionArray) else found
-            trajectory = trajectory._replace(end_mode=kinks.shown(trajectory.end_mode), transitions=visible)
+            trajectory = shown(trajectory, HiddenKinks(self.base.model))
         return trajectory
 
 

@@ -20,7 +20,7 @@ from henon_ref.taylor.rules import (
     Quotient,
     Root,
 )
-from henon_ref.taylor.tape import Tape
+from henon_ref.taylor.tape import Node, Tape
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ def _recurrences(
     series = [states[node.args[0]] if node.op == "state" else [] for node in tape.nodes]
     numbers = [[constants[i] for i in node.constants] for node in tape.nodes]
     steps = [
-        _step(node.op, own, [series[i] for i in node.args], c, time, 1 if unit is None else unit, ring)
+        _step(node, tape.nodes, own, [series[i] for i in node.args], c, time, 1 if unit is None else unit, ring)
         for node, own, c in zip(tape.nodes, series, numbers, strict=True)
         if node.op != "state"
     ]
@@ -120,25 +120,30 @@ Step = Callable[[int], None]
 """Appends coefficient k of one node to its series."""
 
 
-def _step(op: str, y: Series, args: Sequence[Series], c: Series, time: Any, unit: Any, ring: Ring) -> Step:
+def _step(
+    node: Node, nodes: Sequence[Node], y: Series, args: Sequence[Series], c: Series, time: Any, unit: Any, ring: Ring
+) -> Step:
+    op = node.op
     if op in ("constant", "clock"):
         return _listed(y, c if op == "constant" else [c[0] + c[1] * time, c[1] * unit], 0 * c[0])
     a, b = args[0], args[-1]
+    m, n = nodes[node.args[0]].degree, nodes[node.args[-1]].degree
     match RULES[op]:
         case Linear() as rule:
             return _linear(rule, y, a, b, c[0] if c else None)
         case Product():
-            return _square(y, a) if a is b else _product(y, a, b)
+            return _square(y, a, m) if a is b else _product(y, a, b, m, n)
         case Quotient(above=above):
-            return _reciprocal(y, a, c[0]) if above == "c" else _ratio(y, a, b)
+            return _reciprocal(y, a, c[0], m) if above == "c" else _ratio(y, a, b, n)
         case Power():
             return _power(y, a, c[0], ring.power)
         case Root():
             return _root(y, a, ring.functions[op])
         case IntegralOfProduct(sign, factor):
-            return _integral_of_product(y, a, y if factor == SELF else b, sign, ring.functions[op])
+            q, n = (y, node.degree) if factor == SELF else (b, n)
+            return _integral_of_product(y, a, q, m, n, sign, ring.functions[op])
         case IntegralOfQuotient(sign):
-            return _integral_of_quotient(y, a, b, sign, ring.functions[op])
+            return _integral_of_quotient(y, a, b, n, sign, ring.functions[op])
 
 
 def _listed(y: Series, values: Series, zero: Any) -> Step:
@@ -156,24 +161,29 @@ def _linear(rule: Linear, y: Series, a: Series, b: Series, c: Any) -> Step:
     return lambda k: y.append(a[k] if k else a[0] + c)
 
 
-def _product(y: Series, a: Series, b: Series) -> Step:
-    return lambda k: y.append(sum(map(mul, a, b[k::-1])))
+def _convolution(a: Series, b: Series, k: int, low: int, high: int) -> Any:
+    """Return the sum of a[j] b[k - j] for j from ``low`` to ``high``: terms beyond a series' degree are zero."""
+    return sum(map(mul, a[low : high + 1], b[k - high : k - low + 1][::-1])) if low <= high else 0 * b[0]
 
 
-def _square(y: Series, a: Series) -> Step:
+def _product(y: Series, a: Series, b: Series, m: int, n: int) -> Step:
+    return lambda k: y.append(_convolution(a, b, k, max(k - n, 0), min(k, m)))
+
+
+def _square(y: Series, a: Series, m: int) -> Step:
     def step(k: int) -> None:
-        half = 2 * sum(map(mul, a[: (k + 1) // 2], a[k : k // 2 : -1]))
+        half = 2 * _convolution(a, a, k, max(k - m, 0), (k - 1) // 2)
         y.append(half if k % 2 else half + a[k // 2] * a[k // 2])
 
     return step
 
 
-def _ratio(y: Series, a: Series, b: Series) -> Step:
-    return lambda k: y.append((a[k] - sum(map(mul, y, b[k:0:-1]))) / b[0])
+def _ratio(y: Series, a: Series, b: Series, n: int) -> Step:
+    return lambda k: y.append((a[k] - _convolution(y, b, k, max(k - n, 0), k - 1)) / b[0] if k else a[0] / b[0])
 
 
-def _reciprocal(y: Series, a: Series, c: Any) -> Step:
-    return lambda k: y.append(-sum(map(mul, y, a[k:0:-1])) / a[0] if k else c / a[0])
+def _reciprocal(y: Series, a: Series, c: Any, m: int) -> Step:
+    return lambda k: y.append(-_convolution(y, a, k, max(k - m, 0), k - 1) / a[0] if k else c / a[0])
 
 
 def _root(y: Series, a: Series, root: Callable[[Any], Any]) -> Step:
@@ -190,7 +200,9 @@ def _power(y: Series, a: Series, c: Any, power: Callable[[Any, Any], Any]) -> St
     return step
 
 
-def _integral_of_product(y: Series, a: Series, q: Series, sign: int, function: Callable[[Any], Any]) -> Step:
+def _integral_of_product(
+    y: Series, a: Series, q: Series, m: int, n: int, sign: int, function: Callable[[Any], Any]
+) -> Step:
     """y with y' = sign a' q."""
     slopes: Series = []
 
@@ -199,12 +211,12 @@ def _integral_of_product(y: Series, a: Series, q: Series, sign: int, function: C
             y.append(function(a[0]))
             return
         slopes.append(sign * k * a[k])
-        y.append(sum(map(mul, slopes, q[k - 1 :: -1])) / k)
+        y.append(_convolution(slopes, q, k - 1, max(k - 1 - n, 0), min(k, m) - 1) / k)
 
     return step
 
 
-def _integral_of_quotient(y: Series, a: Series, q: Series, sign: int, function: Callable[[Any], Any]) -> Step:
+def _integral_of_quotient(y: Series, a: Series, q: Series, n: int, sign: int, function: Callable[[Any], Any]) -> Step:
     """y with y' q = sign a'."""
     slopes: Series = []
 
@@ -212,7 +224,7 @@ def _integral_of_quotient(y: Series, a: Series, q: Series, sign: int, function: 
         if k == 0:
             y.append(function(a[0]))
             return
-        slope = (sign * k * a[k] - sum(map(mul, slopes, q[k - 1 : 0 : -1]))) / q[0]
+        slope = (sign * k * a[k] - _convolution(slopes, q, k - 1, max(k - 1 - n, 0), k - 2)) / q[0]
         slopes.append(slope)
         y.append(slope / k)
 

@@ -10,6 +10,9 @@ from often import daily
 from problems import make_problem
 from runs import run, times
 
+from henon_ref.integrator.guard_branch_point import TRIES
+from henon_ref.integrator.precise_modes import PreciseModes
+
 BELT = 2 * math.asin(1 / (3 * math.sqrt(2)))
 """Where sqrt(1 - cos(u)) is 1/3."""
 QUARTIC = [1 + float(u.real) for u in sorted(np.roots([1, 2, 2, 0, -2 / 9]), key=np.real) if abs(u.imag) < 1e-9]
@@ -82,6 +85,14 @@ def test_a_guard_next_to_zero_is_off_by_its_rounding(surface: str, rtol: float) 
     result = run(make_problem("x", ["1"], {"s": surface}, [start], "1/2 + 10^(-12)"), rtol)
     assert (result.status, result.end_time) == ("ok", 0.5 + 1e-12)
     assert all(abs(time - 0.5) < 1e-5 for time in times(result))
+
+
+def test_guards_without_a_value_behind_are_evaluated_once_a_distance(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A square root's domain ends, as at most branch points."""
+    evaluated, values = [], PreciseModes.guard_values
+    monkeypatch.setattr(PreciseModes, "guard_values", lambda *given: evaluated.append(1) or values(*given))
+    result = run(make_problem("x", ["1"], {"s": "sqrt(1 - x) - 1/2"}, [0], 2), 1e-9)
+    assert (result.status, len(evaluated)) == ("failed", TRIES)
 
 
 def test_samples_are_filled_where_a_kink_is_passed() -> None:

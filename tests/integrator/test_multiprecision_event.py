@@ -8,7 +8,7 @@ import mpmath
 import numpy as np
 import pytest
 import sympy as sp
-from flint import arb
+from flint import arb, arb_poly
 from problems import make_problem
 from runs import kinds, run
 
@@ -16,6 +16,7 @@ from henon_ref.integrator.multiprecision_event import LocatedEvent, UndecidedSte
 from henon_ref.integrator.precise_modes import PreciseModes
 from henon_ref.modes.mode_evaluation import in_balls, in_doubles
 from henon_ref.modes.system import FilippovSystem
+from henon_ref.precision import working_precision
 from henon_ref.roots import multiprecision as isolation
 from henon_ref.roots.multiprecision import ONE, bernstein, first_event_of, first_falling_root
 from henon_ref.taylor.tape import TIME
@@ -55,6 +56,18 @@ def look(surface: sp.Expr, near: float, reach: float = 2.0, zeros: int = 0) -> F
     found = locate(FilippovSystem((X,), (S,), (surface,), (sp.Integer(1),)), near, reach, zeros=zeros)
     what = "root" if found.falling else "touch" if found.touching else "miss"
     return Found(what, found.known_zeros[0], found.time, found.state)
+
+
+def test_a_touch_is_found_in_two_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
+    """That before it, and that around it, which is so short that all values on it count as zero."""
+    pieces, piece = [], isolation._piece
+    monkeypatch.setattr(isolation, "_piece", lambda *given: pieces.append(1) or piece(*given))
+    with working_precision(isolation.BITS):
+        x, root = arb_poly([0, 1]), arb(3) / 5
+        touching = (x - root) ** 2 * (x + 1) * (x * x + 2)
+        outcome, low, high = first_falling_root(isolation.fixed(touching.coeffs()))
+    assert (outcome, len(pieces)) == ("touch", 2)
+    assert low / ONE == pytest.approx(0.6) == high / ONE
 
 
 @pytest.mark.parametrize("power", [2, 4, 6])

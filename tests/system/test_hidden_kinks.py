@@ -12,6 +12,7 @@ import henon_ref as hr
 from henon_ref.casefile.case import parse_case
 from henon_ref.harness.registry import solver
 from henon_ref.harness.truth.compute import compute, stored_truth, truth_for
+from henon_ref.modes.kinks import HiddenKinks
 from henon_ref.trajectory import Trajectory
 
 SOLVERS = pytest.mark.parametrize("name", ["henon", "scipy-dop853"])
@@ -39,6 +40,16 @@ def test_a_kink_that_another_branch_hides_is_none(name: str) -> None:
     run = run_of(name, CASE.format(x=0))
     assert [(t.kind, t.surface) for t in run.transitions] == [("crossing", 0)]
     assert float(run.transitions[0].time) == pytest.approx(math.sqrt(5) - 1, abs=1e-11)
+
+
+def test_the_run_itself_does_not_wait_for_that(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls, check = [], HiddenKinks.are_transitions
+    monkeypatch.setattr(HiddenKinks, "are_transitions", lambda *given: calls.append(1) or check(*given))
+    found = run_of("henon", CASE.format(x=0)).transitions
+    assert not calls
+    assert (len(found), len(found[:1]), len(found[1:])) == (1, 1, 0)
+    assert found[:1][0] == found[0]
+    assert len(calls) == 1
 
 
 def test_a_method_of_fixed_steps_leaves_it_out_too() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import math
+from dataclasses import replace
 from functools import cache
 
 import mpmath
@@ -15,6 +16,7 @@ from flint import arb
 from henon_ref.errors import ModelError
 from henon_ref.jit.ir_writer import declarations, row_length
 from henon_ref.jit.native_module import NativeModule
+from henon_ref.taylor import series as taylor_series
 from henon_ref.taylor.llvm.expansion import expansion_ir
 from henon_ref.taylor.series import Ring, expand
 from henon_ref.taylor.tape import INFINITE, TIME, build_tape
@@ -173,3 +175,17 @@ def test_a_part_of_a_tape_has_its_values_and_all_constants() -> None:
         assert part.constants == whole.constants
         assert len(part.nodes) < len(whole.nodes)
         assert [s[0] for s in expand(part, numbers, 0.3, [0.2, -0.4], 0)[1]] == [values[at] for at in wanted]
+
+
+def test_products_are_as_long_as_the_degrees_of_their_factors(monkeypatch: pytest.MonkeyPatch) -> None:
+    """x = t, so that a product with a polynomial in x has a few terms at each order, not as many as the order."""
+    made, multiply = [], taylor_series.mul
+    monkeypatch.setattr(taylor_series, "mul", lambda p, q: made.append(1) or multiply(p, q))
+    tape = build_tape([x], [sp.Integer(1)], [x**2 * sp.exp(x) * (1 + x), sp.sin(x) / (2 + x), sp.exp(x) / sp.cos(x)])
+    constants = [float(c) for c in tape.constants]
+    expand(tape, constants, 0.0, [0.5], 40)
+    few = len(made)
+    whole = replace(tape, nodes=tuple(replace(node, degree=INFINITE) for node in tape.nodes))
+    made.clear()
+    assert expand(tape, constants, 0.0, [0.5], 40) == expand(whole, constants, 0.0, [0.5], 40)
+    assert few * 3 < len(made) - few
