@@ -13,9 +13,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.analysis.saltation import Matrix, rank_lost
+from henon_ref.analysis.saltation import Matrix, Vector, rank_lost
 from henon_ref.analysis.variational import TangentFlow, TangentTransition
 from henon_ref.errors import UnsupportedError
+from henon_ref.modes.mode import Mode
 from henon_ref.trajectory import Status, Trajectory
 
 CONDITION = 1e5
@@ -74,7 +75,7 @@ class TangentFrame:
         flow = self.flow
         self.ahead = self.ahead or FIRST * (until - flow.time)
         while flow.time < until:
-            begin, saved, slides = flow.time, flow.saved(), 0 in flow.mode
+            begin, saved, mode = flow.time, flow.saved(), flow.mode
             event = flow.advance(min(begin + self.ahead, until))
             condition, passed = self._condition(), flow.time - begin
             if condition > TAKEN_BACK and begin + passed / 2 > begin:
@@ -89,10 +90,12 @@ class TangentFrame:
                 self.ahead = max(self.ahead, passed / max(growth, 0.5))
             if isinstance(event, Trajectory) and event.status != "ok":
                 return event.status, event.reason
-            self._orthonormalise()
             if isinstance(event, TangentTransition):
+                self._orthonormalise(*event.begin)
                 self._cross(event)
-            self._note(slides)
+            else:
+                self._orthonormalise(mode, flow.time, flow.state)
+            self._note(0 in mode)
         return "ok", ""
 
     def _condition(self) -> float:
@@ -100,10 +103,21 @@ class TangentFrame:
         if not np.isfinite(vectors).all():
             return math.inf
         sizes = np.linalg.svdvals(vectors)
-        return float(sizes[0] / sizes[-1]) if sizes.size and sizes[-1] > 0 else math.inf if sizes.size else 1.0
+        if not sizes.size:
+            return 1.0
+        largest = max(sizes[0], 1.0) if self.dimension < self.n else sizes[0]  # normal rounding errors do not shrink
+        return float(largest / sizes[-1]) if sizes[-1] > 0 else math.inf
 
-    def _orthonormalise(self) -> None:
-        basis, r = np.linalg.qr(self.flow.vectors[:, : self.dimension])
+    def _orthonormalise(self, mode: Mode, time: float, state: Vector) -> None:
+        """Orthonormalize the frame in the tangent space of a mode.
+
+        Components normal to a sliding surface are rounding errors, which keep their size while the frame shrinks.
+        """
+        vectors = self.flow.vectors[:, : self.dimension]
+        if self.dimension < self.n:
+            along = self.flow.spaces.basis(mode, time, state)
+            vectors = along @ (along.T @ vectors)
+        basis, r = np.linalg.qr(vectors)
         grown = np.log(np.abs(np.diag(r)))
         self.volume.add(grown, self.flow.log_volume)
         self._count(grown)

@@ -205,6 +205,8 @@ class TangentFlow:
 def fundamental_matrix(problem: Problem, since: sp.Expr, until: sp.Expr, *, tolerance: float) -> tuple[Matrix, int]:
     """Return the derivative of the state at ``until`` [s] by the state at ``since`` [s], along a problem's solution.
 
+    In sliding at ``since`` it is the derivative along the surfaces, and maps directions normal to them to zero.
+
     Returns
     -------
     matrix : ndarray, shape (n, n)
@@ -219,7 +221,8 @@ def fundamental_matrix(problem: Problem, since: sp.Expr, until: sp.Expr, *, tole
     flow = TangentFlow(problem, tolerance=tolerance)
     rank = n = len(problem.system.states)
     for stage in (since, until):
-        flow.vectors = np.eye(n)
+        along = flow.spaces.basis(flow.mode, flow.time, flow.state)
+        flow.vectors = along @ along.T
         rank = flow.spaces.dimension(flow.mode)
         while isinstance(event := flow.advance(stage), TangentTransition):
             flow.vectors = event.saltation @ flow.vectors

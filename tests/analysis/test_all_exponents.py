@@ -146,6 +146,22 @@ def test_the_derivative_through_sticks_of_many_blocks_is_that_of_runs_side_by_si
     assert matrix == pytest.approx(differences(system, initial, until), abs=1e-7)
 
 
+@pytest.mark.parametrize(
+    ("states", "surface", "field", "right"),
+    [
+        (["x", "v"], "v + x", ["v", "cos(t) - 3*s"], [-1]),  # one direction left, which is never compared with another
+        (["x", "y", "z"], "x", ["1/2 - 2*s + 3*y/10", "x - 7*y/10 - s/5", "z/10"], [0.1, -0.73]),
+    ],
+)
+def test_rounding_normal_to_the_surface_does_not_outlive_a_sliding_frame(
+    states: list[str], surface: str, field: list[str], right: list[float]
+) -> None:
+    system = hr.System(states, {}, {"s": surface}, field)
+    start = {"x": 0.1, "v": -0.1} if len(states) == 2 else {"x": 0, "y": 0.2, "z": 1}
+    spectrum = hr.lyapunov_exponents(system, start, span=150)
+    assert spectrum.exponents == pytest.approx([*right, -math.inf], abs=1e-8)
+
+
 def test_contacts_that_do_not_act_on_each_other_lose_a_direction_each() -> None:
     friction = "-x{0} - s{0}*{1}/(1 + 3*s{0}*(v{0} - 0.2))"
     field = [rate for k, limit in (("a", 1), ("b", 1.5)) for rate in (f"v{k}", friction.format(k, limit))]

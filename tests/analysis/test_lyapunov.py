@@ -59,6 +59,12 @@ def test_without_saltation_the_forced_coulomb_oscillator_would_seem_neutral(monk
     assert np.abs(floquet_multipliers(problem, since=0.3, period=2 * math.pi)) == pytest.approx([1, 1], abs=1e-9)
 
 
+def test_a_slide_without_end_has_the_multiplier_along_its_surface() -> None:
+    sliding = make_problem("x v", ["v", "cos(t) - 3*s"], {"s": "v + x"}, ["1/10", "-1/10"], 10)
+    multipliers = floquet_multipliers(sliding, since=sp.Integer(7), period=2 * sp.pi)
+    assert multipliers == pytest.approx([math.exp(-2 * math.pi), 0], rel=1e-12)
+
+
 def test_a_stick_takes_a_direction_away() -> None:
     problem = load_case(CASES / "stribeck_belt.yaml").readings[0].problem
     found = lyapunov_spectrum(problem, discard=50, span=240)
