@@ -81,8 +81,8 @@ def test_runs_at_once_are_those_one_after_the_other(path: str, reading: str | No
             assert [found for _, found in done] == [expected[at] for at, _ in done]
 
 
-def test_a_compiled_call_lets_go_of_the_interpreter_lock() -> None:
-    """Else this thread would get no turn between two lines of the other one."""
+def turns_beside_a_compiled_call() -> int:
+    """Count the turns of a loop in this thread while another thread is in one compiled call."""
     problem = make_problem("x y", ["y", "-x"], {"s": "x - 2"}, [0, 1], 10**6)
     integrator = Integrator(problem.system, 18)
     run = Run(integrator, integrator.start(problem, tolerance=1e-12, landing=HENON))
@@ -99,7 +99,12 @@ def test_a_compiled_call_lets_go_of_the_interpreter_lock() -> None:
     while not ended.is_set():
         turns += 1
     thread.join()
-    assert turns > 1000
+    return turns
+
+
+def test_a_compiled_call_lets_go_of_the_interpreter_lock() -> None:
+    """If the call kept the lock, this thread would get no turn. On a busy machine it may miss a call or two."""
+    assert any(turns_beside_a_compiled_call() > 1000 for _ in range(20))
 
 
 def test_a_workspace_serves_the_next_run() -> None:
