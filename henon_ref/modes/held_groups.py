@@ -298,6 +298,7 @@ class _Group:
         """Return the mode after contacts separate that cannot hold together, since their drives differ later.
 
         The first non-zero derivative gives the direction of slip; a small acceleration represents it in the problem.
+        None if a contact never separates: it depends on the others by its parameters' values, not by its equations.
         """
         balance = self._balance
         if balance is None or self.separating:
@@ -309,7 +310,7 @@ class _Group:
         if not separated:
             return None
         broken = self.numbers.broken(with_entries(mode, separated, [1] * len(separated)), self.active)
-        if broken is None:
+        if broken is None or any(order == IDENTICALLY_ZERO for _, order in broken):
             return None
         back = {guard.index for guard, _ in broken if guard.kind == "surface"}
         self.separating = {i: -1 if i in back else 1 for i in separated}

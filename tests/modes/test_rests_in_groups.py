@@ -11,6 +11,7 @@ from contact_scenes import scene
 from flint import ctx
 from multiprecision import simulate
 
+import henon_ref as hr
 from henon_ref.casefile.case import parse_case
 from henon_ref.enclosure.balls import enclose
 from henon_ref.enclosure.run import certify
@@ -204,3 +205,15 @@ def test_a_sliding_written_by_hand_does_not_say_what_a_reaction_adds_to_its_load
     run = solver("henon").prepare(problem, rtol=1e-12)()
     assert run.status == "failed"
     assert "the effect of the reaction on a body at rest on the load of s is unknown" in run.reason
+
+
+def test_a_stop_that_depends_on_a_holding_contact_by_a_parameter_does_not_release_it() -> None:
+    """The belt stands still, vb = 0, so that body and stop never separate while the belt holds the load of 1 N."""
+    at_rest = hr.Scene(parameters={"vb": 0})
+    block, belt = at_rest.body("a", mass=1), at_rest.prescribed("belt", velocity="vb")
+    at_rest.friction(block, belt, law="coulomb", force="2/3", static="7/6", name="f")
+    at_rest.stop(block, at_rest.wall, gap=0, restitution=0, name="g")
+    at_rest.force(block, 1)
+    run = hr.simulate(at_rest.system(), {"x_a": 0, "v_a": 0}, until=1)
+    assert run.status == "failed"
+    assert "the loads of contacts that hold together are not determined: f, g" in run.message
