@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.integrator.integrator import Integrator
 from henon_ref.integrator.records import HENON
-from henon_ref.integrator.run import Run
+from henon_ref.integrator.run import run_to_horizon
 from henon_ref.integrator.start import NO_LIMIT
 from henon_ref.modes.problem import Problem
 from henon_ref.trajectory import Trajectory, without_hidden_kinks
@@ -67,8 +68,6 @@ def prepared_run(
     # The deadline, not a number of steps, limits the run.
     start = integrator.start(problem, tolerance=error, landing=landing, most_steps=NO_LIMIT)
 
-    def run() -> Trajectory:
-        return Run(integrator, start, sample_times, deadline).to_horizon()
-
+    run = partial(run_to_horizon, integrator, start, sample_times, deadline)
     # Without kinks the run itself is returned: a wrapper would cost some percent of a short run.
     return (lambda: without_hidden_kinks(run(), problem.system)) if problem.system.kinks else run
