@@ -14,6 +14,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from henon_ref.integrator.constants import LoopData
 from henon_ref.integrator.integrator import Integrator
 from henon_ref.integrator.records import CHUNK, STEP_PLACES, Workspace, numbered, read, step_dtype, words_of
 from henon_ref.integrator.start import Start, out_of_steps
@@ -46,7 +47,8 @@ def run_to_horizon(
         return start.refused
     workspace = integrator.workspace()
     workspace.memory[:] = start.block
-    code = _loop(workspace.run, _tables(integrator, start), ffi.NULL, 0)
+    data = _loop_data(integrator, start)
+    code = _loop(workspace.run, data.tables, ffi.NULL, 0)
     if code != _HORIZON:
         return Run(integrator, start, deadline=deadline, begun=workspace).to_horizon(code)
     end = _trajectory(integrator, workspace)
@@ -54,10 +56,12 @@ def run_to_horizon(
     return end
 
 
-def _tables(integrator: Integrator, start: Start) -> Any:
-    """Return ``struct tables`` of all modes that have been compiled."""
+def _loop_data(integrator: Integrator, start: Start) -> LoopData:
+    """Return the data of all modes that have been compiled; the caller keeps them until the loop returns, because
+    another thread may replace them.
+    """
     data = start.constants.latest
-    return (data if data.compiled is integrator.mode_table.compiled else start.constants.update()).tables
+    return data if data.compiled is integrator.mode_table.compiled else start.constants.update()
 
 
 def _trajectory(integrator: Integrator, workspace: Workspace, status: Status = "ok", reason: str = "") -> Trajectory:
@@ -222,8 +226,8 @@ class Run(State):
         if refused is not None:
             unasked = self.samples is _NO_SAMPLES
             return refused if unasked else refused._replace(samples=self._sampled_states(), sample_modes=())
-        tables = _tables(self.integrator, self.start)
-        return self._answered(kernel.advance(self.scalars, tables, self._sampled, len(self.samples)), stop=stop)
+        data = _loop_data(self.integrator, self.start)
+        return self._answered(_loop(self.scalars, data.tables, self._sampled, len(self.samples)), stop=stop)
 
     def _answered(self, code: int, *, stop: bool = False) -> Trajectory | None:
         """Handle a return code of the loop; None if the run continues."""
