@@ -281,13 +281,12 @@ def check_surfaces(source: Source, form: CaseForm, problem: Problem) -> None:
 
 
 def check_added_parameters(source: Source, whole: Source) -> None:
-    """Raise CaseError if a reading adds a parameter without a use, as a misspelt name does."""
+    """Raise CaseError if a reading adds a parameter that nothing in the file uses, as a misspelt name does."""
     for path in (("system", "parameters"), ("scene", "parameters")):
         known = whole.keys(path)
         added = [name for name in source.keys(path) if name not in known]
-        for name in sorted({*added} - words(source.tree)) if added else ():
-            unused = f"no expression uses the parameter '{name}'"
-            raise source.unknown((*path, name), unused, "parameters", known or ["none"])
+        for name in sorted({*added} - words(whole.tree)) if added else ():
+            raise source.unknown((*path, name), f"no expression uses the parameter '{name}'", "parameters", known)
 
 
 def check_model(source: Source, form: CaseForm) -> None:

@@ -25,7 +25,7 @@ KEPT_VALUES = 64
 class Integrator:
     """Compiled system for runs at one order of the Taylor method, from any thread.
 
-    A run is ``Run(integrator, integrator.begin(values, initial, ...)).to_horizon()``;
+    A run is ``run_to_horizon(integrator, integrator.begin(values, initial, ...))``;
     :class:`henon_ref.integrator.points.PointRuns` does many runs in one call. Modes are compiled on first use. The
     library keeps one integrator per system and order.
 

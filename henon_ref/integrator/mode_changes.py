@@ -132,9 +132,10 @@ def _digits(run: State) -> tuple[list[arb], list[float]]:
 
 def _passed_over(run: State, guard: Guard) -> None:
     """Record that a guard is below its rounding error here (``henon_ref/kernel/below_rounding.c``)."""
-    place = kernel.rounding_place(guard.kind == "valid", guard.index, len(run.since))
-    if not run.since[place] <= run.scalars.time:
-        run.since[place] = run.scalars.time
+    since = run.workspace.since
+    place = kernel.rounding_place(guard.kind == "valid", guard.index, len(since))
+    if not since[place] <= run.scalars.time:
+        since[place] = run.scalars.time
         run.scalars.below_rounding += 1
 
 
@@ -233,7 +234,7 @@ def record(
     run: State, kind: int, surface: int, source: int, target: int, *, side: int, state: Sequence[float] | None = None
 ) -> None:
     """Record a transition, at the run's state unless ``state`` is given."""
-    if run.scalars.below_rounding and run.since[surface] <= run.scalars.time:
+    if run.scalars.below_rounding and run.workspace.since[surface] <= run.scalars.time:
         return
     if run.scalars.transitions >= run.scalars.transition_capacity:
         run.close_block()

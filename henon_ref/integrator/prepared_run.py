@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.integrator.integrator import Integrator
 from henon_ref.integrator.records import HENON
-from henon_ref.integrator.run import Run
+from henon_ref.integrator.run import run_to_horizon
 from henon_ref.integrator.start import NO_LIMIT
 from henon_ref.integrator.transition_array import shown
 from henon_ref.modes.kinks import HiddenKinks
@@ -69,9 +70,7 @@ def prepared_run(
     # The deadline, not a number of steps, limits the run.
     start = integrator.start(problem, tolerance=error, landing=landing, most_steps=NO_LIMIT)
 
-    def run() -> Trajectory:
-        return Run(integrator, start, sample_times, deadline).to_horizon()
-
+    run = partial(run_to_horizon, integrator, start, sample_times, deadline)
     # Without kinks the run itself is returned: a wrapper would cost some percent of a short run.
     kinks = HiddenKinks(problem.system)
     return (lambda: shown(run(), kinks)) if problem.system.kinks else run

@@ -8,8 +8,10 @@ in base 4: digit i, from the last, is 1 plus the entry of contact i. In memory i
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import chain, product
+from struct import Struct
 from typing import Any
 
 import numpy as np
@@ -43,6 +45,8 @@ RUN = record_dtype("run")
 """Record of a run's scalars, the same for every system; the vectors follow it in memory."""
 STATE_PLACE: int = kernel.places_of(0, 0, 0, 0, 0).state
 """Offset of the state; its rounding errors and the state before the last jump follow."""
+_MODE_PLACE: int = ffi.offsetof("struct run", "mode")
+"""Offset of the mode and the counts that follow it, in bytes."""
 
 
 def mode_dtype(guards: int) -> np.dtype[Any]:
@@ -82,6 +86,13 @@ class Workspace:
     """View: coefficients of the last expansion, one row per state, then per guard."""
     start_room: Any
     """Room of ``start_run`` of ``kernel/start.c``, of doubles."""
+    entries: NDArray[np.int64]
+    """View: words of the mode's entries, if modes are numbers."""
+    since: NDArray[np.float64]
+    """View: time since which each guard has been below its rounding error [s] (``rounding_place`` of the kernel)."""
+    unpack: Callable[[memoryview], tuple[Any, ...]]
+    """Reads time, mode, steps, expansions, guard evaluations, transitions, guards below rounding, and then the state
+    from ``memory``, in the time in which NumPy reads one of them."""
     transitions: NDArray[np.float64]
     """View: transitions, shape (CHUNK, TRANSITION_PLACES + n). Each row is a :data:`TRANSITION` and a state; with
     contacts, the words of the modes before and after follow. (Rows of doubles are copied much faster than records.)"""
@@ -102,6 +113,9 @@ class Workspace:
             block[: own.end_of_state].data.cast("B"),
             block[own.band : own.room].reshape(-1, own.width),
             ffi.new("double[]", start_room),
+            block[own.entries : own.since].view(np.int64),
+            block[own.since : own.end_of_state],
+            Struct(f"d{_MODE_PLACE - 8}x6q{8 * STATE_PLACE - _MODE_PLACE - 48}x{sizes[0]}d").unpack_from,
             block[own.records :].reshape(CHUNK, -1),
         )
 

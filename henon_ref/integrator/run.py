@@ -7,16 +7,17 @@ a code if double precision does not decide, a mode has no machine code yet, or t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from struct import Struct
+import math
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from henon_ref.integrator.constants import LoopData
 from henon_ref.integrator.integrator import Integrator
-from henon_ref.integrator.records import CHUNK, STATE_PLACE, STEP_PLACES, numbered, step_dtype, words_of
-from henon_ref.integrator.start import Start, doubles_of, out_of_steps
+from henon_ref.integrator.records import CHUNK, STEP_PLACES, Workspace, numbered, read, step_dtype, words_of
+from henon_ref.integrator.start import Start, out_of_steps
 from henon_ref.integrator.state_view import State
 from henon_ref.integrator.transition_array import TransitionArray
 from henon_ref.jit.processor_time import Deadline
@@ -25,13 +26,63 @@ from henon_ref.modes.mode import Mode
 from henon_ref.trajectory import Counts, Decisions, Status, Trajectory, Transition
 
 _tuple = tuple.__new__
-_counts: Callable[..., tuple[int, ...]] = Struct("6q").unpack_from
-_FIRST_COUNT: int = ffi.offsetof("struct run", "mode")
-"""Offset in the block, in bytes, of mode, steps, expansions, guard evaluations, transitions and guards below
-rounding."""
-_STATE = 8 * STATE_PLACE
+_loop, _HORIZON = kernel.advance, kernel.HORIZON  # a library's names take longer to look up
 _NO_SAMPLES = np.zeros((0, 2))
 _NO_DECISIONS = Decisions()
+
+
+def run_to_horizon(
+    integrator: Integrator,
+    start: Start,
+    sample_times: NDArray[np.float64] | None = None,
+    deadline: float | None = None,
+) -> Trajectory:
+    """Do a run to the horizon, or to an earlier end.
+
+    Most runs end in one call of the loop. They need no :class:`Run`, which costs as much as a short run itself.
+    """
+    if sample_times is not None:
+        return Run(integrator, start, sample_times, deadline).to_horizon()
+    if start.refused is not None:
+        return start.refused
+    workspace = integrator.workspace()
+    workspace.memory[:] = start.block
+    data = _loop_data(integrator, start)
+    code = _loop(workspace.run, data.tables, ffi.NULL, 0)
+    if code != _HORIZON:
+        return Run(integrator, start, deadline=deadline, begun=workspace).to_horizon(code)
+    end = _trajectory(integrator, workspace)
+    integrator.free.append(workspace)
+    return end
+
+
+def _loop_data(integrator: Integrator, start: Start) -> LoopData:
+    """Return the data of all modes that have been compiled; the caller keeps them until the loop returns, because
+    another thread may replace them.
+    """
+    data = start.constants.latest
+    return data if data.compiled is integrator.mode_table.compiled else start.constants.update()
+
+
+def _trajectory(integrator: Integrator, workspace: Workspace, status: Status = "ok", reason: str = "") -> Trajectory:
+    """Return the result of a run from its memory."""
+    found, table = workspace.unpack(workspace.memory), integrator.mode_table
+    count, below = found[5:7]
+    transitions: Sequence[Transition] = ()
+    if count:
+        transitions = TransitionArray(workspace.transitions[:count].copy(), table.modes, table.contacts)
+    mode = table.mode(read(workspace.entries)) if table.contacts else table.modes[found[1]]
+    since = _below_rounding(integrator, workspace) if below else ()
+    # Built as plain tuples: the constructors would cost a tenth of a short run.
+    counts = _tuple(Counts, found[2:5])
+    fields = status, transitions, found[0], found[7:], mode, reason, counts, 0.0, None, None, since
+    return _tuple(Trajectory, fields)
+
+
+def _below_rounding(integrator: Integrator, workspace: Workspace) -> tuple[tuple[int, float], ...]:
+    """Return (surface, time [s]) of surfaces below their rounding error; -1 for a ``valid`` expression."""
+    surfaces, times = len(integrator.system.surfaces), enumerate(workspace.since.tolist())
+    return tuple((i if i < surfaces else -1, t) for i, t in times if t < math.inf)
 
 
 class Jumped(NamedTuple):
@@ -68,6 +119,8 @@ class Run(State):
         Number of transitions in one block of memory, at most CHUNK; 1 to stop at each transition.
     dense : int
         Number of steps in one block of memory, for dense output; 0: steps are not kept.
+    begun : Workspace, optional
+        Memory of the run, if the loop has been called before.
 
     Attributes
     ----------
@@ -83,11 +136,13 @@ class Run(State):
         deadline: float | None = None,
         block: int = CHUNK,
         dense: int = 0,
+        begun: Workspace | None = None,
     ) -> None:
-        self.workspace = workspace = integrator.workspace()
+        self.workspace = workspace = begun or integrator.workspace()
+        if begun is None:
+            workspace.memory[:] = start.block
         self.integrator, self.start, self.deadline = integrator, start, deadline
         self.scalars, self.state = workspace.run, workspace.state
-        workspace.memory[:] = start.block
         if block != CHUNK:
             self.scalars.transition_capacity = block
         self.samples, self._sampled = _NO_SAMPLES, ffi.NULL
@@ -120,9 +175,9 @@ class Run(State):
         self.state[:] = state
         self.passed_at = -1
 
-    def to_horizon(self) -> Trajectory:
-        """Run to the horizon, or to an earlier end of the run."""
-        end = self._advance()
+    def to_horizon(self, code: int | None = None) -> Trajectory:
+        """Run to the horizon, or to an earlier end of the run. ``code``: of the last call of the loop, if any."""
+        end = self._advance() if code is None else self._answered(code)
         if end is not None:  # most runs are short and need no clock
             return end
         deadline = Deadline(self.deadline)
@@ -171,10 +226,11 @@ class Run(State):
         if refused is not None:
             unasked = self.samples is _NO_SAMPLES
             return refused if unasked else refused._replace(samples=self._sampled_states(), sample_modes=())
-        data = self.start.constants.latest
-        if data.compiled is not self.integrator.mode_table.compiled:
-            data = self.start.constants.update()
-        code = kernel.advance(self.scalars, data.tables, self._sampled, len(self.samples))
+        data = _loop_data(self.integrator, self.start)
+        return self._answered(_loop(self.scalars, data.tables, self._sampled, len(self.samples)), stop=stop)
+
+    def _answered(self, code: int, *, stop: bool = False) -> Trajectory | None:
+        """Handle a return code of the loop; None if the run continues."""
         if code == kernel.HORIZON or code == kernel.STOPPED:
             return self._end("ok", "")
         if code == kernel.BLOCK_FULL and not stop:
@@ -205,21 +261,12 @@ class Run(State):
         return tuple(modes[place] for place in places)
 
     def _end(self, status: Status, reason: str) -> Trajectory:
-        state, start = self.state, self.start
-        mode, *counted, count, below = _counts(state, _FIRST_COUNT)
-        transitions: Sequence[Transition] = ()
-        if count or self.blocks:
-            records = self.workspace.transitions[:count].copy()
-            transitions = self._array(np.concatenate([*self.blocks, records]) if self.blocks else records)
-        samples = sample_modes = None
-        if self.samples is not _NO_SAMPLES:
-            samples, sample_modes = self._sampled_states(), self._sampled_modes()
-        # Built as plain tuples: the constructors would cost a tenth of a short run.
-        counts = _tuple(Counts, counted)
+        end = _trajectory(self.integrator, self.workspace, status, reason)
         if self.decisions is not _NO_DECISIONS:
-            counts.decisions = self.decisions
-        end, x = state.item(0), doubles_of(len(start.x)).unpack_from(self.workspace.memory, _STATE)
-        since = self.below_rounding_since() if below else ()
-        own = self.mode if self.integrator.mode_table.contacts else self.integrator.mode_table.modes[mode]
-        fields = status, transitions, end, x, own, reason, counts, 0.0, samples, sample_modes, since
-        return _tuple(Trajectory, fields)
+            end.counts.decisions = self.decisions
+        if self.blocks:
+            self.close_block()
+            end = end._replace(transitions=self._array(np.concatenate(self.blocks)))
+        if self.samples is not _NO_SAMPLES:
+            end = end._replace(samples=self._sampled_states(), sample_modes=self._sampled_modes())
+        return end

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
-from struct import Struct
 from typing import Any, cast
 
 import numpy as np
@@ -67,12 +66,6 @@ class Start:
     def scalars(self) -> Any:
         """The block as ``struct run``; a change of a field applies to all later runs."""
         return ffi.cast("struct run *", ffi.from_buffer(self.block))
-
-
-@lru_cache(maxsize=64)
-def doubles_of(count: int) -> Struct:
-    """Struct of ``count`` doubles; its ``unpack`` takes half the time of a slice and ``tolist``."""
-    return Struct(f"{count}d")
 
 
 @lru_cache(maxsize=64)

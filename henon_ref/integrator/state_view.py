@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 
 from henon_ref.integrator.integrator import Integrator
 from henon_ref.integrator.pairs import Pair
-from henon_ref.integrator.records import STATE_PLACE, STEP, STEP_PLACES, Workspace, read, words_of, written
+from henon_ref.integrator.records import STATE_PLACE, STEP, STEP_PLACES, Workspace, read, written
 from henon_ref.integrator.start import Start
 from henon_ref.kernel.shared import doubles
 from henon_ref.modes.equations import Guard
@@ -65,21 +64,15 @@ class State:
     @property
     def row(self) -> int:
         """Row or number of the current mode (:meth:`henon_ref.integrator.mode_table.ModeTable.row`)."""
-        return read(self._entries) if self.integrator.mode_table.contacts else int(self.scalars.mode)
+        return read(self.workspace.entries) if self.integrator.mode_table.contacts else int(self.scalars.mode)
 
     @row.setter
     def row(self, row: int) -> None:
         if not self.integrator.mode_table.contacts:
             self.scalars.mode = row
         elif row != self.row:
-            self._entries[:] = written(row, self.integrator.mode_table.contacts)
+            self.workspace.entries[:] = written(row, self.integrator.mode_table.contacts)
             self.scalars.stepped_mode = -1  # makes the loop look up the mode
-
-    @property
-    def _entries(self) -> NDArray[np.int64]:
-        """View: words of the mode's entries, if modes are numbers."""
-        last = len(self.state) - self.scalars.guards
-        return self.state[last - words_of(self.integrator.mode_table.contacts) : last].view(np.int64)
 
     @property
     def until(self) -> tuple[float, float]:
@@ -122,11 +115,6 @@ class State:
     def hits(self) -> NDArray[np.int64]:
         """View: 1 for each guard that is at zero."""
         return self._of_guards(1)
-
-    @property
-    def since(self) -> NDArray[np.float64]:
-        """Time since which each guard has been below its rounding error [s] (``rounding_place`` of the kernel)."""
-        return self.state[len(self.state) - self.scalars.guards :]
 
     @property
     def time(self) -> float:
@@ -207,7 +195,7 @@ class State:
             states = slice(1, 1 + self.x.size)
             row[states] = self.x + max(part, 0.0) * (np.asarray(state) - self.x)
             if contacts:
-                row[states.stop :].view(np.int64)[:] = self._entries
+                row[states.stop :].view(np.int64)[:] = self.workspace.entries
             else:
                 row[-1] = scalars.mode
             scalars.next_sample += 1
@@ -217,8 +205,3 @@ class State:
         self.scalars.time, self.scalars.time_low = time
         self.x[:] = [high for high, _ in state]
         self.x_low[:] = [low for _, low in state]
-
-    def below_rounding_since(self) -> tuple[tuple[int, float], ...]:
-        """Return (surface, time [s]) of surfaces below their rounding error; -1 for a ``valid`` expression."""
-        surfaces = len(self.integrator.system.surfaces)
-        return tuple((i if i < surfaces else -1, t) for i, t in enumerate(self.since.tolist()) if t < math.inf)

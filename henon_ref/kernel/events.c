@@ -37,8 +37,9 @@ static double near_touch(const double *a, int64_t degree, double level)
         if (height < lowest)
             lowest = height, tau = at;
     }
-    double first = tau;
-    for (int step = 0; step < TOUCH_STEPS; step++) {
+    double first = tau, before = -1.0;
+    for (int step = 0; step < TOUCH_STEPS && tau != before; step++) {
+        before = tau;
         double slope = 0.0, bend = 0.0;
         for (int64_t k = degree; k > 0; k--) {
             bend = bend * tau + slope;

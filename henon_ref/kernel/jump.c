@@ -54,7 +54,7 @@ static bool map_state(const struct work *w, const struct jump *jump)
     const double *constants = constants_of(w->tables, run->mode, 2);
     lower_range_flags();
     w->mode->guard[run->guard].jump(run->time, run->time_low, 1.0, w->x, constants, w->room);
-    bool bounded = fetestexcept(RANGE_FLAGS) == 0;
+    bool bounded = raised_range_flags() == 0;
     for (int64_t i = 0; i < n; i++) {
         double x = jump->state[i], total = x + jump->low[i], part = total - x;
         jump->low[i] = (x - (total - part)) + (jump->low[i] - part);

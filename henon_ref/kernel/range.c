@@ -7,12 +7,26 @@
  * unlimited exponent (henon_ref/integrator/endings.py).
  */
 #include <fenv.h>
+#ifdef __x86_64__
+#include <xmmintrin.h>
+#endif
 
 #define RANGE_FLAGS (FE_OVERFLOW | FE_UNDERFLOW)
 
+/* Flags that are up. On x86-64 fetestexcept() would also read those of the x87 unit, which nothing here uses: two calls
+ * would take a tenth of a step. */
+static inline int raised_range_flags(void)
+{
+#ifdef __x86_64__
+    return (int)_mm_getcsr() & RANGE_FLAGS;
+#else
+    return fetestexcept(RANGE_FLAGS);
+#endif
+}
+
 static inline void lower_range_flags(void)
 {
-    if (fetestexcept(RANGE_FLAGS))
+    if (raised_range_flags())
         feclearexcept(RANGE_FLAGS);
 }
 

@@ -106,7 +106,7 @@ static inline int64_t event_free_steps(struct work *w, bool alone, bool shrunk, 
         double left = remaining(run), unit = run->unit;
         lower_range_flags();
         expand(w, w->x, w->c);
-        int raised = fetestexcept(RANGE_FLAGS);
+        int raised = raised_range_flags();
         run->expansions += 1;
         double theta = proposed_step(w, rows, zeros);
         if (theta < SHORT || (theta > 1e6 && unit < left && !shrunk)) {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import weakref
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -16,7 +17,7 @@ from problems import make_problem
 from henon_ref.casefile.case import load_case
 from henon_ref.integrator.integrator import Integrator
 from henon_ref.integrator.records import HENON
-from henon_ref.integrator.run import Run
+from henon_ref.integrator.run import Run, run_to_horizon
 from henon_ref.integrator.start import Start
 from henon_ref.kernel.shared import ffi, kernel
 from henon_ref.modes.problem import Problem
@@ -73,12 +74,31 @@ def test_runs_at_once_are_those_one_after_the_other(path: str, reading: str | No
     def work(thread: int) -> list[tuple[int, str]]:
         barrier.wait(60)
         turns = [(thread + k) % len(several) for k in range(EACH)]
+        if thread % 2:  # by the short way of most runs
+            return [(at, text(run_to_horizon(fresh, several[at]))) for at in turns]
         runs = [(at, Run(fresh, several[at])) for at in turns]
         return [(at, text(run.to_horizon())) for at, run in runs]
 
     with ThreadPoolExecutor(THREADS) as pool:
         for done in pool.map(work, range(THREADS)):
             assert [found for _, found in done] == [expected[at] for at, _ in done]
+
+
+@pytest.mark.parametrize("run", [run_to_horizon, lambda *begun: Run(*begun).to_horizon()])
+def test_data_that_another_thread_replaces_stay_until_the_loop_returns(run, monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = make_problem("x", ["t - s"], {"s": "x"}, [0], 3)
+    integrator = Integrator(problem.system, 8)
+    start = integrator.start(problem, tolerance=1e-6, landing=HENON)
+    memory, held = weakref.ref(start.constants.latest.memory), []
+
+    def loop(*_: object) -> int:
+        start.constants.latest = None  # as an update does
+        held.append(memory() is not None)
+        return kernel.HORIZON
+
+    monkeypatch.setattr("henon_ref.integrator.run._loop", loop)
+    run(integrator, start)
+    assert held == [True]
 
 
 def turns_beside_a_compiled_call() -> int:
@@ -113,6 +133,7 @@ def test_a_workspace_serves_the_next_run() -> None:
     start = integrator.start(problem, tolerance=1e-6, landing=HENON)
     for _ in range(5):
         Run(integrator, start).to_horizon()
+        run_to_horizon(integrator, start)
     assert len(integrator.free) == 1
     both = [Run(integrator, start) for _ in range(2)]
     assert not integrator.free

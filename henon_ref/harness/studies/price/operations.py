@@ -14,7 +14,7 @@ from henon_ref.harness.rows import Row
 from henon_ref.integrator.integrator import Integrator
 from henon_ref.integrator.prepared_run import order_for
 from henon_ref.integrator.records import HENON
-from henon_ref.integrator.run import Run
+from henon_ref.integrator.run import run_to_horizon
 from henon_ref.modes.problem import Problem
 from henon_ref.taylor.llvm.count import count
 from henon_ref.taylor.llvm.expansion import expansion_ir
@@ -74,7 +74,7 @@ def work(problem: Problem) -> Work:
 
     def run_to(until: sp.Expr) -> Callable[[], Trajectory]:
         start = integrator.start(replace(problem, until=until), tolerance=tolerance, landing=HENON)
-        return lambda: Run(integrator, start).to_horizon()
+        return lambda: run_to_horizon(integrator, start)
 
     a = np.linspace(0, 1, SIZE * SIZE).reshape(SIZE, SIZE)
     out = np.empty_like(a)
