@@ -286,7 +286,8 @@ def check_added_parameters(source: Source, whole: Source) -> None:
         known = whole.keys(path)
         added = [name for name in source.keys(path) if name not in known]
         for name in sorted({*added} - words(whole.tree)) if added else ():
-            raise source.unknown((*path, name), f"no expression uses the parameter '{name}'", "parameters", known)
+            unused = f"no expression uses the parameter '{name}'"
+            raise source.unknown((*path, name), unused, "parameters", known or ["none"])
 
 
 def check_model(source: Source, form: CaseForm) -> None:

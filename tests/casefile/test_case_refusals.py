@@ -178,7 +178,8 @@ def test_a_parameter_that_a_reading_adds_must_have_a_use() -> None:
     bare = changed("parameters: {F: 1}", "parameters: {}").replace("F*s", "s") + one
     assert "'f'; parameters: none [reading 'a']" in refusal(bare).message
     used = "readings:\n  a: {system: {parameters: {f: 2, F: f}}}\n  b: {system: {parameters: {g: 2}}, until: g + 1}\n"
-    assert [float(reading.problem.until) for reading in parse_case(SLIDE + used).readings] == [3, 3]
+    used += "  c: {system: {parameters: {g: 5}}}\n"  # another reading uses it
+    assert [float(reading.problem.until) for reading in parse_case(SLIDE + used).readings] == [3, 3, 3]
 
 
 def test_the_texts_at_the_top_are_checked_where_every_reading_has_its_own() -> None:
