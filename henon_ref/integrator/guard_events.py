@@ -22,6 +22,7 @@ from henon_ref.roots.multiprecision import (
     first_event_of,
     fixed,
     leading_term,
+    minimum_beside,
 )
 
 EQUAL_LEVEL = 2.0**-204
@@ -59,6 +60,8 @@ class GuardEvent:
     """Of a steep guard: distance from the place within which double precision takes it for zero. Otherwise 0."""
     depth: float
     """Of a flat guard: size of its minimum relative to its size on the step. Otherwise infinite."""
+    bottom: int
+    """Place of the minimum of a flat guard next to the event; otherwise the event's own place."""
     below_rounding: bool = False
     """Whether rounding of the state leaves the event undecided; it then counts as a ``miss``."""
 
@@ -110,8 +113,9 @@ def first_guard_event(guard: int, series: GuardSeries, suspect: int) -> GuardEve
     depth = math.inf
     if not steep and len(local) > 2 and local[2] > 0.0:
         depth = abs(local[0] - local[1] ** 2 / (4.0 * local[2]))
+    bottom = place if lowest or depth == math.inf else minimum_beside([0] * series.zeros + series.q, place)
     order = order - order % 2 if lowest else order
-    return GuardEvent(guard, what, lowest, place, max(radius, FINEST), order, rounding, depth)
+    return GuardEvent(guard, what, lowest, place, max(radius, FINEST), order, rounding, depth, bottom)
 
 
 def _without_known_zeros(c: Sequence[arb], zeros: int) -> list[arb]:

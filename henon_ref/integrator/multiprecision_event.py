@@ -168,7 +168,7 @@ def _beyond_rounding(
     outputs: Sequence[Sequence[arb]],
     events: Sequence[GuardEvent],
 ) -> list[GuardEvent]:
-    """Return the events; an event that rounding of the state leaves undecided becomes a ``miss``.
+    """Return the events; an event that rounding of the state leaves undecided becomes a ``miss``, at the minimum.
 
     Central differences show how much rounding moves a minimum. (They are zero for the minimum of a square, which is 0
     for every state.)
@@ -188,7 +188,7 @@ def _beyond_rounding(
             size = sum((abs(float(c)) for c in outputs[event.guard]), 0.0) or 1.0
             flat[event.guard] += abs(float(high - low)) / (2.0 * SMALL_PART * size)
     found = [
-        replace(e, what="miss", lowest=True, order=2, below_rounding=True)
+        replace(e, what="miss", lowest=True, order=2, place=e.bottom, below_rounding=True)
         if flat.get(e.guard, 0.0) > max(e.depth, LEAST_MOVE)
         else e
         for e in events

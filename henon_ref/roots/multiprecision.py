@@ -309,6 +309,12 @@ def _minimum(series: Fixed, suspect: int) -> int | None:
     return rising_root(slope, low, high)
 
 
+def minimum_beside(series: Fixed, root: int) -> int:
+    """Return the minimum of a polynomial next to a root, or the root itself if there is none."""
+    found = _minimum(series, root)
+    return found if found is not None and abs(found - root) <= FLAT_RANGE else root
+
+
 def horner(series: Fixed, place: int) -> int:
     total = 0
     for c in reversed(series):
