@@ -106,8 +106,8 @@ class Trajectory(NamedTuple):
     sample_modes: tuple[Mode, ...] | None = None
     """Mode at each sample time, or None."""
     undecided_after: tuple[tuple[int, float], ...] = ()
-    """Surfaces (-1: an expression of the model's end) with a time [s] from which on they are below the solver's
-    rounding: no later transition of them is reported."""
+    """Surfaces (-1: an expression of the model's end) that were below the solver's rounding, with the first time [s]:
+    from there on ``transitions`` may lack some of theirs."""
 
 
 class Event(Protocol):

@@ -111,7 +111,7 @@ class RunRow(Row):
     cause: str | None = None
     """Certain cause of a solver's defect, if one is known (:mod:`henon_ref.harness.campaign.causes`)."""
     undecided_after_s: float | None = None
-    """Time from which on some surface is below the solver's rounding, so that its transitions are undecided [s]."""
+    """First time at which some surface was below the solver's rounding; its later transitions are not scored [s]."""
 
     @property
     def key(self) -> Key:

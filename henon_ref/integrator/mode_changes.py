@@ -234,8 +234,6 @@ def record(
     run: State, kind: int, surface: int, source: int, target: int, *, side: int, state: Sequence[float] | None = None
 ) -> None:
     """Record a transition, at the run's state unless ``state`` is given."""
-    if run.scalars.below_rounding and run.workspace.since[surface] <= run.scalars.time:
-        return
     if run.scalars.transitions >= run.scalars.transition_capacity:
         run.close_block()
     scalars = run.scalars

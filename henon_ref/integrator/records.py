@@ -89,7 +89,7 @@ class Workspace:
     entries: NDArray[np.int64]
     """View: words of the mode's entries, if modes are numbers."""
     since: NDArray[np.float64]
-    """View: time since which each guard has been below its rounding error [s] (``rounding_place`` of the kernel)."""
+    """View: first time at which each guard was below its rounding error [s] (``rounding_place`` of the kernel)."""
     unpack: Callable[[memoryview], tuple[Any, ...]]
     """Reads time, mode, steps, expansions, guard evaluations, transitions, guards below rounding, and then the state
     from ``memory``, in the time in which NumPy reads one of them."""

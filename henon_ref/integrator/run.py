@@ -80,7 +80,7 @@ def _trajectory(integrator: Integrator, workspace: Workspace, status: Status = "
 
 
 def _below_rounding(integrator: Integrator, workspace: Workspace) -> tuple[tuple[int, float], ...]:
-    """Return (surface, time [s]) of surfaces below their rounding error; -1 for a ``valid`` expression."""
+    """Return (surface, first time [s]) of surfaces that were below their rounding; -1 for a ``valid`` expression."""
     surfaces, times = len(integrator.system.surfaces), enumerate(workspace.since.tolist())
     return tuple((i if i < surfaces else -1, t) for i, t in times if t < math.inf)
 

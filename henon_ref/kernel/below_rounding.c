@@ -3,9 +3,9 @@
  * Rounding of a state changes a guard, both directly and through the motion. To measure this, each state is moved by
  * some units in its last place, and the guard's series on the step is computed again. Machine code bounds the rounding
  * of the guard's own operations (henon_ref/taylor/llvm/rounding.py). A root counts if the guard falls by more than both
- * together over the length of a step, or is clearly below zero at the step's end. Otherwise it is ignored on this step,
- * and from there on no transition of its surface is recorded (record_transition). The run continues; if the guard is
- * clearly below zero later, the mode changes there.
+ * together over the length of a step, or is clearly below zero at the step's end. Otherwise it is ignored on this step.
+ * The run continues; if the guard is clearly below zero later, the mode changes there. The run keeps the first time at
+ * which it ignored a root of a surface: from there on the recorded transitions may lack some of this surface.
  */
 
 /* A fall of a guard by this part of the largest state exceeds rounding: no step multiplies an error by 1e10. */
@@ -45,7 +45,7 @@ static double guard_noise(const struct work *w, int64_t guard, double theta)
     return noise;
 }
 
-/* Time since when a guard has been below its rounding. */
+/* First time at which a guard was below its rounding. */
 static double *since_of(const struct work *w, int64_t guard)
 {
     const struct guard *own = &w->mode->guard[guard];
@@ -70,19 +70,25 @@ static double length_looked_at(const struct work *w, double natural)
     return w->mode->polynomial_degree > 0 ? smaller(natural, left) : natural;
 }
 
+/* Check whether a guard remains below its noise on a step up to its root at tau. */
+static bool remains_below_rounding(const struct work *w, int64_t guard, double tau)
+{
+    const double *row = guard_row(w, guard);
+    return larger(row[0], value(row, w->run->order, 0.5 * tau)) <= guard_noise(w, guard, tau);
+}
+
 /* Check whether the root of a guard at tau is due to rounding, and record that.
  *
  * "natural": length of the uncut step, in the unit. "flat": the root itself is uncertain; multiprecision decides it,
- * except if the guard was below its rounding before.
+ * except if the guard has been below its rounding before and remains so up to this root.
  */
 static bool root_below_rounding(struct work *w, int64_t guard, double tau, double natural, bool flat)
 {
     const struct run *run = w->run;
     if (flat) {
-        if (run->below_rounding == 0 || !(*since_of(w, guard) <= run->time))
+        bool before = run->below_rounding != 0 && *since_of(w, guard) <= run->time;
+        if (!before || !remains_below_rounding(w, guard, tau))
             return false;
-        passed_over(w, guard, tau);
-        return true;
     }
     const double *row = guard_row(w, guard);
     double largest = 0.0, slope = 0.0;

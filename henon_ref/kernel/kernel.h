@@ -225,7 +225,7 @@ struct run {
     double horizon, horizon_low;       /* s */
     double tolerance;                  /* local error, relative to each row's size on the step */
     int64_t mode, steps, expansions, guard_evaluations, transitions;
-    int64_t below_rounding;            /* surfaces, and expressions that end the run, below their rounding so far */
+    int64_t below_rounding;            /* surfaces, and expressions that end the run, that were below their rounding */
     int64_t guard, landing;            /* last guard hit, and its landing */
     int64_t stalled;                   /* weighted count of steps that a double's time does not resolve */
     int64_t events_at_once;            /* consecutive events that a double's time does not resolve */
@@ -260,7 +260,7 @@ struct places {
                              (1: its surface was just left with a speed, 2: tangentially), divided out; then G: 1 if the
                              guard is at zero; then G: 1 if the guard is below its own rounding on the present step */
     int64_t entries;      /* words: entries of the contacts, which are the mode; none without contacts */
-    int64_t since;        /* G: time since when each guard has been below its rounding [s], infinite if it has not */
+    int64_t since;        /* G: first time at which each guard was below its rounding [s], infinite if it was not */
     int64_t end_of_state; /* a run's start defines all before this place; the rest is work space */
     int64_t band;         /* rows: Taylor coefficients of states and guards in the unit, then the norms of the last
                              ones; the same at the end of a step that is checked; work space of root isolation */

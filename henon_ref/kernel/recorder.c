@@ -15,15 +15,10 @@ static inline struct transition *transition_at(const struct work *w, int64_t k)
     return (struct transition *)(w->records + k * w->record_width);
 }
 
-/* Record a transition; "side" of the surface from which it came, 0 for a release.
- *
- * Stops the run if it is to end on that surface. Nothing is recorded of a surface that has been below its rounding.
- */
+/* Record a transition, and stop the run if it is to end on that surface. side: from which it came, 0 for a release. */
 static void record_transition(struct work *w, int64_t kind, int64_t index, int64_t side, int64_t source, int64_t target)
 {
     struct run *run = w->run;
-    if (run->below_rounding != 0 && w->since[index] <= run->time)
-        return;
     struct transition *made = transition_at(w, run->transitions);
     made->time = run->time, made->time_low = run->time_low;
     made->kind = (int8_t)kind, made->surface = (int16_t)index, made->landing = (int8_t)run->landing;

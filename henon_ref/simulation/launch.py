@@ -149,8 +149,8 @@ class Outcome:
         ``steps``, ``rhs_evaluations``, ``event_evaluations``, as in :class:`henon_ref.baselines.henon.HenonSolver`; and
         ``decisions``, the number of calls of Python by cause (:class:`henon_ref.trajectory.Decisions`).
     undecided_after : dict of str to float
-        Surface -> time since which it has been below its rounding error [s]. Double precision does not decide its later
-        transitions, so that none is reported.
+        Surface -> first time at which its function was below its rounding error [s]. Double precision does not decide
+        whether it reached zero there: from this time on the reported transitions may lack some of the surface.
     final_mode : str
         Mode at the end, such as ``s1=-1 s2=0``; empty if no initial mode exists.
     """

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import Any
 
+import numpy as np
 import pytest
+import sympy as sp
+from problems import make_problem
 
 import henon_ref as hr
+from henon_ref.analysis.variational import fundamental_matrix
 
 TOLERANCES = pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-9, 1e-11, 1e-15])
 PID = ["v", "-4*(x - 1) - 2*z - 2*v - s", "x - 1"]
@@ -15,6 +20,14 @@ PID = ["v", "-4*(x - 1) - 2*z - 2*v - s", "x - 1"]
 
 def kinds(run: Any) -> list[str]:
     return [t.kind for t in run.trajectory.transitions]
+
+
+def assert_each_mode_follows(run: Any) -> None:
+    """Each transition begins in the mode in which the last one ends, and the run ends in the last mode."""
+    transitions = run.trajectory.transitions
+    later = [(one, other) for one, other in pairwise(transitions) if one.time < other.time]
+    assert all(one.to_mode == other.from_mode for one, other in later)
+    assert transitions[-1].to_mode == run.trajectory.end_mode
 
 
 @TOLERANCES
@@ -28,15 +41,89 @@ def test_a_speed_that_decays_below_its_rounding_is_no_stick(rtol: float) -> None
 
 
 def test_a_surface_that_was_below_its_rounding_goes_on_to_act() -> None:
-    """A push at 100 s: the motion is the one that begins shortly before it, though nothing is told of it."""
+    """A push at 100 s: the motion is the one that begins shortly before it."""
     field = [PID[0], f"{PID[1]} + 5*exp(-(t - 100)^2)", PID[2]]
     system = hr.System(["x", "v", "z"], {}, {"s": "v"}, field)
     run = hr.simulate(system, {"x": 0, "v": 0, "z": 0}, until=110)
-    assert (run.status, kinds(run)) == ("ok", ["stick", "release"])
     late = hr.simulate(system, {"x": 1, "v": -1e-9, "z": "1/2"}, start=90, until=110)
     assert kinds(late) == ["stick", "release", "crossing", "stick", "release"]
+    assert (run.status, kinds(run)) == ("ok", ["stick", "release", *kinds(late)])
+    assert 90 < run.transitions.time_s[2] < 98  # the speed before the push is far below its rounding
+    assert run.transitions.time_s[3:].tolist() == pytest.approx(late.transitions.time_s[1:].tolist(), abs=1e-8)
+    assert_each_mode_follows(run)
     assert run.y[:, -1] == pytest.approx(late.y[:, -1], abs=1e-9)
     assert run.final_mode == late.final_mode
+
+
+@TOLERANCES
+def test_impacts_after_an_undecided_touch_are_told(rtol: float) -> None:
+    """The ball touches at t = 1, is pushed away up to t = 2, falls, comes to rest, and is lifted off at t = 4."""
+    force = "piecewise(2/3, t < 2, piecewise(-6, t < 4, 1))"
+    ball = hr.System(["x", "v"], {"e": "1/2"}, {"s": "x"}, ["v", force], resets={"s": {"map": {"v": "-e*v"}}})
+    initial = {"x": "1/3", "v": "-2/3"}
+    run = hr.simulate(ball, initial, until=5, rtol=rtol)
+    resets, (crossing, *others) = run.transitions[run.transitions.kind == "reset"], kinds(run)
+    assert (run.status, crossing) == ("ok", "crossing")
+    assert others == [*["reset"] * len(resets), "stick", "release", "crossing"]
+    assert run.undecided_after == {"s": pytest.approx(1, abs=1e-7)}
+    first, flight = 2 + (1 + math.sqrt(10)) / 9, 2 * math.sqrt(10) / 9
+    times = [first + flight * (1 - 0.5**k) for k in range(len(resets))]
+    assert len(times) > 20
+    assert resets.time_s.tolist() == pytest.approx(times, abs=1e-9)
+    assert run.sticks.iloc[0].to_list() == [pytest.approx(first + flight), pytest.approx(4 - first - flight), "s"]
+    assert_each_mode_follows(run)
+    assert run.y[:, -1] == pytest.approx([0.5, 1], abs=1e-9)
+    assert hr.simulate(ball, initial, until=5, stop={"s": "falling"}).t[-1] == pytest.approx(first)
+    swept = hr.sweep(ball, initial, until=5, rtol=rtol, grid={"e": [0.25, 0.5]}, observe=[hr.observe.sticks()], jobs=1)
+    assert swept.stick_count.tolist() == [1, 1]
+    assert swept.last_stick_duration[1] == pytest.approx(run.sticks.duration_s[0], abs=1e-9)
+
+
+def touching(rest: str, below: str) -> tuple[hr.System, dict[str, str]]:
+    """x - 1/3 = (t - 1)^2 times a polynomial above the surface; the crossing of c uses up the digits of the start."""
+    height = sp.sympify(f"(t - 1)^2*({rest})".replace("^", "**"), rational=True)
+    speed, force = (sp.diff(height, "t", k) for k in (1, 2))
+    field = ["v", f"(1 + s)/2*({force}) + (1 - s)/2*({below})"]
+    start = {"x": str(height.subs("t", 0) + sp.Rational(1, 3)), "v": str(speed.subs("t", 0))}
+    return hr.System(["x", "v"], {}, {"c": "t - 1/2", "s": "x - 1/3"}, field), start
+
+
+@pytest.mark.parametrize(
+    ("rest", "crossing", "ends"),
+    [("3 - t", 3.0, -4.5), ("(3 - t)^3", 3.0, -0.5)],  # with a speed of -4; at a root of third order
+)
+def test_a_crossing_on_the_step_behind_an_undecided_touch_changes_the_mode(
+    rest: str, crossing: float, ends: float
+) -> None:
+    system, start = touching(rest, "-1")
+    run = hr.simulate(system, start, until=4)
+    assert (run.status, kinds(run)) == ("ok", ["crossing", "crossing"])
+    assert run.undecided_after == {"s": pytest.approx(1, abs=1e-7)}
+    assert run.transitions.time_s[1] == pytest.approx(crossing, abs=1e-4)
+    assert run.y[0, -1] == pytest.approx(1 / 3 + ends, abs=1e-4)
+    assert (run.final_mode, run.mode(3.5)) == ("c=+1 s=-1", {"c": 1, "s": -1})
+
+
+@pytest.mark.parametrize("gap", ["1e-3", "1e-4", "1e-5", "1e-6"])
+def test_a_close_pair_behind_an_undecided_touch_is_told(gap: str) -> None:
+    """x crosses at 3 -+ gap, and lies at most 4 gap^2 below the surface."""
+    height = f"(t - 3)^2 - {gap}^2"
+    force = str(sp.diff(sp.sympify(f"(t - 1)**2*({height})".replace("^", "**"), rational=True), "t", 2))
+    system, start = touching(height, force)
+    run = hr.simulate(system, start, until=3.5)
+    assert (run.status, kinds(run)) == ("ok", ["crossing"] * 3)
+    assert run.undecided_after == {"s": pytest.approx(1, abs=1e-7)}
+    off = float(gap)
+    assert run.transitions.time_s[1:].tolist() == pytest.approx([3 - off, 3 + off], abs=1e-4 * off + 1e-14 / off)
+
+
+def test_derivatives_know_of_transitions_behind_an_undecided_touch() -> None:
+    """The derivative by the start: free motions, and the saltation at t = 3, where the force jumps by 7 at speed -4."""
+    field = ["v", "(1 + s)/2*(10 - 6*t) - (1 - s)/2"]
+    problem = make_problem("x v", field, {"c": "t - 1/2", "s": "x - 1/3"}, ["10/3", -7], 4)
+    found, rank = fundamental_matrix(problem, sp.Integer(0), sp.Integer(4), tolerance=1e-14)
+    assert rank == 2
+    assert found == pytest.approx(np.array([[-3 / 4, -5 / 4], [-7 / 4, -17 / 4]]), abs=1e-9)
 
 
 @pytest.mark.parametrize("centre", ["1", "1/3", "1e5"])

@@ -94,7 +94,7 @@ def score(trajectory: Trajectory, expected: Expected, *, tolerance: float | None
 def _decided(events: Sequence[Event], since: Mapping[int, float]) -> tuple[dict[int, Event], int | None]:
     """Transitions to be matched, by index, and the first omitted transition that changes a mode.
 
-    ``since``: surface -> time [s] after which the run decides nothing about it. Later transitions of the surface are
+    ``since``: surface -> time [s] after which the run may lack transitions of it. Later transitions of the surface are
     omitted, and its entries in the modes of later transitions of other surfaces are set to 0.
     """
     kept = {i: event for i, event in enumerate(events) if not event.time > since.get(event.surface, math.inf)}

@@ -1,4 +1,4 @@
-"""A run that is undecided about a surface from a time on is compared with the truth up to this time."""
+"""A run that may lack transitions of a surface from a time on is compared with the truth up to this time."""
 
 from __future__ import annotations
 
