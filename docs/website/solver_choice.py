@@ -67,7 +67,8 @@ def at_a_glance() -> str:
         reach = f"{len(best.walls)} of {counted}"
         elsewhere = "none" if other is None else f"{code(other.solver)} {_cell([other], best, named=False)}"
         lines.append((f"{name}: {_began(MEANINGS.get(kind, ''))}", f"{code(best.solver)} {reach}", elsewhere))
-    return Table(("kind of case", "best solver, right in", "best of another package (×time)"), "lll", lines).markdown
+    headings = ("kind of case", "best solver, readings", "best of another package, readings (×time)")
+    return Table(headings, "lll", lines).markdown
 
 
 def _began(sentence: str) -> str:
