@@ -27,7 +27,6 @@ DOCS = Path(__file__).resolve().parents[1]
 MAKERS: Mapping[str, Callable[[], str]] = {
     "cards of notebooks": cards.notebooks,
     "cards of scenes": cards.scenes,
-    "which solver, in words": solver_choice.recommendations,
     "which solver, in short": solver_choice.in_short,
     "which solver, by kind of case": solver_choice.by_kind_of_case,
     "what the numbers come from": solver_choice.origin,

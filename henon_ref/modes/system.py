@@ -50,8 +50,8 @@ class FilippovSystem(SwitchedField):
     kinks: frozenset[int] = frozenset()
     """Surfaces of kinks or jumps written as such in the field (``abs``, ``piecewise`` ...)."""
     sections: tuple[sp.Expr, ...] = ()
-    """Signs of surfaces whose text has kinks (``abs(x) - 1``), written with the signs of their kinks: kinks that occur here
-    are in use."""
+    """Signs of surfaces whose text has kinks (``abs(x) - 1``), written with the signs of their kinks; these kinks are
+    in use."""
     effects: tuple[str, ...] = ()
     """Names of the effects of a scene (empty for a system without a scene)."""
 
@@ -84,7 +84,7 @@ class FilippovSystem(SwitchedField):
 
     @kept
     def hides(self, index: int, mode: Mode) -> bool:
-        """Check whether the sign of a surface in slip has no effect on the field, other guards and sections of a mode."""
+        """Check whether the sign of a surface in slip is in no field, other guard or section of a mode."""
         if not mode[index]:
             return False
         if self.switched is not None:
@@ -117,7 +117,7 @@ class FilippovSystem(SwitchedField):
         return frozenset(i for i in found | self.open_kinks if self.hides(i, mode))
 
     def _in_mode(self, guard: Guard, mode: Mode, slip: Mapping[sp.Symbol, sp.Expr]) -> Guard:
-        """Return a shared guard in one mode; it ends the run if kinks that this mode does not use come into use beyond."""
+        """Return a shared guard in one mode; it ends the run if kinks come into use beyond that have no value here."""
         if guard.kind != "surface":
             return replace(guard, expression=put(guard.expression, slip))
         unused, beyond = self.unused_kinks(mode), replaced(mode, guard.index, -mode[guard.index])
