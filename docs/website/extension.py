@@ -42,8 +42,8 @@ PAGES = "docs/"
 _ANCHOR = re.compile(r'^<a id="([\w-]+)"></a>$', re.MULTILINE)
 """A place in a report that links lead to; it becomes a target of Sphinx, so that such links are checked."""
 _WIDE = re.compile(r'<pre(?=>)|<div class="(?:table-wrapper|math|output text_html)[^"]*"')
-_PICTURE = re.compile(r'<p>(?P<picture><img alt="(?P<words>[^"]+)"[^>]*>)</p>')
-"""A picture that is a paragraph of its own; its alternative text becomes its caption."""
+_PICTURE = re.compile(r'<p>(?P<picture><img alt="(?P<words>[^"]+?)\.?"[^>]*>)</p>(?!\s*<p><em>)')
+"""A picture that is a paragraph of its own, without a caption; its alternative text becomes its caption."""
 _MARK = re.compile(r"<!-- made: (?P<name>[^>]*?) -->")
 
 
