@@ -31,7 +31,7 @@ class SmoothMode(ABC):
     """One smooth mode on a library; a subclass implements :meth:`integrate`.
 
     An object is made once for every mode that a problem visits, and is used again in every run. Work that is done
-    once per mode (compiling, building the library's integrator) belongs into an ``__init__`` that first calls this
+    once per mode (compiling, building the library's integrator) belongs in an ``__init__`` that first calls this
     class's ``__init__``.
 
     In all methods t is a time [s], a float, and x the unknowns at that time, an array of shape (N,): the n states in
@@ -103,8 +103,9 @@ class SmoothMode(ABC):
         """Evaluate the guards, shape (m + 1,). They are positive inside the mode; it ends when one falls through zero.
 
         The first m are those of ``model.guards``, in units of their surfaces. A guard that starts at zero, because
-        its surface has just been left, has the value 1 until it leaves its noise (``event-free-step``). The last
-        component is 1e100 minus the sum of abs(x); if it falls, the state has diverged. A guard without a value is NaN.
+        its surface has just been left, has the value 1 until it differs from zero by more than rounding
+        (``event-free-step``). The last component is 1e100 minus the sum of abs(x); if it falls, the state has
+        diverged. A guard without a value is NaN.
 
         Raises
         ------

@@ -77,7 +77,8 @@ class Counts(_Work):
     Attributes
     ----------
     decisions : Decisions
-        Of the reference. They depend on what was compiled before and are not compared.
+        How often the compiled loop of the reference called Python. This depends on which modes were compiled before,
+        and is not compared.
     """
 
     decisions: Decisions = Decisions()

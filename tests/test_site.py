@@ -97,6 +97,16 @@ def test_formulas_are_drawn_by_the_browser(site: Path) -> None:
     assert "$$" not in text
 
 
+def test_a_picture_has_one_caption(site: Path) -> None:
+    """Its alternative text, unless the page has written one below it."""
+    text = (site / "docs/stick_slip.html").read_text(encoding="utf-8")
+    (words,) = re.findall(r"<figure><img alt=\"([^\"]+)\"", text)
+    assert f"<figcaption><p>{words}.</p></figcaption>" in text
+    written = (site / "reports/paper/README.html").read_text(encoding="utf-8")
+    assert written.count("<p><img") >= 5
+    assert "<figcaption>" not in written
+
+
 def test_every_page_is_in_the_contents(pages: dict[Path, Page], site: Path) -> None:
     first = pages[(site / "docs/index.html").resolve()]
     written = {path.stem for path in (ROOT / "docs").rglob("*.md")} - {"index"}

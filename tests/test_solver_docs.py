@@ -1,9 +1,12 @@
-"""``docs/solvers.md`` says of each library what the code does."""
+"""``docs/solvers.md`` says of each library what the code does; ``docs/which_solver.md`` shows the stored rows."""
 
 from __future__ import annotations
 
 import re
+import runpy
 from pathlib import Path
+
+import pytest
 
 from henon_ref.harness import registry
 
@@ -21,3 +24,11 @@ def test_every_section_links_to_the_library_s_own_documentation() -> None:
     sections = PAGE.read_text(encoding="utf-8").split("\n## ")[1:]
     assert len(sections) >= 3
     assert all(re.search(r"\]\(https://", section) for section in sections)
+
+
+def test_which_solver_shows_the_table_of_the_committed_matrix(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(PAGE.parent))
+    page = runpy.run_path(str(PAGE.parent / "which_solver.py"))["page"]
+    text = (PAGE.parent / "which_solver.md").read_text(encoding="utf-8")
+    assert text.count("| **[") >= 6
+    assert text == page(), "run python docs/which_solver.py"

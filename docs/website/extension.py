@@ -27,8 +27,6 @@ DOCS = Path(__file__).resolve().parents[1]
 MAKERS: Mapping[str, Callable[[], str]] = {
     "cards of notebooks": cards.notebooks,
     "cards of scenes": cards.scenes,
-    "which solver, at a glance": solver_choice.at_a_glance,
-    "which solver, in words": solver_choice.recommendations,
     "which solver, in short": solver_choice.in_short,
     "which solver, by kind of case": solver_choice.by_kind_of_case,
     "what the numbers come from": solver_choice.origin,
@@ -44,6 +42,8 @@ PAGES = "docs/"
 _ANCHOR = re.compile(r'^<a id="([\w-]+)"></a>$', re.MULTILINE)
 """A place in a report that links lead to; it becomes a target of Sphinx, so that such links are checked."""
 _WIDE = re.compile(r'<pre(?=>)|<div class="(?:table-wrapper|math|output text_html)[^"]*"')
+_PICTURE = re.compile(r'<p>(?P<picture><img alt="(?P<words>[^"]+?)\.?"[^>]*>)</p>(?!\s*<p><em>)')
+"""A picture that is a paragraph of its own, without a caption; its alternative text becomes its caption."""
 _MARK = re.compile(r"<!-- made: (?P<name>[^>]*?) -->")
 
 
@@ -77,9 +77,11 @@ def _always_new(app: Sphinx, *changes: object) -> list[str]:
     return [path.relative_to(DOCS.parent).with_suffix("").as_posix() for path in pages]
 
 
-def _accessible(app: Sphinx, name: str, template: str, context: dict[str, Any], tree: object) -> None:
-    """What axe-core asks of a page: keys scroll what is wide, and a heading has a level."""
+def _readable(app: Sphinx, name: str, template: str, context: dict[str, Any], tree: object) -> None:
+    """Give pictures captions, and do what axe-core requires: keys scroll what is wide, and a heading has a level."""
     if "body" in context:
+        caption = r"<figure>\g<picture><figcaption><p>\g<words>.</p></figcaption></figure>"
+        context["body"] = _PICTURE.sub(caption, context["body"])
         context["body"] = _WIDE.sub(r'\g<0> tabindex="0"', context["body"])
     if "furo_navigation_tree" in context:
         context["furo_navigation_tree"] = context["furo_navigation_tree"].replace(
@@ -93,6 +95,6 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.add_lexer("csv", TextLexer)  # which has no colours
     app.connect("source-read", _read)
     app.connect("env-get-outdated", _always_new)
-    app.connect("html-page-context", _accessible, priority=900)  # behind the theme
+    app.connect("html-page-context", _readable, priority=900)  # behind the theme
     app.connect("build-finished", page_texts.write)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -14,7 +14,6 @@ from henon_ref.harness.report.text.matrix import MatrixRow, read_matrix
 from henon_ref.harness.report.text.ranking import LEVELS, by_solver
 from henon_ref.harness.table import Table, significant
 from henon_ref.text import code
-from website.tolerance_table import loosest
 
 NUMBERS = "which_solver_in_numbers.md"
 """The page that has everything."""
@@ -67,42 +66,17 @@ def at_a_glance() -> str:
         reach = f"{len(best.walls)} of {counted}"
         elsewhere = "none" if other is None else f"{code(other.solver)} {_cell([other], best, named=False)}"
         lines.append((f"{name}: {_began(MEANINGS.get(kind, ''))}", f"{code(best.solver)} {reach}", elsewhere))
-    return Table(("kind of case", "best solver, right in", "best of another package (×time)"), "lll", lines).markdown
+    headings = ("kind of case", "best solver, readings", "best of another package, readings (×time)")
+    return Table(headings, "lll", lines).markdown
 
 
 def _began(sentence: str) -> str:
     return sentence[:1].lower() + sentence[1:].rstrip(".")
 
 
-def recommendations() -> str:
-    """A line a kind with transitions to time: the solver, the tolerance to begin with, and the best one elsewhere."""
-    lines = []
-    for kind, rows in by_kind(_rows()).items():
-        best = _fastest(rows, IN_SHORT)
-        if best is None or kind in WITHOUT_TIMES:
-            continue
-        own = next(_package(row) for row in rows if row.solver == best.solver)
-        other = _fastest([row for row in rows if _package(row) != own], IN_SHORT)
-        counted = len(readings_for(rows, IN_SHORT))
-        words = f"- **[{kind.capitalize()}](#{_place(kind)}), {IN_SHORT} digits:** "
-        words += f"use {code(best.solver)}{_tolerance(best.solver)}. "
-        words += f"At one of its settings it reaches them in {len(best.walls)} of {counted} readings."
-        if other is not None:
-            words += f" Best of another package: {code(other.solver)}, in {len(other.walls)}{_tolerance(other.solver)}."
-        if kind in MEANINGS:
-            words += f" ({MEANINGS[kind]})"
-        lines.append(words)
-    return "\n".join(lines)
-
-
 def _place(kind: str) -> str:
     """Where the page has a kind's section."""
     return kind.replace(" ", "-")
-
-
-def _tolerance(solver: str) -> str:
-    found = loosest(solver, IN_SHORT)
-    return f", starting with a relative tolerance of {found}" if found else ""
 
 
 def by_kind_of_case() -> str:

@@ -26,12 +26,6 @@ def table() -> str:
     return Table(("solver", *(exponential(rtol, 1) for rtol in shown)), "l" + "r" * len(shown), lines).markdown
 
 
-def loosest(solver: str, wanted: float) -> str:
-    """The loosest tolerance at which the median of a solver's digits is at least so many; empty where there is none."""
-    able = [rtol for rtol, rows in _cells().get(solver, {}).items() if median(_digits(rows) or [0.0]) >= wanted]
-    return exponential(max(able), 1) if able else ""
-
-
 @cache
 def _cells() -> dict[str, dict[float, list[RunRow]]]:
     """Rows by solver and tolerance."""

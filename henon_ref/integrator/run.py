@@ -1,4 +1,4 @@
-"""One run from Python: calls the compiled mode loop, handles its return codes, and ends the run.
+"""One run from Python: call the compiled mode loop, handle its return codes, and end the run.
 
 The loop (``kernel/loop.c``) integrates one mode after another while double precision decides the next mode. It returns
 a code if double precision does not decide, a mode has no machine code yet, or the run ends. :mod:`mode_changes
@@ -37,7 +37,7 @@ def run_to_horizon(
     sample_times: NDArray[np.float64] | None = None,
     deadline: float | None = None,
 ) -> Trajectory:
-    """Do a run to the horizon, or to an earlier end.
+    """Run to the horizon, or to an earlier end.
 
     Most runs end in one call of the loop. They need no :class:`Run`, which costs as much as a short run itself.
     """

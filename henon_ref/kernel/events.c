@@ -82,7 +82,7 @@ static bool load_equals_friction(const struct work *w, int64_t guard, double nat
 /* First root of one guard on a step: its place and the landing used; part 2 if there is none.
  *
  * "powers" holds those of the step's theta. "level": a minimum within this part of the guard's size is left to
- * multiprecision; 0: none is. "begin": where the root may begin; for a touch the begin of its piece.
+ * multiprecision; 0: none is. "begin": place of the root; for a touch, the start of the piece that contains it.
  */
 static inline struct event root_of_guard(const struct work *w, int64_t g, double natural, double level, double *begin)
 {
@@ -130,7 +130,7 @@ static inline struct event first_event(struct work *w, double theta, double natu
 {
     const struct run *run = w->run;
     struct event first = {2.0, -1, false, 0};
-    double earliest = 2.0; /* begin of the earliest root, or of the piece that holds a touch */
+    double earliest = 2.0; /* place of the earliest root, or start of the piece that contains a touch */
     double level = run->more_digits != 0 && run->remembered == 1 ? NEAR * run->tolerance : 0.0;
     bool powers_made = false;
     for (int64_t g = 0; g < w->mode->guards; g++) {

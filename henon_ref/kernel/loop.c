@@ -1,7 +1,8 @@
 /* The mode loop: Taylor steps, events, landings and ordinary mode changes without leaving machine code.
  *
- * The loop returns to Python (henon_ref/integrator/run.py) with a code whenever a sign does not decide: several events
- * at once, a tangency, a rest, a mode that is not compiled yet. After Python's answer the loop continues.
+ * The loop returns to Python (henon_ref/integrator/run.py) with a code if double precision does not decide the next
+ * mode (several events at once, a tangency, a rest), or if a mode is not compiled yet. After Python's answer the loop
+ * continues.
  */
 
 /* Steps after which the loop returns, so that Python can check the clock. */
@@ -12,7 +13,7 @@
 /* A candidate step, on which all guards are examined. */
 struct look {
     double theta;   /* length, in the unit */
-    double natural; /* [s]: length by step size and validation alone, before the horizon cuts it. (The argument
+    double natural; /* [s]: length by step size and validation, before it is cut at the horizon. (The argument
                        "natural" of other functions is this length in the unit.) */
     bool final;     /* whether the step ends at the horizon */
     bool cut;       /* whether the branch point of a guard has cut the step short */

@@ -3,9 +3,10 @@
  *
  * No mode slides on a kink (struct guard). So the mode in which all kinks are crossed is expanded at the present point:
  * each kink must be left with a speed, and the guards that end slides must be clearly above zero, so that these slides
- * continue. A further guard that falls at the same instant is decided in that mode, as it would be just after the
- * kinks: the end of a slide by the further course of its guard, a surface by its normal velocities. The resulting mode
- * is expanded, too, because a force that jumps may reverse the speed of a kink. Python decides whatever is not clear.
+ * continue. A further guard that falls at the same instant is decided in that mode, as if it fell just after the
+ * kinks: the end of a slide by the value or the derivative of its guard, a surface by its normal velocities. The
+ * resulting mode is expanded, too, because a force that jumps may reverse the speed at which a kink is left. Python
+ * decides all other cases.
  */
 
 static int64_t change_entries(struct work *w);

@@ -206,17 +206,16 @@ static void compare_at(const struct work *w, double at, double theta, expand_cod
 
 /* Longest step, theta at most, on which the expansion holds.
  *
- * While terms grow the step is shortened until they decrease, so that it ends within their circle of convergence. Terms
- * that merely fall below rounding, are zero or end in a gap do not prove convergence (a high power seen from where it
- * is flat), nor do terms below rounding on a step much longer than the last one ("grown"). In these cases the expansion
- * is computed anew on the step and at its end. If guards and slopes differ from their prediction, the step is shortened
- * and checked again. If all terms decrease, or the step is much shorter than the last one, guards are not checked
- * (rounding alone may change a guard next to zero). Slopes, and guards with branch points of their own, are always
- * checked: beyond a branch point the terms of a root may decrease, too.
+ * "unconverged": the terms are examined first. While they grow the step is shortened until they decrease, so that it
+ * ends within their circle of convergence. Terms that are zero or end in a gap do not prove convergence (those of a
+ * high power where it is flat), nor do terms below rounding if the step is much longer than the last one ("grown").
  *
- * Without "unconverged" the terms are not examined: the field or a guard has branch points (slopes), beyond which the
- * series of a square root, perhaps a polynomial, continues as if there were none. Slopes, and guards with branch
- * points, are compared with it.
+ * Then the expansion is compared with new ones, at the end of the step and within it, if some terms do not prove
+ * convergence, or if the field or a guard has branch points ("slopes" is not null). Beyond a branch point the series of
+ * a square root continues as if there were none (its terms may decrease, or it may be a polynomial). If slopes of
+ * states or values of guards differ from their prediction, the step is shortened and compared again. Guards without
+ * branch points are not compared if all terms decrease, and on a step much shorter than the last one their differences
+ * are ignored, because rounding alone may change a guard next to zero.
  */
 static double validated_step(const struct work *w, double theta, bool grown, bool unconverged)
 {

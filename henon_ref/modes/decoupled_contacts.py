@@ -7,8 +7,8 @@ by dr/dt and leaves the other rates unchanged. One set of equations with switche
 N is dh/dt on the surface (Filippov's conditions, 1988, Sec. 2.10). For a contact with static friction, the two ends of
 its hold zone replace ``-N(+1)`` and ``N(-1)``.
 
-In addition to contacts there may be surfaces without sliding: sections, and kinks or jumps of a force that change no
-speed on them. These surfaces have only two sides.
+In addition to contacts there may be surfaces without sliding: sections, kinks, and jumps of a force that do not change
+the rate of their own surface function. These surfaces have only two sides.
 """
 
 from __future__ import annotations

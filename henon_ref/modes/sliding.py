@@ -7,9 +7,9 @@ multi-affine (blending: Alexander and Seidman, *Houston J. Math.* 24, 1998), and
 **Attraction.** With the normal velocities v = a - M s in the signs s, the modes that are consistent at a point solve a
 complementarity problem on the box [-1, 1]^m. The problem has exactly one solution for every a if and only if all
 principal minors of M are positive: M is a P-matrix (Robinson, *Math. Oper. Res.* 17 (1992) 691-714). On two surfaces
-sliding then attracts, because positive d_i exist for which the sum of d_i (abs(h_i) - u_i h_i) decreases (Cross,
-*Linear Algebra Appl.* 20 (1978) 253-263). If det M < 0, sliding is one of several modes: the signs of the determinants
-of all modes add up to 1.
+sliding then attracts, because positive d_i exist for which the sum of d_i (abs(h_i) - u_i h_i), with the equivalent
+signs u_i, decreases (Cross, *Linear Algebra Appl.* 20 (1978) 253-263). If det M < 0, sliding is one of several modes:
+the signs of the determinants of all modes add up to 1.
 
 The work on an expression is linear in its size, or is done only for expressions known to be small
 (:mod:`henon_ref.expressions.algebra`), because equations are derived from untrusted text, also in processes without a

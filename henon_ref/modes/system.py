@@ -50,9 +50,10 @@ class FilippovSystem(SwitchedField):
     kinks: frozenset[int] = frozenset()
     """Surfaces of kinks or jumps written as such in the field (``abs``, ``piecewise`` ...)."""
     sections: tuple[sp.Expr, ...] = ()
-    """Signs of surfaces whose text has kinks (``abs(x) - 1``), in the signs of its branches, which are then in use."""
+    """Signs of surfaces whose text has kinks (``abs(x) - 1``), written with the signs of their kinks; these kinks are
+    in use."""
     effects: tuple[str, ...] = ()
-    """Names of the effects of a scene (empty for a plain system)."""
+    """Names of the effects of a scene (empty for a system without a scene)."""
 
     def equations(self, mode: Mode) -> ModeEquations:
         """Return the equations of one mode, with the signs of surfaces in slip replaced by -1 or +1."""
@@ -83,7 +84,7 @@ class FilippovSystem(SwitchedField):
 
     @kept
     def hides(self, index: int, mode: Mode) -> bool:
-        """Check whether field, other guards and sections of a mode lack the sign of a surface in slip."""
+        """Check whether the sign of a surface in slip is in no field, other guard or section of a mode."""
         if not mode[index]:
             return False
         if self.switched is not None:
@@ -110,13 +111,13 @@ class FilippovSystem(SwitchedField):
 
     @kept
     def unused_kinks(self, mode: Mode) -> frozenset[int]:
-        """Return the kinks of branches that a mode does not use and that are open or have no real value in it."""
+        """Return the kinks without effect in a mode that are undecided (``open_kinks``) or have no real value in it."""
         positive = [s * self.numeric(h) for h, s in zip(self.surfaces, mode, strict=True) if s and self.kinks]
         found = {i for i in self.kinks - self.open_kinks if has_no_value(self.numeric(self.surfaces[i]), positive)}
         return frozenset(i for i in found | self.open_kinks if self.hides(i, mode))
 
     def _in_mode(self, guard: Guard, mode: Mode, slip: Mapping[sp.Symbol, sp.Expr]) -> Guard:
-        """Return a shared guard in one mode; it ends the run if undecided kinks come into use beyond it."""
+        """Return a shared guard in one mode; it ends the run if kinks come into use beyond that have no value here."""
         if guard.kind != "surface":
             return replace(guard, expression=put(guard.expression, slip))
         unused, beyond = self.unused_kinks(mode), replaced(mode, guard.index, -mode[guard.index])
@@ -129,9 +130,9 @@ class FilippovSystem(SwitchedField):
     def common_equations(self, mode: Mode) -> tuple[Mode | frozenset[int], ModeEquations]:
         """Return the equations that a mode shares with other modes, with their key.
 
-        They are the shared equations of its sliding surfaces, with symbols for the slip signs. If these equations,
-        normal velocities or kinks contain operations of branches that the mode does not use, they are the mode's own
-        equations.
+        These are the shared equations of its sliding surfaces, with symbols for the slip signs. If the shared equations
+        or normal velocities contain operations of branches that the mode does not use, or if it has unused kinks, the
+        mode shares nothing: the result is its own equations.
         """
         sliding = frozenset(i for i, s in enumerate(mode) if s == 0)
         shared = self.shared_equations(sliding)
@@ -275,7 +276,7 @@ class FilippovSystem(SwitchedField):
         )
 
     def in_play(self, hit: Iterable[int], sliding: Iterable[int]) -> frozenset[int]:
-        """Return the surfaces whose entries are open when some are hit: these, and those that act on them."""
+        """Return the surfaces whose entries are to be decided when some are hit: these, and those that act on them."""
         hit, sliding = set(hit), set(sliding)
         zero = self.closed(hit, sliding)
         return frozenset(j for i in hit | (zero - sliding) for j in self.together(i, zero))

@@ -16,11 +16,12 @@ import typer
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from henon_ref.commands.exit_status import DONE, command_of
+from henon_ref.commands.typer_app import application, examples
 from henon_ref.errors import CaseError
 from henon_ref.harness import registry
 from henon_ref.text import message, shortened
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+app = application()
 
 TEMPLATES = "new_solver_template"
 """Folder of the templates, next to this file."""
@@ -29,13 +30,13 @@ LONGEST = 40
 """Largest length of a name [characters]."""
 
 
-@app.command()
+@app.command(epilog=examples("new-solver my-rk", "new-solver my-julia --program 'julia solver.jl'"))
 def main(
     name: Annotated[
         str, typer.Argument(metavar="NAME", help="Name of the solver and of its package.", show_default=False)
     ],
     out: Annotated[
-        Path | None, typer.Option(metavar="PATH", help="Folder to write. If omitted: ./NAME.", show_default=False)
+        Path | None, typer.Option(metavar="FOLDER", help="Folder to write. If omitted: ./NAME.", show_default=False)
     ] = None,
     program: Annotated[
         str | None,

@@ -38,20 +38,25 @@ def main(
     study: Annotated[str, typer.Argument(help=HELP, show_default=False, metavar="NAME")],
     cases: Annotated[
         list[Path] | None,
-        typer.Argument(help="Case files, or folders of them.", show_default=False, metavar="[CASE]..."),
+        typer.Argument(help="Case files, or folders of them.", show_default=False, metavar="CASE"),
     ] = None,
     solvers: Annotated[
         str | None,
-        typer.Option(help="Comma-separated solvers; 'all' includes the installed peers.", show_default="the study's"),
+        typer.Option(
+            help="Solvers, separated by commas; 'all' also includes the installed peers. If omitted: the study's own.",
+            metavar="NAMES",
+        ),
     ] = None,
     rows: Annotated[
         Path | None, typer.Option(help="Folder of reports that name the solvers for paired-times.", metavar="FOLDER")
     ] = None,
     timeout: Annotated[
-        float | None, typer.Option(min=0.1, help="Limit on the processor time of a run, in seconds.", show_default="10")
+        float | None,
+        typer.Option(min=0.1, help="Limit on the processor time of a run. If omitted: 10 s.", metavar="SECONDS"),
     ] = None,
     jobs: Annotated[
-        int | None, typer.Option(min=1, help="Concurrent runs.", show_default="1 if times are compared, else 2")
+        int | None,
+        typer.Option(min=1, help="Concurrent runs. If omitted: 1 if times are compared, otherwise 2.", metavar="N"),
     ] = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue an interrupted study from its finished rows.", metavar=FLAG)

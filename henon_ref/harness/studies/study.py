@@ -93,7 +93,7 @@ STUDIES = {
         every_run=("runs.csv",),
     ),
     "restarts": Study(
-        "restarts", "restarts:run_restarts", "Every library with every restart, and defaults that another one beats.",
+        "restarts", "restarts:run_restarts", "Each library with each restart, and defaults that another one surpasses.",
         ("cases", "solvers", "timeout", "jobs", "resume"),
         nothing="no library to restart, or no reading with a stored truth", every_run=("runs.csv",),
     ),

@@ -179,7 +179,7 @@ def _shown(record: Record, value: Decimal, printed: Sequence[Decimal]) -> str:
 
 
 def orbit_table(result: ReadingResult) -> Table | None:
-    """Make the table of the periodic orbit named in a case, with the deviations of the exact run's last events."""
+    """Make the table of the periodic orbit that a case gives, with the deviations of the exact run's last events."""
     orbit, expected = result.reading.orbit, result.expected
     if orbit is None or expected is None or not (orbit.sticks or orbit.crossings):
         return None
@@ -195,7 +195,7 @@ def orbit_table(result: ReadingResult) -> Table | None:
     for value in orbit.crossings:
         apart = min((math.remainder(time - float(value), period) for time in times), key=abs, default=None)
         lines.append(("crossing, modulo the period", f"{value}", "none" if apart is None else error(apart)))
-    return Table(("periodic orbit", "named [s]", "exact run, last − named [s]"), "lrr", lines)
+    return Table(("periodic orbit", "value in the case [s]", "last of the exact run − this value [s]"), "lrr", lines)
 
 
 def printed_alike(value: float, printed: Decimal) -> bool:
