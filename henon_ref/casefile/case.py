@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from pathlib import Path
@@ -152,18 +152,19 @@ def load_case(
     CaseError
         With file, line and column, the fault and the allowed values.
     """
-    return case_and_tree(path, solvers, fixed_step)[0]
+    return case_and_sources(path, solvers, fixed_step)[0]
 
 
-def case_and_tree(
+def case_and_sources(
     path: str | Path, solvers: Collection[str] | None = None, fixed_step: Callable[[str], bool] | None = None
-) -> tuple[Case, MappingNode]:
-    """Read a case file and return the case together with its YAML tree (see :func:`load_case`)."""
+) -> tuple[Case, dict[str, Source]]:
+    """Read a case file and return the case together with the source of every reading (see :func:`load_case`)."""
     if not isinstance(path, str | Path):
         raise CaseError(f"path is {path!r}, wanted a str or a Path")
     path = located(path)
-    tree = read_yaml(path)
-    return replace(_case(tree, str(path), solvers, fixed_step), path=path), tree
+    whole = Source(read_yaml(path), str(path))
+    sources = reading_sources(whole)
+    return replace(_case(whole, sources, solvers, fixed_step), path=path), dict(sources)
 
 
 def parse_case(
@@ -174,14 +175,17 @@ def parse_case(
     fixed_step: Callable[[str], bool] | None = None,
 ) -> Case:
     """Read a case from text (see :func:`load_case`)."""
-    return _case(parse_yaml(text, file=file), file, solvers, fixed_step)
+    whole = Source(parse_yaml(text, file=file), file)
+    return _case(whole, reading_sources(whole), solvers, fixed_step)
 
 
 def _case(
-    tree: MappingNode, file: str | None, solvers: Collection[str] | None, fixed_step: Callable[[str], bool] | None
+    whole: Source,
+    sources: Sequence[tuple[str, Source]],
+    solvers: Collection[str] | None,
+    fixed_step: Callable[[str], bool] | None,
 ) -> Case:
-    readings = tuple(_reading(name, source, solvers, fixed_step) for name, source in reading_sources(tree, file))
-    whole = Source(tree, file)
+    readings = tuple(_reading(name, source, solvers, fixed_step) for name, source in sources)
     name, title, source = (_line(whole, key) for key in ("name", "title", "source"))
     if title is None:
         raise whole.error((), "the key 'title' is missing at the top (a reading may have a title in addition)")
@@ -204,9 +208,9 @@ def _checked(whole: Source, path: KeyPath, check: Callable[[object], str], value
         raise whole.error(path, f"'{path[0]}': {error}", key=key) from None
 
 
-def reading_sources(tree: MappingNode, file: str | None) -> list[tuple[str, Source]]:
-    """Return the name and the tree of every reading, with its overrides applied."""
-    whole = Source(tree, file)
+def reading_sources(whole: Source) -> list[tuple[str, Source]]:
+    """Return the name and the source of every reading of a file, with its overrides applied."""
+    tree, file = whole.tree, whole.file
     if "readings" not in tree.entries:
         return [(DEFAULT_READING, whole)]
     readings = tree.entries["readings"]

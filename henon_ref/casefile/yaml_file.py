@@ -22,6 +22,7 @@ from henon_ref.errors import CaseError
 from henon_ref.system.tree import MappingNode, Node, Place, Scalar, ScalarNode, SequenceNode
 from henon_ref.text import shortened
 
+CASE = "case file"
 MAX_BYTES = 256 * 1024
 """Largest size of a file [bytes]."""
 MAX_NODES = 20_000
@@ -29,7 +30,6 @@ MAX_NODES = 20_000
 MAX_DEPTH = 32
 """Largest depth of nested mappings and sequences."""
 
-_SEVERAL = "several YAML documents; a case file is one document, without a second '---'"
 _INTEGER = re.compile(r"[-+]?[0-9]{1,400}")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]{1,5})?")
 _NOT_FINITE = re.compile(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
@@ -41,8 +41,8 @@ _NAMED_SCALARS: dict[str, Scalar] = {
 }
 
 
-def read_yaml(path: str | Path) -> MappingNode:
-    """Read a file whose top level is a mapping.
+def read_yaml(path: str | Path, what: str = CASE) -> MappingNode:
+    """Read a file whose top level is a mapping; ``what``: the kind of file, for messages.
 
     Raises
     ------
@@ -50,30 +50,30 @@ def read_yaml(path: str | Path) -> MappingNode:
         With file, line and column, if it is not a regular file, too large, not UTF-8, not YAML, or has more than
         one document, a duplicate key, a tag, a merge key, or too large an expansion of aliases.
     """
-    return parse_yaml(_text_of(Path(path)), file=str(path))
+    return parse_yaml(_text_of(Path(path), what), file=str(path), what=what)
 
 
-def parse_yaml(text: str, *, file: str | None = None) -> MappingNode:
+def parse_yaml(text: str, *, file: str | None = None, what: str = CASE) -> MappingNode:
     """Read YAML text whose top level is a mapping (see :func:`read_yaml`)."""
-    reader = _Reader(text, file)
+    reader = _Reader(text, file, what)
     node = reader.document()
     if not isinstance(node, MappingNode):
         empty = "" if node else "the file is empty; "
-        message = f"{empty}a case file is a mapping of keys to values, beginning with 'schema: 1'"
+        message = f"{empty}a {what} is a mapping of keys to values, beginning with 'schema: 1'"
         raise reader.error(message, node.place if node else Place(1, 1))
     return node
 
 
-def _text_of(path: Path) -> str:
+def _text_of(path: Path, what: str) -> str:
     def error(message: str, line: int | None = None, column: int | None = None) -> CaseError:
         return CaseError(message, file=str(path), line=line, column=column)
 
     try:
         mode = path.stat().st_mode
         if stat.S_ISDIR(mode):
-            raise error("this is a folder; give a case file (YAML)")
+            raise error(f"this is a folder; give a {what} (YAML)")
         if not stat.S_ISREG(mode):
-            raise error("this is not a regular file; give a case file (YAML)")
+            raise error(f"this is not a regular file; give a {what} (YAML)")
         with path.open("rb") as stream:
             data = stream.read(MAX_BYTES + 1)
     except FileNotFoundError:
@@ -81,7 +81,7 @@ def _text_of(path: Path) -> str:
     except (OSError, ValueError) as found:
         raise error(f"cannot be read: {getattr(found, 'strerror', None) or found}") from None
     if len(data) > MAX_BYTES:
-        raise error(f"the file is larger than {MAX_BYTES // 1024} KiB, the limit for a case file")
+        raise error(f"the file is larger than {MAX_BYTES // 1024} KiB, the limit for a {what}")
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as found:
@@ -92,8 +92,9 @@ def _text_of(path: Path) -> str:
 class _Reader:
     """Builder of the tree from the parser's events, bounded in depth and size."""
 
-    def __init__(self, text: str, file: str | None) -> None:
+    def __init__(self, text: str, file: str | None, what: str) -> None:
         self.text, self.file = text, file
+        self.several = f"several YAML documents; a {what} is one document, without a second '---'"
         self.events = self._events()
         self.anchors: dict[str, Node | None] = {}
         """Anchor -> its node; None while the node is being built."""
@@ -126,7 +127,7 @@ class _Reader:
         message = " ".join(str(part) for part in (error.context, error.problem) if part)
         hint = "; indent with spaces in YAML" if "\\t" in message or "'\t'" in message else ""
         if "expected a single document" in message:
-            return CaseError(_SEVERAL, file=self.file)
+            return CaseError(self.several, file=self.file)
         place = Place(mark.line + 1, mark.column + 1) if mark is not None else Place(1, 1)
         return self.error(f"not YAML: {' '.join(message.split())}{hint}", place)
 
@@ -138,7 +139,7 @@ class _Reader:
                 break
             if isinstance(event, ev.DocumentStartEvent):
                 if root is not None:
-                    raise self.error(_SEVERAL, event)
+                    raise self.error(self.several, event)
                 root = self._node(next(self.events), 0)
         return root
 

@@ -229,7 +229,7 @@ class ModeTable:
         system, sliding = self.system, [i for i, entry in enumerate(mode) if entry == 0]
         slid = {system.signs[i] for i in sliding}
         found, selects = set(), self.selects and not system.overrides
-        for i in self._sections if sliding else ():
+        for i in self.system.observed if sliding else ():
             selected = selects and slid.isdisjoint(system.normal_velocity(i).free_symbols)
             if mode[i] and not selected and len(system.in_play([i], sliding)) > 1:
                 found.add(i)
@@ -245,18 +245,7 @@ class ModeTable:
             return frozenset()
         normals = enumerate(map(system.normal_velocity, range(len(system.surfaces))))
         free = {i for i, normal in normals if normal.free_symbols.isdisjoint(system.signs)}
-        return (continuous(system) | free | self._sections) - system.overrides.keys() - system.resets.keys()
-
-    @cached_property
-    def _sections(self) -> frozenset[int]:
-        """Surfaces whose signs occur in no force, override or reset."""
-        overrides, resets = self.system.overrides, self.system.resets
-        forces = [*self.system.field]
-        for own in overrides.values():
-            forces += [*own.field, *(end.when for end in own.release)]
-        used = set().union(*(force.free_symbols for force in set(forces)))
-        unused = (i for i, sign in enumerate(self.system.signs) if sign not in used)
-        return frozenset(unused) - overrides.keys() - resets.keys()
+        return (continuous(system) | free | self.system.observed) - system.overrides.keys() - system.resets.keys()
 
     def _append(self, mode: Mode, code: ModeCode) -> None:
         before, own = self.compiled, self.constants.sources(code.tapes, mode)

@@ -30,7 +30,7 @@ MOST_STEPS = 100_000_000
 
 def out_of_steps(steps: int, time: float) -> str:
     """Return the reason of a run that ends at its limit on steps."""
-    return f"stopped after {steps} steps, as many as max_steps allows, at t = {time:.17g}"
+    return f"stopped after {steps} step{'' if steps == 1 else 's'}, as many as max_steps allows, at t = {time:.17g}"
 
 
 class Start:

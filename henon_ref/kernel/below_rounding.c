@@ -6,10 +6,14 @@
  * together over the length of a step, or is clearly below zero at the step's end. Otherwise it is ignored on this step.
  * The run continues; if the guard is clearly below zero later, the mode changes there. The run keeps the first time at
  * which it ignored a root of a surface: from there on the recorded transitions may lack some of this surface.
+ *
+ * A section or kink on which the mode slides, or a body rests, is skipped only while it stands still.
  */
 
 /* A fall of a guard by this part of the largest state exceeds rounding: no step multiplies an error by 1e10. */
 #define CLEAR_PART 1e-4
+/* Number of places at which a guard that begins below zero is examined: it may rise again on the step. */
+#define LOOKED_AT 8
 
 /* Rounding error of a guard's own operations; it exceeds that of the states if the guard's terms cancel. */
 static double own_rounding(const struct work *w, int64_t guard)
@@ -43,6 +47,42 @@ static double guard_noise(const struct work *w, int64_t guard, double theta)
             }
         }
     return noise;
+}
+
+/* Check whether the function of a kink or section changes by no more than rounding on a step of at most "natural" units
+ * up to the horizon, as it does while a mode slides on the same surface, or a body rests there.
+ *
+ * Its value then decides nothing, and no crossing is due. The value may have any sign: the present state may be what
+ * was left of larger terms that cancelled, such as a speed at which a slide has begun, and their rounding is not known
+ * here. (That of the changes of the states, and of the guard's slope, is.) As soon as the function changes, its
+ * crossings are located again.
+ */
+static bool stands_still(const struct work *w, int64_t guard, double natural)
+{
+    const struct run *run = w->run;
+    int64_t n = run->states, order = run->order;
+    if (!w->mode->guard[guard].kink)
+        return false;
+    const double *row = guard_row(w, guard), *moved = row_ahead(w, n + guard);
+    double noise = 0.0, theta = smaller(natural, remaining(run) / run->unit), *of_rates = w->speeds;
+    w->mode->rounding(run->time, run->time_low, OWN_ROUNDING, w->x, w->constants, of_rates);
+    for (int64_t i = 0; i < n; i++)
+        w->point[i] = w->x[i];
+    for (int64_t i = 0; i < n; i++) {
+        double own = (STATE_ROUNDING * size_of_terms(row_of(w, i), 1, order, theta) + of_rates[i] * run->unit) * theta;
+        double all = own + STATE_ROUNDING * fabs(w->x[i]), power = 1.0;
+        if (!(0.0 < all && all < INFINITY))
+            continue;
+        w->point[i] = w->x[i] + all;
+        expand(w, w->point, w->ahead);
+        w->point[i] = w->x[i];
+        noise += fabs(moved[0] - row[0]) * (own / all);
+        for (int64_t k = 1; k <= order; k++) {
+            power *= theta;
+            noise += fabs(moved[k] - row[k]) * power;
+        }
+    }
+    return size_of_terms(row, 1, order, theta) * theta <= noise;
 }
 
 /* First time at which a guard was below its rounding. */
@@ -86,6 +126,8 @@ static bool root_below_rounding(struct work *w, int64_t guard, double tau, doubl
 {
     const struct run *run = w->run;
     if (flat) {
+        if (stands_still(w, guard, natural))
+            return true;
         bool before = run->below_rounding != 0 && *since_of(w, guard) <= run->time;
         if (!before || !remains_below_rounding(w, guard, tau))
             return false;
@@ -99,10 +141,21 @@ static bool root_below_rounding(struct work *w, int64_t guard, double tau, doubl
     double theta = length_looked_at(w, natural);
     double fall = larger(fabs(slope) * theta, -value(row, run->order, theta));
     bool clear = fall >= CLEAR_PART * largest && fall > own_rounding(w, guard);
+    if (!clear && stands_still(w, guard, natural))
+        return true;
     if (clear || fall > guard_noise(w, guard, theta))
         return false;
     passed_over(w, guard, tau);
     return true;
+}
+
+/* Lowest value of a guard on a step of theta units, of those after the whole step, half of it, a quarter, and so on. */
+static double lowest_ahead(const struct work *w, int64_t guard, double theta)
+{
+    double lowest = INFINITY;
+    for (int half = 0; half < LOOKED_AT; half++, theta *= 0.5)
+        lowest = smaller(lowest, value(guard_row(w, guard), w->run->order, theta));
+    return lowest;
 }
 
 /* Check whether a guard that is below zero where a step begins (hits) falls further by more than rounding.
@@ -116,9 +169,11 @@ static bool fails_beyond_rounding(struct work *w, double natural)
     for (int64_t g = 0; g < w->mode->guards; g++)
         if (w->hits[g] == 1) {
             double noise = guard_noise(w, g, theta);
-            if (noise > 0.0 && -value(guard_row(w, g), w->run->order, theta) <= noise) {
+            bool still = stands_still(w, g, natural);
+            if (still || (noise > 0.0 && -lowest_ahead(w, g, theta) <= noise)) {
                 w->hits[g] = 0, w->faint[g] = 1;
-                passed_over(w, g, 0.0);
+                if (!still)
+                    passed_over(w, g, 0.0);
             } else {
                 found = true;
             }

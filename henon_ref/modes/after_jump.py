@@ -13,7 +13,7 @@ import sympy as sp
 
 from henon_ref.errors import ModelError
 from henon_ref.modes.arithmetic import NO_VALUE
-from henon_ref.modes.cascade import Cascade, Instant, Numbers
+from henon_ref.modes.cascade import SHRUNK, Cascade, Instant, Numbers
 from henon_ref.modes.decision import Decision
 from henon_ref.modes.equations import Guard, gradient
 from henon_ref.modes.mode import Mode, replaced
@@ -153,7 +153,8 @@ class _Rule:
         if why:
             return self._no_rest(times, why)
         time = next(iter(times.values()))  # several times are all 0
-        rest = Rest(time, self._at_rest(tuple(times), after, stuck, time), stuck)
+        at_end = self._at_rest(tuple(times), after, stuck, time)
+        rest = Rest(time, at_end, self._past_sections(stuck, guards, series, time, at_end))
         return AfterJump(decision, after, on=on, rest=rest)
 
     def _accumulating(self, mode: Mode, most: Any) -> list[int]:
@@ -226,7 +227,7 @@ class _Rule:
             system.equations(at_rest.mode)
         except ModelError as error:
             return str(error)
-        passed = set(times) | {j for i in times for j in turning_in_flight(system, i)}
+        passed = system.observed | set(times) | {j for i in times for j in turning_in_flight(system, i)}
         for guard, own in zip(guards, series, strict=True):
             value, rate, bend, *_ = own
             stays = not any(map(numbers.sign, own))  # rest on a kink, say
@@ -235,6 +236,20 @@ class _Rule:
                 if not abs(value) > abs(rate) * time + abs(bend) * time * time:
                     return "another event is as close"
         return ""
+
+    def _past_sections(
+        self, mode: Mode, guards: Sequence[Guard], series: Sequence[Sequence[Any]], time: Any, rest: Sequence[Any]
+    ) -> Mode:
+        """Return the mode at rest, in which sections are crossed that change their side during the last flights.
+
+        A section that ends near zero, relative to its change, keeps its entry: the rest is on it, within rounding.
+        """
+        for guard, (_, rate, bend, *_) in zip(guards, series, strict=True):
+            if guard.kind == "surface" and guard.index in self.system.observed:
+                (end,) = self.numbers.values((self.system.surfaces[guard.index],), self.t + time, rest)
+                if abs(end) > SHRUNK * (abs(rate) * time + abs(bend) * time * time):
+                    mode = replaced(mode, guard.index, 1 if end > 0 else -1)
+        return mode
 
     def _at_rest(self, surfaces: tuple[int, ...], after: Sequence[Any], stuck: Mode, time: Any) -> list[Any]:
         """Return the state at rest, projected onto the surfaces; its error is about the square of ``time``."""

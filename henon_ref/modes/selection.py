@@ -209,7 +209,16 @@ def _decided(at: Point, mode: Mode, active: tuple[int, ...], slipped: Collection
             break
     if decision.status == "none" and one_of is _of_all:
         decision = _staying_mode(at, mode, active) or decision
+    if decision.status == "none" and (names := _not_finite(at, mode)):
+        reason = f"no mode is consistent at t = {at.when}: the field of {listed(names)} is not finite there"
+        return Decision("none", None, reason)
     return explained(decision, system, mode, active) if decision.mode is None else _attracting(at, decision)
+
+
+def _not_finite(at: Point, mode: Mode) -> list[str]:
+    """Return the names of the states whose rates have no finite value at a point."""
+    rates = zip(at.system.state_names, at.system.field, strict=True)
+    return [name for name, rate in rates if at.values((rate,), mode) is None]
 
 
 def _attracting(at: Point, decision: Decision) -> Decision:

@@ -144,6 +144,16 @@ class FilippovSystem(SwitchedField):
         return (mode, own) if alone else (sliding, shared)
 
     @cached_property
+    def observed(self) -> frozenset[int]:
+        """Sections: surfaces whose signs occur in no force, override or reset, so that no motion depends on them."""
+        forces = [*self.field]
+        for own in self.overrides.values():
+            forces += [*own.field, *(end.when for end in own.release)]
+        used = set().union(*(force.free_symbols for force in set(forces)))
+        unused = (i for i, sign in enumerate(self.signs) if sign not in used)
+        return frozenset(unused) - self.overrides.keys() - self.resets.keys()
+
+    @cached_property
     def switched(self) -> SwitchedEquations | None:
         """One set of equations for all modes of many contacts; None for few surfaces or other systems."""
         if len(self.surfaces) <= FEW:

@@ -142,13 +142,13 @@ class System:
         """
         if not (reading is None or isinstance(reading, str)):
             raise ArgumentError(f"reading is {str(reading)[:60]!r}; wanted the name of a reading, or None")
-        from henon_ref.casefile.case import case_and_tree, reading_sources  # what only files need
+        from henon_ref.casefile.case import case_and_sources  # what only files need
 
-        case, tree = case_and_tree(path)
+        case, sources = case_and_sources(path)
         chosen = case.readings[0] if reading is None else case.reading(reading)
         self = cls.__new__(cls)
-        source = dict(reading_sources(tree, None))[chosen.name]
-        self._read(source.tree)
+        source = sources[chosen.name]
+        self._read(source.tree, source=source)
         self.own_start = OwnStart.of(source, self.state)
         return self
 
@@ -162,12 +162,13 @@ class System:
         self._read(tree, declared)
         return self
 
-    def _read(self, tree: MappingNode, declared: Sequence[str] = ()) -> None:
+    def _read(self, tree: MappingNode, declared: Sequence[str] = (), source: Source | None = None) -> None:
+        """Set the model; ``source``: that of a file from which it has been built before."""
         self.tree = mapping({key: tree.entries[key] for key in MODEL_KEYS if key in tree.entries})
         try:
             check_form(self.tree)
             with one_at_a_time():
-                self._written, self._names = written_model(source_of(self.tree))
+                self._written, self._names = written_model(source or source_of(self.tree))
                 self.model = with_rational_exponents(self._written)
         except HenonRefError as error:
             raise argument_error(error, declared) from None

@@ -84,6 +84,15 @@ class Plan:
         return _digest(json.dumps(identity, sort_keys=True).encode())
 
 
+class RepeatedNameError(ArgumentError):
+    """Two results with one name."""
+
+    def __init__(self, what: str, name: str, observation: int | None) -> None:
+        super().__init__(f"two results have the {what} '{name[:60]}'; rename one of them, or leave it out")
+        self.observation = observation
+        """Index of the observation that repeats the name; None if only the points have it."""
+
+
 def planned(
     system: System,
     initial: Mapping[str, Any] | Sequence[Any] | None = None,
@@ -150,21 +159,23 @@ def check_after(observation: Observation, until: float) -> None:
 
 
 def _tables(work: Work, points: Points) -> dict[str, tuple[str, ...]]:
-    """Return the columns of each table, the table of points first; CaseError if two names are equal."""
+    """Return the columns of each table, the table of points first; RepeatedNameError if two names are equal."""
     runs, own = Runs(work, points.values[:0]), [*points.names, *points.labels, "status"]
     columns, ragged = ["point", *own], list[tuple[str, Columns]]()
-    for observation in work.observations:
+    further = [name for name in OWN_COLUMNS if name not in columns]
+    _check_once("column", columns, None)
+    for k, observation in enumerate(work.observations):
         columns += observation.columns(runs)
         ragged += observation.tables(runs).items()
-    _check_once("table", [POINTS, FIGURES, *(name for name, _ in ragged)])
-    _check_once("column", [*columns, *(name for name in OWN_COLUMNS if name not in ("point", *own))])
+        _check_once("table", [POINTS, FIGURES, *(name for name, _ in ragged)], k)
+        _check_once("column", [*columns, *further], k)
     return {POINTS: tuple(columns), **{name: tuple(table) for name, table in ragged}}
 
 
-def _check_once(what: str, names: Sequence[str]) -> None:
+def _check_once(what: str, names: Sequence[str], last: int | None) -> None:
     for name, count in Counter(names).items():
         if count > 1:
-            raise ArgumentError(f"two results have the {what} '{name[:60]}'; rename one of them, or leave it out")
+            raise RepeatedNameError(what, name, last)
 
 
 def _chunk_size(chunk: int | None, points: Points) -> int:

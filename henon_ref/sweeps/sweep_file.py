@@ -32,7 +32,7 @@ from henon_ref.errors import ArgumentError
 from henon_ref.integrator.start import MOST_STEPS
 from henon_ref.simulation.system import System
 from henon_ref.sweeps.observe import KINDS
-from henon_ref.sweeps.plan import RTOL, Plan, check_after, planned
+from henon_ref.sweeps.plan import RTOL, Plan, RepeatedNameError, check_after, planned
 from henon_ref.sweeps.points import Points, check_names, continuation, grid, random, table
 from henon_ref.sweeps.work import Observation
 from henon_ref.system.problem import build_problem
@@ -92,7 +92,7 @@ class SweepFile:
 
 def load_sweep(path: str | Path) -> SweepFile:
     """Read a sweep file; a fault raises CaseError with file, line and column."""
-    tree = read_yaml(path)
+    tree = read_yaml(path, "sweep file")
     whole = Source(tree, str(path))
     form = read_form(SweepForm, whole)
     common = {key: tree.entries[key] for key in CASE_KEYS if key in tree.entries}
@@ -128,6 +128,8 @@ def _placed(source: Source, path: KeyPath, make: Callable[[], T], *, key: bool =
     """Return the result of a function; an ArgumentError becomes a CaseError at the path."""
     try:
         return make()
+    except RepeatedNameError as error:
+        raise source.error(path if error.observation is None else ("observe", error.observation), str(error)) from None
     except ArgumentError as error:
         raise source.error(path, str(error), key=key) from None
 

@@ -55,7 +55,11 @@ def _model(source: Source) -> tuple[FilippovSystem, Names]:
 
 
 def written_model(source: Source) -> tuple[FilippovSystem, Names]:
-    """Return the system of one reading, with exponents as written, and its names."""
+    """Return the system of one reading, with exponents as written, and its names; cached for equal readings."""
+    return source.once("written", MODEL_KEYS, lambda: _written_model(source))
+
+
+def _written_model(source: Source) -> tuple[FilippovSystem, Names]:
     if source.has_scene:
         scene, names = read_scene(source)
         system = scene.system()

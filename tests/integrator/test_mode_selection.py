@@ -12,6 +12,7 @@ import pytest
 import sympy as sp
 from often import daily
 
+import henon_ref as hr
 from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.casefile.case import load_case, parse_case
 from henon_ref.integrator import mode_changes
@@ -267,3 +268,9 @@ def test_what_happens_at_one_instant_needs_no_python(name: str, readings: list[s
         run = HENON_SOLVER.prepare(case.reading(reading).problem, rtol=1e-9)
         run()  # modes are compiled on first sight
         assert run().counts.decisions == Decisions(), reading
+
+
+@pytest.mark.parametrize(("rate", "x"), [("1/x - s", 0), ("log(x) - s", 0), ("sqrt(x) - s", -1)])
+def test_a_start_without_a_field_names_it(rate: str, x: float) -> None:
+    run = hr.simulate(hr.System(["x", "v"], {}, {"s": "v"}, ["v", rate]), {"x": x, "v": 0}, until=1)
+    assert run.message == "no mode is consistent at t = 0: the field of v is not finite there"

@@ -29,6 +29,7 @@ def test_simulate_ends_failed() -> None:
     again = hr.simulate(oscillator(), {"x": 1, "v": 0}, max_steps=500, **FOREVER)
     assert again.message == run.message
     assert hr.simulate(oscillator(), {"x": 1, "v": 0}, until=10, max_steps=500).success
+    assert "stopped after 1 step, as" in hr.simulate(oscillator(), {"x": 1, "v": 0}, max_steps=1, **FOREVER).message
 
 
 def test_a_stream_ends_failed() -> None:

@@ -14,7 +14,9 @@ from PIL import Image
 import henon_ref as hr
 from henon_ref.casefile.case import reading_sources
 from henon_ref.casefile.yaml_file import read_yaml
+from henon_ref.system import scene as scene_module
 from henon_ref.system.connections import KINDS
+from henon_ref.system.source import Source
 from henon_ref.system.tree import child, to_python
 
 CASES = Path(__file__).parents[2] / "cases" / "scenes"
@@ -43,7 +45,7 @@ def rebuilt(written: dict) -> hr.Scene:
 
 @pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
 def test_every_shipped_scene_declared_by_calls_is_the_system_of_its_file(path: Path) -> None:
-    sources = reading_sources(read_yaml(path), None)
+    sources = reading_sources(Source(read_yaml(path)))
     reading, scene = next((name, found) for name, source in sources if (found := child(source.tree, ["scene"])))
     written = to_python(scene)
     if path.stem != "burridge_knopoff":  # 64 blocks of one kind, see three of them
@@ -169,3 +171,12 @@ def test_what_cannot_be_drawn_is_said() -> None:
         scene.body(f"b{k}", mass=1)
     with pytest.raises(hr.HenonRefError, match="16 bodies; a picture shows at most 12"):
         scene.plot()
+
+
+def test_the_scene_of_a_case_is_built_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    built, build = list[Source](), scene_module.build_scene
+    monkeypatch.setattr(scene_module, "build_scene", lambda source: built.append(source) or build(source))
+    hr.load_case(SCENES[0])
+    alone = len(built)
+    hr.System.from_case(SCENES[0])
+    assert len(built) == 2 * alone > 0

@@ -96,6 +96,8 @@ def test_a_scene_may_stand_in_place_of_a_system(tmp_path: Path) -> None:
         ("sticks: {after: 20}", "sticks: {after: late}", 17, 5, "finite number"),
         ("sticks: {after: 20}", "sticks: {after: 50}", 17, 21, "earlier than the horizon"),
         ("of: x, after", "of: q, after", 19, 5, "q"),
+        ("final_state: {}", "sticks: {}", 18, 5, "two results have the column 'stick_count'"),
+        ("final_state: {}", "section: {of: v}", 19, 5, "two results have the table 'section'"),
         ("v - vb", "v - v0", 8, 22, "v0"),
     ],
 )
@@ -124,3 +126,10 @@ def test_the_file_that_the_page_shows_is_read(tmp_path: Path) -> None:
     path.write_text(shown)
     plan = load_sweep(path).plan
     assert (len(plan.points), plan.chunk) == (40_000, 1000)
+
+
+def test_a_folder_in_place_of_the_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(CaseError, match=r"this is a folder; give a sweep file \(YAML\)"):
+        load_sweep(tmp_path)
+    with pytest.raises(CaseError, match="the file is empty; a sweep file is a mapping"):
+        load_sweep(written(tmp_path, ""))

@@ -24,7 +24,7 @@ from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.campaign.plan import check_required, check_solvers
 from henon_ref.harness.campaign.progress import ProgressLine
 from henon_ref.harness.report.case_report import write_report
-from henon_ref.harness.report.figure_jobs import figure_job
+from henon_ref.harness.report.figure_jobs import KINDS, figure_job, file_name
 from henon_ref.harness.report.folder import check_report, check_writable, locked, remove_if_empty
 from henon_ref.harness.report.folder_report import write_folder_report
 from henon_ref.harness.report.manifest import provenance
@@ -77,7 +77,8 @@ def run(
     check_writable(out)
     cases, asked = load_cases(paths), Options(**options)
     for case in cases:
-        check_report(out / case.name)
+        drawn = [file_name(reading.name, kind) for reading in case.readings for kind in KINDS] if figures else []
+        check_report(out / case.name, drawn)
     check_solvers(cases, asked)
     check_required(cases, asked)
     rerun = rerun_command(paths, asked, figures=figures)

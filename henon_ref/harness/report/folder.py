@@ -83,14 +83,16 @@ def check_index(folder: Path) -> None:
             raise CaseError(NOT_OURS, file=str(file))
 
 
-def check_report(folder: Path) -> None:
+def check_report(folder: Path, figures: Iterable[str]) -> None:
     """Check that the report of a case can be written into its folder, and that it replaces only files of such a report.
+
+    ``figures``: names of all figures that it may have.
 
     Raise CaseError if not.
     """
     check_folder(folder)
     own = own_files(folder)
-    for name in FILES:
+    for name in (*FILES, *figures):
         if (folder / name).exists() and name not in own:
             raise CaseError(NOT_OURS, file=str(folder / name))
 

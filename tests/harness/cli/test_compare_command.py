@@ -77,7 +77,7 @@ def test_the_gate_decides_the_exit_status_only_where_asked(made_up, monkeypatch,
 
 
 def test_a_gate_that_checked_nothing_does_not_pass(made_up, capsys):
-    words = "its 2 bounds belong to solvers that were not run"
+    words = "all 2 bounds are for solvers that were not run"
     last = f"out/made_up/report.md; gate not checked: {words}"
     assert run(made_up, "--solvers", "heyoka") == 0
     captured = capsys.readouterr()
@@ -86,8 +86,8 @@ def test_a_gate_that_checked_nothing_does_not_pass(made_up, capsys):
     captured = capsys.readouterr()
     assert captured.out.splitlines()[-1] == last
     assert sorted(words_of(captured.err).splitlines()) == [
-        "gate: bounds are skipped for runs that did not take place: henon",
         f"gate: {words}",
+        "gate: bounds are skipped for runs that did not take place: henon",
     ]
 
 
@@ -97,7 +97,7 @@ def test_a_gate_that_is_checked_in_part_says_so(made_up, tmp_path, capsys):
     assert run(made_up, "other.yaml", "--solvers", "henon", "--gate") == 0
     captured = capsys.readouterr()
     assert captured.out.splitlines()[-1] == (
-        "out/README.md; gate met: 2 of 4 bounds checked, 2 belong to solvers that were not run"
+        "out/README.md; gate met: 2 of 4 bounds checked, 2 are for solvers that were not run"
     )
     assert words_of(captured.err) == "gate: bounds are skipped for runs that did not take place: heyoka\n"
 
@@ -120,7 +120,7 @@ def test_a_bound_at_a_tolerance_that_did_not_run_is_left_out_and_named(tmp_path,
     captured = capsys.readouterr()
     (line,) = [line for line in captured.err.splitlines() if "are skipped" in line]
     assert named in line
-    unchecked = "gate not checked: its " in captured.out, "gate: its " in captured.err
+    unchecked = "gate not checked: all " in captured.out, "gate: all " in captured.err
     assert unchecked == ("1e-3" not in gate,) * 2
     report = (tmp_path / "out/gated/report.md").read_text()
     assert "| bounds left out: did not run |" in report

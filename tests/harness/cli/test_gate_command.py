@@ -84,7 +84,7 @@ def test_bounds_on_what_did_not_run_are_left_out_and_none_at_all_does_not_pass(o
     assert gate(out) == 1
     assert capsys.readouterr().err.splitlines() == [
         "gate: bounds are skipped for runs that did not take place: henon",
-        "gate: its 2 bounds belong to solvers that were not run",
+        "gate: all 2 bounds are for solvers that were not run",
     ]
 
 

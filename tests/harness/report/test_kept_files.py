@@ -111,7 +111,7 @@ def test_an_index_of_nothing_and_of_one_reading_is_known_again(tmp_path):
             check_index(tmp_path)
 
 
-@pytest.mark.parametrize("name", ["report.md", "runs.csv", "samples.csv"])
+@pytest.mark.parametrize("name", ["report.md", "runs.csv", "samples.csv", "default_cost.svg"])
 def test_a_report_of_somebody_else_is_not_replaced(made_up, tmp_path, capsys, name):
     (tmp_path / "out/made_up").mkdir(parents=True)
     (tmp_path / "out/made_up" / name).write_text("Mine.\n")

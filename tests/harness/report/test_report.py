@@ -135,7 +135,7 @@ def test_the_gate_counts_the_bounds_that_were_checked(solvers, state, checked, l
 
 
 def test_a_gate_of_one_bound_that_was_not_checked_says_why():
-    assert why_unchecked(Gate(1, 0)) == "its only bound belongs to solvers that were not run"
+    assert why_unchecked(Gate(1, 0)) == "the only bound is for solvers that were not run"
 
 
 def test_the_stick_of_static_friction_says_when_it_is_entered():

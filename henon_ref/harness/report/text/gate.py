@@ -29,12 +29,12 @@ def gate_table(gate: Gate) -> Table | None:
 def why_unchecked(gate: Gate) -> str:
     if not gate.total:
         return "there is no bound"
-    bounds = "its only bound belongs" if gate.total == 1 else f"its {gate.total} bounds belong"
-    return f"{bounds} to {_not_run(gate)}"
+    bounds = "the only bound is" if gate.total == 1 else f"all {gate.total} bounds are"
+    return f"{bounds} for {_not_run(gate)}"
 
 
 def _not_run(gate: Gate) -> str:
-    """Describe the runs to which the unchecked bounds belong."""
+    """Describe the runs for which the unchecked bounds are."""
     solvers_only = all(rtol is None for _, rtol in gate.left_out)
     return f"{'solvers' if solvers_only else 'solvers or tolerances'} that were not run"
 
@@ -59,8 +59,8 @@ def gate_state(gate: Gate, failed: bool, *, wanted: bool) -> str:
     if gate.checked == gate.total:
         return "; gate met"
     others = gate.total - gate.checked
-    belong = f"{others} {'belongs' if others == 1 else 'belong'} to {_not_run(gate)}"
-    return f"; gate met: {gate.checked} of {gate.total} bounds checked, {belong}"
+    are = f"{others} {'is' if others == 1 else 'are'} for {_not_run(gate)}"
+    return f"; gate met: {gate.checked} of {gate.total} bounds checked, {are}"
 
 
 def demands_state(demands: Mapping[str, Demand]) -> str:
