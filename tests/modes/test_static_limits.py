@@ -77,6 +77,29 @@ def test_a_load_at_the_limit_is_exceeded_when_a_block_beside_it_begins_to_move()
     assert simulate(problem, 256).events[-1].after == (1, 1)
 
 
+@pytest.mark.parametrize("lower", [None, "0", "max(0, t - 3)"])
+@pytest.mark.parametrize(
+    ("force", "released"),
+    [("min(t, 4 - t)", None), ("min(t, 2)", None), ("max(t, 2*t - 2)", 2), ("piecewise(t, t < 2, 3)", 2)],
+)
+def test_a_load_that_reaches_the_limit_at_a_kink_is_held_unless_it_grows_from_there(
+    force: str, released: float | None, lower: str | None
+) -> None:
+    scene = hr.Scene()
+    floor, block = scene.wall, scene.body("block", mass=1)
+    if lower is not None:  # a stack of two, with more kinks
+        floor = scene.body("lower", mass=1)
+        scene.friction(floor, scene.wall, law="coulomb", force=2, static=4)
+        scene.force(floor, lower)
+    scene.friction(block, floor, law="coulomb", force=1, static=2, name="rub")
+    scene.force(block, force)
+    system = scene.system()
+    run = hr.simulate(system, dict.fromkeys(map(str, system.state), 0), until=3)
+    found = run.transitions.query("surface == 'rub'")
+    assert found[["time_s", "kind"]].values.tolist() == ([] if released is None else [[released, "release"]])
+    assert (run["v_block"][-1] > 0) == (released is not None)
+
+
 @pytest.mark.parametrize(("excess", "kinds"), [("-1/10**9", []), ("1/10**9", ["release"])])
 def test_just_below_the_limit_nothing_is_told_and_just_above_it_lets_go(excess: str, kinds: list[str]) -> None:
     problem = pulled(f"2 + {excess} - (t - 1)**2")
