@@ -203,12 +203,14 @@ class Saltation:
         return transition.kind == "release" and transition.surface not in self.system.overrides
 
     def _reached(self, transition: Transition) -> sp.Expr:
-        index, to_sign = transition.surface, transition.to_mode[transition.surface]
-        if transition.kind != "release":
-            return self.system.surfaces[index]
-        guards = self.system.equations(transition.from_mode).guards
-        ways = [g.expression for g in guards if (g.kind, g.index, g.to_sign) == ("release", index, to_sign)]
-        return min(ways, key=lambda e: abs(self._relative(e, transition)))
+        """Return the function whose zero ends the mode: of those of the surfaces that change, the closest to zero."""
+        before, after = transition.from_mode, transition.to_mode
+        sides = {(i, entry) for i, entry in enumerate(after) if entry != before[i]}
+        found = [self.system.surfaces[i] for i, _ in sorted(sides) if before[i]]
+        for g in self.system.equations(before).guards:
+            if g.kind == "release" and not sides.isdisjoint({(g.index, g.to_sign), *g.cut}):
+                found.append(g.expression)
+        return min(found, key=lambda e: abs(self._relative(e, transition)))
 
     def _relative(self, expression: sp.Expr, transition: Transition) -> float:
         value, rate, *gradient = self._guard(expression)(transition.time, *transition.state)

@@ -64,6 +64,8 @@ class AugmentedSystem(FilippovSystem):
         n = len(base.states)
         names = [f"{prefix}_{i}_{j}" for i in range(n) for j in range(n)] + [f"{prefix}_volume"]
         more = tuple(sp.Symbol(name, real=True) for name in names)
+        none = (sp.S.Zero,) * len(more)  # loads do not act on tangent vectors
+        overrides = {i: replace(own, push=own.push + none) if own.push else own for i, own in base.overrides.items()}
         return cls(
             states=base.states + more,
             signs=base.signs,
@@ -71,7 +73,7 @@ class AugmentedSystem(FilippovSystem):
             field=_with_tangents(base, base.field, more[:-1], frozenset()),
             parameters=base.parameters,
             valid=base.valid,
-            overrides=base.overrides,
+            overrides=overrides,
             resets=base.resets,
             effects=base.effects,
             base=base,

@@ -349,6 +349,17 @@ static bool find_group(const struct work *w, struct group *g, int64_t first)
     return true;
 }
 
+/* Check whether a load reaches its limit where a section is crossed: behind a kink the load may decrease. */
+static bool load_may_turn(const struct work *w, const struct group *g)
+{
+    bool reached = false, section = false;
+    for (int64_t k = 0; k < g->count; k++)
+        reached = reached || g->slipped[k];
+    for (int64_t k = 0; k < w->mode->guards; k++)
+        section = section || (w->hits[k] == 1 && w->tables->selection.contact[w->mode->guard[k].index] & SECTION);
+    return reached && section;
+}
+
 /* Check whether the sections that are hit are crossed with a speed. */
 static bool sections_crossed(const struct work *w, const struct group *g)
 {
@@ -390,7 +401,7 @@ static bool settled(const struct work *w, struct group *g, struct accelerations 
 static bool group_decided(const struct work *w, struct group *g)
 {
     struct accelerations s;
-    if (g->sections && !sections_crossed(w, g))
+    if (load_may_turn(w, g) || (g->sections && !sections_crossed(w, g)))
         return false;
     if (w->words || g->static_ones || g->count > MOST_COUPLED) {
         if (!settled(w, g, &s))

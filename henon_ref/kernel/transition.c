@@ -249,8 +249,8 @@ static bool same_guard(const struct work *w, int64_t row, int64_t g)
 }
 
 /* Decide a slide whose end coincides with kinks, in the expanded mode after the kinks; ON, or the reason why Python is
- * needed. Kind GRAZE if the slide continues because its equivalent sign turns back. (A load at its limit has
- * slipped.) */
+ * needed. Kind GRAZE if the slide continues because its equivalent sign turns back. (The release condition of a
+ * sliding override is an event and releases at once.) */
 static int64_t at_end_of_slide(const struct work *w, const struct instant *at, double length, struct change *found)
 {
     const struct run *run = w->run;

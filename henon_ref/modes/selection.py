@@ -155,7 +155,9 @@ def after_event(at: Point, mode: Mode, hits: Sequence[Guard], *, touched: bool =
         # The equivalent sign reaches +-1 continuously: the field does not jump, and no other entry changes.
         return _attracting(at, Decision("unique", replaced(mode, hits[0].index, hits[0].to_sign)))
     active = system.in_play([g.index for g in hits], sliding)
-    return _decided(at, mode, tuple(sorted(active)), () if touched else slipped_by(system, hits))
+    # A load that reaches its limit where a kink is crossed need not exceed it: its derivatives behind the kink decide.
+    bent = any(g.kind == "surface" and g.index in system.kinks for g in hits)
+    return _decided(at, mode, tuple(sorted(active)), () if touched or bent else slipped_by(system, hits))
 
 
 def contact_orders(at: Point, mode: Mode, active: Iterable[int], edges: Iterable[int] = ()) -> list[int]:

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from math import cos, sin, sqrt
+
 import pytest
 import sympy as sp
 from multiprecision import simulate, transitions
 
+import henon_ref as hr
 from henon_ref.casefile.case import parse_case
 from henon_ref.enclosure.run import certify
 from henon_ref.errors import CaseError
 from henon_ref.harness.registry import solver
 from henon_ref.modes.problem import Problem
+from henon_ref.simulation.arguments import problem_of
 
 HEAD = "schema: 1\nname: limit\ntitle: t\nsource: s\nequations: e\n"
 
@@ -50,6 +54,50 @@ def test_the_multiprecision_route_tells_of_it_and_the_proof_says_that_it_is_one(
     proof = certify(problem)
     assert proof.status == "not provable"
     assert "touches zero" in proof.reason
+
+
+def test_a_load_at_the_limit_is_exceeded_when_a_block_beside_it_begins_to_move() -> None:
+    # Both blocks hold until t = 2; the spring to a then pulls b, whose load of 1 is already the largest that it holds.
+    scene = hr.Scene()
+    a, b = scene.body("a", mass=1), scene.body("b", mass=2)
+    scene.friction(a, scene.wall, law="coulomb", force=1, static=2)
+    scene.friction(b, scene.wall, law="coulomb", force=0.5, static=1)
+    scene.spring(a, b, stiffness=2)
+    scene.force(a, "t")
+    scene.force(b, 1)
+    system = scene.system()
+    at_rest = dict.fromkeys(map(str, system.state), 0)
+    run = hr.simulate(system, at_rest, until=4)
+    assert run.transitions[["time_s", "surface"]].values.tolist() == [[2.0, "s_a_wall"], [2.0, "s_b_wall"]]
+    w, total = sqrt(3), 2**3 / 6 + 3 * 2**2 / 4  # x_a + 2 x_b at t = 2 + 2
+    apart = 2 / 3 + 1 / 4 - cos(2 * w) / 4 - sin(2 * w) / (3 * w)
+    assert run["x_b"][-1] == pytest.approx((total - apart) / 3, rel=1e-9)
+    assert run["x_a"][-1] == pytest.approx((total + 2 * apart) / 3, rel=1e-9)
+    _, problem = problem_of(system, at_rest, until=4, start=0, parameters=None, mode=None)
+    assert simulate(problem, 256).events[-1].after == (1, 1)
+
+
+@pytest.mark.parametrize("lower", [None, "0", "max(0, t - 3)"])
+@pytest.mark.parametrize(
+    ("force", "released"),
+    [("min(t, 4 - t)", None), ("min(t, 2)", None), ("max(t, 2*t - 2)", 2), ("piecewise(t, t < 2, 3)", 2)],
+)
+def test_a_load_that_reaches_the_limit_at_a_kink_is_held_unless_it_grows_from_there(
+    force: str, released: float | None, lower: str | None
+) -> None:
+    scene = hr.Scene()
+    floor, block = scene.wall, scene.body("block", mass=1)
+    if lower is not None:  # a stack of two, with more kinks
+        floor = scene.body("lower", mass=1)
+        scene.friction(floor, scene.wall, law="coulomb", force=2, static=4)
+        scene.force(floor, lower)
+    scene.friction(block, floor, law="coulomb", force=1, static=2, name="rub")
+    scene.force(block, force)
+    system = scene.system()
+    run = hr.simulate(system, dict.fromkeys(map(str, system.state), 0), until=3)
+    found = run.transitions.query("surface == 'rub'")
+    assert found[["time_s", "kind"]].values.tolist() == ([] if released is None else [[released, "release"]])
+    assert (run["v_block"][-1] > 0) == (released is not None)
 
 
 @pytest.mark.parametrize(("excess", "kinds"), [("-1/10**9", []), ("1/10**9", ["release"])])
