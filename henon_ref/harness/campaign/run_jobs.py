@@ -152,7 +152,8 @@ class TimeJob(Job):
         return 5.0 + 4.0 * (BUDGET + self.first * (self.repeats or 3))
 
     def run(self, state: WorkerState) -> tuple[float, ...]:
-        (run, problem), (trajectory, most), last = state.kept[KEPT], state.kept[FIRST], []
+        (run, problem), (trajectory, most) = state.kept[KEPT], state.kept[FIRST]
+        last: list[object] = []
         with state.off_the_clock():
             samples = repeat(run, first=self.first, repeats=self.repeats, budget=BUDGET, cold=self.cold, result=last)
         for returned in last:
