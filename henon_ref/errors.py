@@ -54,13 +54,14 @@ class ArgumentError(HenonRefError, ValueError):
     Parameters
     ----------
     message : str
-        Cut to ``LONGEST`` characters.
+        Put on one line, since it may show a value such as an array, and cut to ``LONGEST`` characters.
     """
 
     LONGEST = 390
 
     def __init__(self, message: str) -> None:
-        super().__init__(message if len(message) <= self.LONGEST else message[: self.LONGEST - 4] + " ...")
+        line = " ".join(message.split())
+        super().__init__(line if len(line) <= self.LONGEST else line[: self.LONGEST - 4] + " ...")
 
 
 class ModelError(HenonRefError):

@@ -26,14 +26,14 @@ class SelfTimedRun(Protocol):
     """A prepared run that measures its own time, such as a program without its start-up time."""
 
     wall_s: float
-    """Wall time of the latest call [s]; NaN if unknown."""
+    """Wall time of the latest call [s], positive; NaN if unknown."""
 
     def __call__(self) -> Trajectory:
         """Perform the whole run, independently of earlier calls."""
         ...
 
     def times(self, count: int) -> tuple[float, ...]:
-        """Wall times of ``count`` further runs [s]."""
+        """Wall times of ``count`` further runs [s], all positive."""
         ...
 
 
@@ -56,7 +56,8 @@ class Solver(Protocol):
     * The result of a run is checked (:mod:`henon_ref.harness.campaign.contract_check`): a :class:`Trajectory`, one
       entry per state and per surface, times in order from the start to the horizon; with status ``ok`` the end at the
       horizon and finite states; at most ten times the truth's transitions plus 100000. NumPy numbers are accepted, and
-      texts are cut to one line. A result that fails the check gives a row ``failed``.
+      texts are cut to one line. A result that fails the check gives a row ``failed``. A right run is repeated for its
+      wall time; if a later call then has another status or other transitions, the row has no wall time and says so.
     * ``prepare`` raises ``UnsupportedError`` if the solver cannot solve the problem, and ``UnavailableError`` if its
       library is missing. Other failures of a library give status ``failed`` with the reason.
     * The solver's docstring states what ``steps``, ``rhs_evaluations`` and ``event_evaluations`` count.

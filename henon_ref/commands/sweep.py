@@ -18,7 +18,7 @@ import typer
 
 from henon_ref.commands import status_line
 from henon_ref.commands.exit_status import DONE, exit_status, parsed
-from henon_ref.commands.typer_app import FLAG, application, examples
+from henon_ref.commands.typer_app import FLAG, application, examples, path_of
 from henon_ref.errors import CaseError
 
 if TYPE_CHECKING:
@@ -40,7 +40,9 @@ Around = Callable[[Path], AbstractContextManager[None]]
 def main(
     context: typer.Context,
     file: Annotated[Path, typer.Argument(help="A sweep file (YAML).", show_default=False, metavar="SWEEP")],
-    out: Annotated[Path, typer.Option(help="Folder for sweeps, a subfolder for each.", metavar="FOLDER")] = Path("out"),
+    out: Annotated[
+        Path, typer.Option(help="Folder for sweeps, a subfolder for each.", metavar="FOLDER", parser=path_of)
+    ] = Path("out"),
     jobs: Annotated[
         int | None,
         typer.Option(help="Worker processes; if left out, the number of processors.", min=1, metavar="NUMBER"),

@@ -10,8 +10,17 @@ import typer
 FLAG = ""
 """Metavar of an option without a value, for which typer would show a type."""
 
+
+def path_of(text: str | Path) -> Path:
+    """Return the path of an argument; an empty text, such as an unset variable of a shell, is refused."""
+    if not str(text).strip():
+        raise typer.BadParameter("the path is empty; use . for the current folder")
+    return Path(text)
+
+
 Cases = Annotated[
-    list[Path], typer.Argument(help="Case files, or folders of them.", show_default=False, metavar="CASE")
+    list[Path],
+    typer.Argument(help="Case files, or folders of them.", show_default=False, metavar="CASE", parser=path_of),
 ]
 
 

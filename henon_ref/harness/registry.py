@@ -233,6 +233,12 @@ def distribution(name: str) -> str:
     return point.dist.name if point is not None and point.dist else ""
 
 
+def third_party_package(name: str) -> str:
+    """Return the name of the top-level module or package that holds a third-party solver; empty for any other."""
+    point = _third_party().get(base_name(name))
+    return point.module.partition(".")[0] if point is not None else ""
+
+
 def library_version(name: str) -> str:
     """Return the version of the package that provides a solver, without importing it; empty if not installed."""
     file, package = _file(name), distribution(name)

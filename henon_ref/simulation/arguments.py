@@ -47,6 +47,8 @@ def start_of(
         if values.shape != (len(system.state),):
             wanted = f"a value for each of {listed(system.state)}, in this order"
             raise ArgumentError(f"'initial' has the shape {values.shape}; wanted {wanted}")
+        if np.ma.is_masked(initial):
+            raise ArgumentError(f"'initial' is {initial}; wanted a number for each of {listed(system.state)}")
         initial = dict(zip(system.state, values.tolist(), strict=True))
     return initial, until, 0 if start is None else start, mode
 

@@ -227,7 +227,7 @@ def numbers(given: Any, what: str) -> Vector:
         raise ArgumentError(f"{what} is {str(given)[:60]!r}; wanted a list or array of numbers")
     try:
         array = np.asarray(given if hasattr(given, "__len__") else list(given))
-        if array.dtype.kind == "b":
+        if array.dtype.kind in "bcmM" or np.ma.is_masked(given):  # NumPy would make numbers of these
             raise TypeError
         values = np.asarray(array, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):

@@ -272,3 +272,8 @@ def test_arguments_of_scipy_are_refused_with_what_to_write(function: Callable[..
 def test_what_is_missing_is_named(arguments, words) -> None:
     with pytest.raises(hr.ArgumentError, match=re.escape(words)):
         hr.simulate(*arguments)
+
+
+def test_a_masked_value_is_no_initial_value() -> None:
+    with pytest.raises(hr.ArgumentError, match=r"'initial' is \[1.0 --\]; wanted a number for each of x, v"):
+        hr.simulate(OSCILLATOR, np.ma.array([1.0, 0.0], mask=[False, True]), until=1)

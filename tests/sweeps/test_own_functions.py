@@ -71,6 +71,7 @@ def test_the_table_is_the_same_however_it_is_cut(values: list[Any], columns: dic
         ([1, 2, 3, 1j], r"1j at point 3 \(F = 4\); wanted a number"),
         ([1, 10**400, 3, 4], r"at point 1 \(F = 1\); wanted a number"),
         ([1, np.array([1.0]), 3, 4], "at point 1"),
+        ([1, np.ones((2, 1)), 3, 4], r"array\(\[\[1.\], \[1.\]\]\) at point 1"),  # on one line
         (["a", "\ud800", "c", "d"], "at point 1"),
         ([b"a", "b", "c", "d"], "at point 0"),
         ([{"a": {"b": 1}}, None, None, None], "at point 0"),

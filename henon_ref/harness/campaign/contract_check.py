@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Iterable, Sequence
-from itertools import islice
+from itertools import islice, zip_longest
 from numbers import Integral, Real
 from typing import TypeVar, get_args
 
@@ -96,6 +96,56 @@ def check_trajectory(returned: object, problem: Problem, *, most: int) -> Trajec
             f"the solver returned a Trajectory whose {what} is {_typed(value)}, wanted {wanted}"
         ) from None
     return checked
+
+
+def check_repeated(returned: object, problem: Problem, first: Trajectory, *, most: int) -> None:
+    """Refuse the result of a repeated run whose status or sequence of transitions is not that of the first run.
+
+    Raises
+    ------
+    ContractError
+    """
+    again = check_trajectory(returned, problem, most=most)
+    if again.status != first.status:
+        raise ContractError(f"the status of a repeated run is {again.status}, that of the first run {first.status}")
+    sequences = (map(_change, run.transitions) for run in (first, again))
+    for k, (before, now) in enumerate(zip_longest(*sequences)):
+        if before != now:
+            raise ContractError(f"transitions[{k}] of a repeated run is not that of the first run")
+
+
+def _change(event: Transition) -> tuple[str, int, Mode, Mode]:
+    return event.kind, event.surface, event.from_mode, event.to_mode
+
+
+def check_wall_times(what: str, value: object, count: int) -> tuple[float, ...]:
+    """Convert so many wall times that a run has measured itself to positive numbers [s].
+
+    Raises
+    ------
+    ContractError
+    """
+    try:
+        entries = _entries(what, value, count, "")
+    except _Wrong:
+        raise ContractError(f"the run's {what} is {_typed(value)}, wanted {count} positive numbers [s]") from None
+    return tuple(check_wall_time(what, entry) for entry in entries)
+
+
+def check_wall_time(what: str, value: object) -> float:
+    """Convert a wall time that a run has measured itself to a positive number [s].
+
+    Raises
+    ------
+    ContractError
+    """
+    try:
+        time = _number(what, value)
+        if not 0 < time < math.inf:
+            raise _Wrong(what, value, "")
+    except _Wrong:
+        raise ContractError(f"the run's {what} is {_typed(value)}, wanted a positive number [s]") from None
+    return time
 
 
 def _check_times(run: Trajectory, problem: Problem) -> None:

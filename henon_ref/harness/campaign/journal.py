@@ -12,14 +12,18 @@ import json
 import logging
 import os
 import re
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
 from functools import cache
 from importlib import import_module
+from importlib.machinery import EXTENSION_SUFFIXES
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 from henon_ref.atomic_write import replace_file
 from henon_ref.casefile.case import Reading
+from henon_ref.harness import registry
 from henon_ref.harness.campaign.options import Options, Setting
 from henon_ref.harness.campaign.rows import Record
 from henon_ref.harness.rows import RunRow, StickRow, TransitionRow
@@ -167,7 +171,8 @@ def reading_key(case: str, reading: Reading, expected: Expected | None) -> str:
 def row_key(reading: str, solver: str, version: str, setting: Setting, options: Options) -> str:
     """Return a hash of all data that determine a row except its wall times; ``reading`` is a :func:`reading_key`."""
     how = [options.timeout, options.repeats, options.timed]
-    return _hashed([code_version(), reading, solver, version, asdict(setting), *how])
+    package = registry.third_party_package(solver)
+    return _hashed([code_version(), package_code(package), reading, solver, version, asdict(setting), *how])
 
 
 def _hashed(parts: list[Any]) -> str:
@@ -177,21 +182,43 @@ def _hashed(parts: list[Any]) -> str:
 @cache
 def code_version() -> str:
     """Return a hash of the source files of the package and its baselines; equal in a checkout and an installation."""
+    return _hash_of((name, top) for name in PACKAGES for top in import_module(name).__path__)
+
+
+@cache
+def package_code(package: str) -> str:
+    """Return a hash of the code of a top-level module or package, which is not imported; empty if it does not exist.
+
+    The version of a package that is being developed stays the same while its code changes.
+    """
+    try:
+        spec = find_spec(package) if package else None
+    except ValueError:  # a module without a spec, such as __main__
+        spec = None
+    if spec is None:
+        return ""
+    tops = spec.submodule_search_locations or [spec.origin or ""]
+    return _hash_of(((package, top) for top in tops), suffixes=(*LANGUAGES, *EXTENSION_SUFFIXES))
+
+
+def _hash_of(places: Iterable[tuple[str, str]], *, suffixes: tuple[str, ...] = LANGUAGES) -> str:
+    """Return a hash of files of code; ``places`` has names of packages, and the folder or the only file of each."""
     digest = hashlib.sha256()
-    for name in PACKAGES:
-        for top in import_module(name).__path__:
-            for path in sorted(code_files(top)):
-                with open(path, "rb") as file:
-                    text = file.read()
-                digest.update(f"{name} {path.removeprefix(top)} {len(text)}\n".encode() + text)
+    for name, top in places:
+        for path in [top] if os.path.isfile(top) else sorted(code_files(top, suffixes)):
+            if not os.path.isfile(path):  # a link to nothing, such as the lock of an editor
+                continue
+            with open(path, "rb") as file:
+                text = file.read()
+            digest.update(f"{name} {path.removeprefix(top)} {len(text)}\n".encode() + text)
     return digest.hexdigest()
 
 
-def code_files(top: str) -> list[str]:
-    """List the source files of a package except its baselines (``Path.rglob`` takes twenty times as long)."""
+def code_files(top: str, suffixes: tuple[str, ...] = LANGUAGES) -> list[str]:
+    """List the files of code of a package except our baselines (``Path.rglob`` takes twenty times as long)."""
     found = []
     for folder, below, files in os.walk(top):
-        if folder == top and BASELINES in below:
+        if folder == top and os.path.basename(top) == PACKAGES[0] and BASELINES in below:
             below.remove(BASELINES)
-        found += [os.path.join(folder, file) for file in files if file.endswith(LANGUAGES)]
+        found += [os.path.join(folder, file) for file in files if file.endswith(suffixes)]
     return found

@@ -5,7 +5,6 @@ The worker keeps the prepared run for the later jobs. The campaign decides after
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from time import perf_counter
@@ -15,7 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.harness import registry
-from henon_ref.harness.campaign.contract_check import check_prepared, check_trajectory
+from henon_ref.harness.campaign.contract_check import (
+    check_prepared,
+    check_repeated,
+    check_trajectory,
+    check_wall_time,
+)
 from henon_ref.harness.campaign.options import Setting
 from henon_ref.harness.campaign.timing import repeat
 from henon_ref.jit.processor_time import run_time
@@ -37,8 +41,8 @@ MOST_SHOWN = 40
 """Largest number of transitions in a figure of the motion; more would overlap."""
 SAMPLE_COUNT = 1201
 """Points of a curve in a figure."""
-KEPT = "run"
-"""Key of the prepared run and its problem in the state of a worker."""
+KEPT, FIRST = "run", "first"
+"""Keys in the state of a worker: the prepared run and its problem; the first result and the limit on transitions."""
 
 
 @dataclass(frozen=True)
@@ -122,9 +126,11 @@ class RunJob(Job):
             begin = run_time()
             returned = run()
             took = run_time() - begin
-        if isinstance(run, SelfTimedRun) and math.isfinite(run.wall_s):
-            took = run.wall_s
-        return Ran(check_trajectory(returned, problem, most=self.most), took)
+        if isinstance(run, SelfTimedRun) and run.wall_s == run.wall_s:  # not NaN
+            took = check_wall_time("wall_s", run.wall_s)
+        trajectory = check_trajectory(returned, problem, most=self.most)
+        state.kept[FIRST] = trajectory, self.most
+        return Ran(trajectory, took)
 
 
 @dataclass(frozen=True)
@@ -146,9 +152,13 @@ class TimeJob(Job):
         return 5.0 + 4.0 * (BUDGET + self.first * (self.repeats or 3))
 
     def run(self, state: WorkerState) -> tuple[float, ...]:
-        run, _ = state.kept[KEPT]
+        (run, problem), (trajectory, most) = state.kept[KEPT], state.kept[FIRST]
+        last: list[object] = []
         with state.off_the_clock():
-            return repeat(run, first=self.first, repeats=self.repeats, budget=BUDGET, cold=self.cold)
+            samples = repeat(run, first=self.first, repeats=self.repeats, budget=BUDGET, cold=self.cold, result=last)
+        for returned in last:
+            check_repeated(returned, problem, trajectory, most=most)
+        return samples
 
 
 def most_transitions(exact: int) -> int:

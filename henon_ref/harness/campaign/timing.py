@@ -11,6 +11,7 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
+from henon_ref.harness.campaign.contract_check import check_wall_times
 from henon_ref.solver import SelfTimedRun
 
 Key = TypeVar("Key")
@@ -28,23 +29,40 @@ MOST = 20
 """Largest number of repetitions in one turn."""
 
 
-def timed(run: Callable[[], object]) -> float:
-    """Measure the wall time of one run [s] without garbage collection, by the run's own clock if it has one."""
+def timed(run: Callable[[], object], result: list[object] | None = None) -> float:
+    """Measure the wall time of one run [s] without garbage collection, by the run's own clock if it has one.
+
+    ``result`` receives what the run returned in place of its content; with its own clock, a run returns only times.
+    """
     if isinstance(run, SelfTimedRun):
-        return run.times(1)[0]
+        return _own_times(run, 1)[0]
     was_on = gc.isenabled()
     gc.disable()
     try:
         begin = time.perf_counter_ns()
-        run()
-        return (time.perf_counter_ns() - begin) * 1e-9
+        returned = run()
+        took = (time.perf_counter_ns() - begin) * 1e-9
     finally:
         if was_on:
             gc.enable()
+    if result is not None:
+        result[:] = [returned]
+    return took
+
+
+def _own_times(run: SelfTimedRun, count: int) -> tuple[float, ...]:
+    """Return the wall times of further runs by the run's own clock [s]; ContractError if they are not positive."""
+    return check_wall_times(f"times({count})", run.times(count), count)
 
 
 def repeat(
-    run: Callable[[], object], *, first: float, repeats: int | None, budget: float, cold: bool = False
+    run: Callable[[], object],
+    *,
+    first: float,
+    repeats: int | None,
+    budget: float,
+    cold: bool = False,
+    result: list[object] | None = None,
 ) -> tuple[float, ...]:
     """Time a run repeatedly.
 
@@ -60,6 +78,8 @@ def repeat(
         Time for all samples [s]; a run whose ``FEWEST`` samples would take ``SLOW`` budgets is not repeated.
     cold : bool
         Whether the first call may have loaded or compiled code; if so, take at least one sample.
+    result : list, optional
+        Receives what the last call returned; unchanged if there is none, or if the run has its own clock.
 
     Returns
     -------
@@ -68,14 +88,14 @@ def repeat(
     """
     if isinstance(run, SelfTimedRun):
         count = (_affordable(first, budget) or int(cold)) if repeats is None else repeats
-        return run.times(count) if count else (first,)
+        return _own_times(run, count) if count else (first,)
     if repeats is not None:
-        return tuple(timed(run) for _ in range(repeats))
-    samples = [timed(run)] if cold else []
+        return tuple(timed(run, result) for _ in range(repeats))
+    samples = [timed(run, result)] if cold else []
     if not _affordable(samples[0] if cold else first, budget):
         return tuple(samples) or (first,)
     while len(samples) < FEWEST or (len(samples) < SAMPLES and sum(samples) < budget):
-        samples.append(timed(run))
+        samples.append(timed(run, result))
     return tuple(samples)
 
 
@@ -121,7 +141,7 @@ def turn_times(run: Callable[[], object], seconds: float) -> list[float]:
     taken = [timed(run)]
     if isinstance(run, SelfTimedRun):
         count = min(int(seconds / taken[0]), MOST)
-        return list(run.times(count)) if count > 1 else taken
+        return list(_own_times(run, count)) if count > 1 else taken
     while sum(taken) + taken[-1] <= seconds and len(taken) < MOST:
         taken.append(timed(run))
     return taken

@@ -16,7 +16,7 @@ import typer
 
 from henon_ref.commands import status_line
 from henon_ref.commands.exit_status import DONE, NOT_MET, exit_status, parsed, say, writing_into
-from henon_ref.commands.typer_app import FLAG, Cases, application, examples
+from henon_ref.commands.typer_app import FLAG, Cases, application, examples, path_of
 from henon_ref.text import listed
 
 ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
@@ -48,12 +48,6 @@ class Request(NamedTuple):
     """Whether to read and explain the case files only."""
 
 
-def _folder(text: str | Path) -> Path:
-    if not str(text).strip():
-        raise typer.BadParameter("the path is empty; use . for the current folder")
-    return Path(text)
-
-
 def _tolerance(text: str) -> float:
     try:
         return float(text)
@@ -82,7 +76,7 @@ def _flag(name: str, panel: str | None, words: str) -> Any:
 @app.command(help=HELP, epilog=examples(*EXAMPLES))
 def main(
     cases: Cases,
-    out: Annotated[Path, typer.Option(help="Folder of the reports.", parser=_folder, metavar="FOLDER")] = Path("out"),
+    out: Annotated[Path, typer.Option(help="Folder of the reports.", parser=path_of, metavar="FOLDER")] = Path("out"),
     solvers: Annotated[
         str | None,
         typer.Option(

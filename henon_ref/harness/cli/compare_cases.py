@@ -144,7 +144,8 @@ def rerun_command(paths: Sequence[Path], given: Options, *, figures: bool = True
     here = Path.cwd()
     words = ["python", "-m", "henon_ref.compare"]
     for path in map(Path.absolute, paths):  # relative paths: a report must not name folders of this machine
-        words.append(path.relative_to(here).as_posix() if path.is_relative_to(here) else path.name)
+        word = path.relative_to(here).as_posix() if path.is_relative_to(here) else path.name
+        words.append(f"./{word}" if word.startswith("-") else word)  # not an option
     for option, value in (
         ("--solvers", ",".join(map(str, given.solvers or ()))),
         ("--tolerances", ",".join(map(_digits, given.tolerances or ()))),

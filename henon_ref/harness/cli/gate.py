@@ -19,7 +19,7 @@ import typer
 
 from henon_ref.atomic_write import replace_file
 from henon_ref.commands.exit_status import DONE, NOT_MET, command_of, say
-from henon_ref.commands.typer_app import application, examples
+from henon_ref.commands.typer_app import application, examples, path_of
 from henon_ref.errors import CaseError
 from henon_ref.harness.cli.compare import names
 from henon_ref.harness.report.folder import MANIFEST, RUNS
@@ -51,7 +51,10 @@ EXAMPLES = ("gate out", "gate out --require my-solver --junit junit.xml", "gate 
 @app.command(epilog=examples(*EXAMPLES))
 def main(
     report: Annotated[
-        Path, typer.Argument(help="A report's folder, or a folder of reports.", show_default=False, metavar="REPORT")
+        Path,
+        typer.Argument(
+            help="A report's folder, or a folder of reports.", show_default=False, metavar="REPORT", parser=path_of
+        ),
     ],
     require: Annotated[
         str | None,
@@ -67,6 +70,7 @@ def main(
             help="An earlier runs.csv, or a folder of reports. The gate fails if the status of a row is worse than "
             "there, or its transition times have lost more than 0.5 digits.",
             metavar="CSV",
+            parser=path_of,
         ),
     ] = None,
     known: Annotated[

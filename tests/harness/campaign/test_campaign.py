@@ -228,6 +228,9 @@ def test_only_a_right_answer_is_timed_again(tmp_path):
         ("crashes later", "failed: the library was ended by signal SIGSEGV"),
         ("hangs later", "timeout: stopped from outside"),
         ("sends stray bytes later", "failed: the worker sent something that is no reply"),
+        ("misses later", "failed: transitions[2] of a repeated run is not that of the first run"),
+        ("stops later", "failed: the status of a repeated run is timeout, that of the first run ok"),
+        ("answers later", "failed: the solver returned 42 (int), wanted a Trajectory"),
     ],
 )
 def test_a_right_run_that_fails_when_it_is_repeated_stays_right_and_says_how_it_failed(monkeypatch, what, words):

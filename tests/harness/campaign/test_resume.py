@@ -5,11 +5,13 @@ from __future__ import annotations
 import os
 import sys
 from dataclasses import replace
+from importlib.metadata import EntryPoint
 from types import SimpleNamespace
 
 import pytest
 from fakes import CASE, TIMES, Fake, case, statement
 
+from henon_ref.harness import registry
 from henon_ref.harness.campaign import journal, truth_job
 from henon_ref.harness.campaign.campaign import compare, compare_all
 from henon_ref.harness.campaign.comparison import Comparison
@@ -167,6 +169,25 @@ def test_the_code_s_version_is_that_of_its_text(tmp_path, monkeypatch):
     monkeypatch.setattr(journal, "PACKAGES", ("some_solvers",))
     before = journal.code_version.__wrapped__()
     os.utime(module, (0, 0))
+    (package / ".#module.py").symlink_to("user@machine.1")  # the lock of an editor
     assert journal.code_version.__wrapped__() == before
     module.write_text("A = 2\n")
     assert journal.code_version.__wrapped__() != before
+
+
+@pytest.mark.parametrize("file", ["some_solver.py", "some_solver/baselines/inner.py", "some_solver/fast.abi3.so"])
+def test_rows_of_a_third_party_s_earlier_code_are_not_used(tmp_path, monkeypatch, file):
+    """Its version is the same after every change in an editable installation."""
+    code, log = tmp_path / "site" / file, tmp_path / "log"
+    code.parent.mkdir(parents=True)
+    if "/" in file:
+        (tmp_path / "site/some_solver/__init__.py").write_text("")
+    monkeypatch.syspath_prepend(tmp_path / "site")
+    points = {"own": EntryPoint("own", "some_solver:SOLVER", registry.GROUP)}
+    monkeypatch.setattr(registry, "_third_party", lambda: points)
+    options = Options(solvers=(Fake("own", log=str(log)),), folder=tmp_path, resume=True, timed=False)
+    for text in ("before", "before", "after"):
+        code.write_text(text)
+        journal.package_code.cache_clear()
+        compare_all([case()], options, lambda comparison: None)
+    assert len(log.read_text().splitlines()) == 4

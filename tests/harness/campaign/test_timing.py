@@ -6,8 +6,12 @@ import gc
 
 import numpy as np
 import pytest
+from fakes import case, found, trajectory
 
+from henon_ref.errors import ContractError
+from henon_ref.harness.campaign.run_jobs import KEPT, RunJob
 from henon_ref.harness.campaign.timing import SAMPLES, median_interval, repeat, summarise, timed, turn_times
+from henon_ref.workers.worker import WorkerState
 
 
 class Counting:
@@ -95,6 +99,45 @@ def test_a_run_with_a_clock_of_its_own_is_timed_by_that_in_one_go():
     assert repeat(run, first=9.0, repeats=None, budget=0.3) == (9.0,)
     assert run.asked == [1, 4, 5, 3, SAMPLES]
     assert run.calls == 0
+
+
+@pytest.mark.parametrize(
+    ("times", "words"),
+    [
+        (None, r"times\(3\) is None \(NoneType\), wanted 3 positive numbers"),
+        ((0.25,) * 4, r"wanted 3 positive numbers"),
+        ((0.25, 0.25, "0.25"), r"times\(3\) is '0.25' \(str\), wanted a positive number"),
+        ((0.25, np.nan, 0.25), r"nan \(float\), wanted a positive number"),
+        ((0.25, 0.25, -0.25), r"-0.25 \(float\), wanted a positive number"),
+        ((0.25, 0.25, np.inf), r"inf \(float\), wanted a positive number"),
+        (np.full((3, 2), 0.25), r"\(ndarray\), wanted a positive number"),
+    ],
+)
+def test_times_of_a_clock_of_its_own_that_are_none_are_refused(monkeypatch, times, words):
+    run = SelfTimed()
+    monkeypatch.setattr(run, "times", lambda count: times)
+    with pytest.raises(ContractError, match=words):
+        repeat(run, first=0.25, repeats=3, budget=1.0)
+    monkeypatch.setattr(run, "times", lambda count: np.full(count, 0.25))
+    samples = repeat(run, first=0.25, repeats=3, budget=1.0)
+    assert samples == (0.25,) * 3
+    assert {type(sample) for sample in samples} == {float}
+
+
+@pytest.mark.parametrize("wall", [None, "0.25", -0.25, 0.0, np.inf])
+def test_a_first_time_of_a_clock_of_its_own_that_is_none_is_refused(monkeypatch, wall):
+    class Run(SelfTimed):
+        wall_s = np.nan
+
+        def __call__(self):
+            return trajectory(found())
+
+    state = WorkerState(lambda kind, value: None)
+    state.kept[KEPT] = Run(), case().readings[0].problem
+    assert RunJob(1.0, 100).run(state).wall_s > 0  # NaN: unknown
+    monkeypatch.setattr(Run, "wall_s", wall)
+    with pytest.raises(ContractError, match=r"the run's wall_s is .*, wanted a positive number"):
+        RunJob(1.0, 100).run(state)
 
 
 def test_a_turn_of_such_a_run_is_one_more_exchange_at_most():

@@ -182,6 +182,7 @@ def test_a_case_without_a_gate_says_so_where_the_gate_is_asked_for(tmp_path, cap
         (["--timeout", "2e6"], "timeout"),
         (["--out", ""], "the path is empty"),
         (["--out", " "], "the path is empty"),
+        ([""], "the path is empty"),
         (["--out", "."], "README.md: was not written by henon_ref"),
         (["--out", "headed"], "headed/README.md: was not written by henon_ref"),
         (["--out", "bytes"], "bytes/README.md: was not written by henon_ref"),
@@ -229,6 +230,10 @@ def test_the_rerun_command_has_every_digit_that_was_given():
     words = "python -m henon_ref.compare a.yaml --tolerances 0.001,1e-06,1.23456789e-07 --timeout 1234.56789"
     assert rerun_command([Path("a.yaml")], options) == words
     assert rerun_command([Path("a.yaml")], replace(options, timeout=5.0)).endswith("--timeout 5")
+
+
+def test_the_rerun_command_takes_no_file_for_an_option():
+    assert rerun_command([Path("-a.yaml")], Options()) == "python -m henon_ref.compare ./-a.yaml"
 
 
 def test_a_folder_is_compared_and_no_study_is_begun(made_up, tmp_path):

@@ -259,3 +259,10 @@ def test_what_is_no_report_is_said(out, capsys):
     for path, words in (("gone", "there is no such file"), ("empty", "the folder has no report")):
         assert gate(path) == 2
         assert capsys.readouterr().err == f"error: {path}: {words}; expected a runs.csv, or a folder of reports\n"
+
+
+def test_an_empty_path_is_not_the_current_folder(out, monkeypatch, capsys):
+    monkeypatch.chdir(out)
+    for arguments in ([""], [".", "--baseline", ""]):
+        assert gate(*arguments) == 2
+        assert "the path is empty" in capsys.readouterr().err

@@ -83,12 +83,14 @@ def test_an_error_in_the_file_has_its_place_and_nothing_is_written(
     assert [p.name for p in belts.parent.iterdir()] == ["belts.yaml"]
 
 
-@pytest.mark.parametrize("arguments", [["--jobs", "0"], ["--no-such-option"], ["missing.yaml"], ["--dask", "nowhere"]])
+@pytest.mark.parametrize(
+    "arguments", [["--jobs", "0"], ["--no-such-option"], ["missing.yaml"], ["--dask", "nowhere"], ["--out", ""]]
+)
 def test_bad_arguments_are_status_2(belts: Path, arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     given = arguments if arguments[0].endswith(".yaml") else [str(belts), *arguments]
     assert program(given) == 2
     assert "error: " in capsys.readouterr().err
-    assert not Path("out").exists()
+    assert [path.name for path in belts.parent.iterdir()] == ["belts.yaml"]
 
 
 def test_a_folder_that_cannot_be_written_is_status_2(belts: Path, capsys: pytest.CaptureFixture[str]) -> None:
