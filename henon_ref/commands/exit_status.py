@@ -2,7 +2,7 @@
 
 0: done. 1: a requirement is not met (a gate, a required solver, a check). 2: a bad case file, argument or folder.
 3: an unforeseen error, with the path of a log. 130: interrupted. A closed standard stream, or one whose reader has
-ended, is not an error.
+ended, is not an error; a full disk of the standard output is (2).
 """
 
 from __future__ import annotations
@@ -49,7 +49,11 @@ def exit_status(act: Callable[[], int], *, name: str, arguments: Sequence[str] |
     with _standard_streams(), warnings_shown():
         try:
             signal.signal(signal.SIGTERM, _terminate)
-            return act()
+            status = act()
+            sys.stdout.flush()
+            if (lost := getattr(sys.stdout, "lost", None)) is not None:
+                raise CaseError(f"cannot write the standard output: {lost.strerror}")
+            return status
         except HenonRefError as error:
             say(f"error: {error}")
             return BAD
@@ -119,6 +123,8 @@ class _Stream:
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
+        self.lost: OSError | None = None
+        """Error of output that is lost because the disk is full."""
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)
@@ -129,18 +135,20 @@ class _Stream:
         except UnicodeEncodeError:  # a character that this terminal does not have
             encoding = self._stream.encoding or "ascii"
             self.write(text.encode(encoding, errors="backslashreplace").decode(encoding))
-        except (OSError, ValueError):
-            self._drop()
+        except (OSError, ValueError) as error:
+            self._drop(error)
         return len(text)
 
     def flush(self) -> None:
         try:
             self._stream.flush()
-        except (OSError, ValueError):
-            self._drop()
+        except (OSError, ValueError) as error:
+            self._drop(error)
 
-    def _drop(self) -> None:
+    def _drop(self, error: Exception) -> None:
         """Redirect further output, including that flushed at exit, to the null device."""
+        if isinstance(error, OSError) and error.errno in FULL:
+            self.lost = error
         with suppress(OSError, ValueError), Path(os.devnull).open("w") as nothing:
             os.dup2(nothing.fileno(), self._stream.fileno())
 

@@ -151,9 +151,11 @@ def test_closed_streams_are_no_failure_in_a_folder_with_spaces_and_unicode_witho
 EXPLAINED = [*COMMAND, str(CASE), "--check"]
 
 
-def test_a_full_disk_behind_it_is_no_failure(tmp_path):
+def test_a_full_disk_behind_the_standard_output_is_an_error(tmp_path):
     shell = ["/bin/sh", "-c", 'exec "$@" >/dev/full', "sh", *EXPLAINED]
-    assert subprocess.run(shell, cwd=tmp_path, timeout=600).returncode == 0
+    done = subprocess.run(shell, cwd=tmp_path, timeout=600, stderr=subprocess.PIPE, text=True)
+    assert done.returncode == 2
+    assert done.stderr == "error: cannot write the standard output: No space left on device\n"
 
 
 def test_a_reader_that_has_gone_is_no_failure(tmp_path):
