@@ -25,6 +25,7 @@ from henon_ref.harness.campaign import truth_job
 from henon_ref.harness.cli import compare_cases
 from henon_ref.harness.truth import store
 from henon_ref.jit.cache_folder import VARIABLE, cache_root
+from henon_ref.workers import pool, worker_process
 from henon_ref.workers.worker import collect_seldom
 
 LIBRARIES = {"heyoka": "heyoka", "scikit-sundae": "sksundae"}
@@ -93,6 +94,8 @@ def made_up_solvers(monkeypatch, tmp_path):
     monkeypatch.setattr(compare_cases, "figure_job", lambda result, records: Drawing(result.reading.name))
     monkeypatch.setattr(truth_job, "statement_of", statement)
     monkeypatch.setattr(registry, "solver", SOLVERS.__getitem__)
+    for module in worker_process, pool:  # workers have them by fork alone, which threads of earlier tests would prevent
+        monkeypatch.setattr(module, "start_method", lambda: worker_process.FORK)
     monkeypatch.chdir(tmp_path)
     handler = signal.getsignal(signal.SIGTERM)
     yield
