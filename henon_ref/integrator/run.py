@@ -7,8 +7,7 @@ a code if double precision does not decide, a mode has no machine code yet, or t
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -16,17 +15,17 @@ from numpy.typing import NDArray
 
 from henon_ref.integrator.constants import LoopData
 from henon_ref.integrator.integrator import Integrator
-from henon_ref.integrator.records import CHUNK, STEP_PLACES, Workspace, numbered, read, step_dtype, words_of
+from henon_ref.integrator.records import CHUNK, STEP_PLACES, Workspace, numbered, step_dtype, words_of
+from henon_ref.integrator.run_result import Reason, RunResult
 from henon_ref.integrator.start import Start, out_of_steps
 from henon_ref.integrator.state_view import State
 from henon_ref.integrator.transition_array import TransitionArray
 from henon_ref.jit.processor_time import Deadline
 from henon_ref.kernel.shared import doubles, ffi, kernel
 from henon_ref.modes.mode import Mode
-from henon_ref.trajectory import Counts, Decisions, Status, Trajectory, Transition
+from henon_ref.trajectory import Decisions, Status, Trajectory, Transition
 
-_tuple = tuple.__new__
-_loop, _HORIZON = kernel.advance, kernel.HORIZON  # a library's names take longer to look up
+_whole_run, _loop, _HORIZON = kernel.whole_run, kernel.advance, kernel.HORIZON  # a library's names take longer to find
 _NO_SAMPLES = np.zeros((0, 2))
 _NO_DECISIONS = Decisions()
 
@@ -46,12 +45,11 @@ def run_to_horizon(
     if start.refused is not None:
         return start.refused
     workspace = integrator.workspace()
-    workspace.memory[:] = start.block
-    data = _loop_data(integrator, start)
-    code = _loop(workspace.run, data.tables, ffi.NULL, 0)
+    data = start.constants.latest  # kept until the loop returns, because another thread may replace it
+    code = _whole_run(workspace.run, start.scalars, data.tables)
     if code != _HORIZON:
         return Run(integrator, start, deadline=deadline, begun=workspace).to_horizon(code)
-    end = _trajectory(integrator, workspace)
+    end = RunResult(integrator.mode_table, workspace)
     integrator.free.append(workspace)
     return end
 
@@ -62,27 +60,6 @@ def _loop_data(integrator: Integrator, start: Start) -> LoopData:
     """
     data = start.constants.latest
     return data if data.compiled is integrator.mode_table.compiled else start.constants.update()
-
-
-def _trajectory(integrator: Integrator, workspace: Workspace, status: Status = "ok", reason: str = "") -> Trajectory:
-    """Return the result of a run from its memory."""
-    found, table = workspace.unpack(workspace.memory), integrator.mode_table
-    count, below = found[5:7]
-    transitions: Sequence[Transition] = ()
-    if count:
-        transitions = TransitionArray(workspace.transitions[:count].copy(), table.modes, table.contacts)
-    mode = table.mode(read(workspace.entries)) if table.contacts else table.modes[found[1]]
-    since = _below_rounding(integrator, workspace) if below else ()
-    # Built as plain tuples: the constructors would cost a tenth of a short run.
-    counts = _tuple(Counts, found[2:5])
-    fields = status, transitions, found[0], found[7:], mode, reason, counts, 0.0, None, None, since
-    return _tuple(Trajectory, fields)
-
-
-def _below_rounding(integrator: Integrator, workspace: Workspace) -> tuple[tuple[int, float], ...]:
-    """Return (surface, time [s]) of surfaces below their rounding error; -1 for a ``valid`` expression."""
-    surfaces, times = len(integrator.system.surfaces), enumerate(workspace.since.tolist())
-    return tuple((i if i < surfaces else -1, t) for i, t in times if t < math.inf)
 
 
 class Jumped(NamedTuple):
@@ -260,8 +237,8 @@ class Run(State):
         modes, places = numbered(np.ascontiguousarray(found).view(np.int64), table.contacts)
         return tuple(modes[place] for place in places)
 
-    def _end(self, status: Status, reason: str) -> Trajectory:
-        end = _trajectory(self.integrator, self.workspace, status, reason)
+    def _end(self, status: Status, reason: Reason) -> Trajectory:
+        end: Trajectory = RunResult(self.integrator.mode_table, self.workspace, status, reason)
         if self.decisions is not _NO_DECISIONS:
             end.counts.decisions = self.decisions
         if self.blocks:

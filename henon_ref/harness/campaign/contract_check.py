@@ -70,7 +70,7 @@ def check_trajectory(returned: object, problem: Problem, *, most: int) -> Trajec
     """
     if not isinstance(returned, Trajectory):
         raise ContractError(f"the solver returned {_typed(returned)}, wanted a Trajectory")
-    given = Trajectory._make(returned)
+    given = returned
     counts: object = given.counts
     convert = _Converter(len(problem.system.states), len(problem.system.surfaces))
     try:
