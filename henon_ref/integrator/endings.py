@@ -49,7 +49,8 @@ def ending_of(run: State, code: int) -> tuple[Status, Reason]:
 
 def _two_ways(run: State) -> tuple[Status, Reason]:
     """Return status and reason at a point where a surface with sliding has become repelling."""
-    system, mode, index, time = run.integrator.system, run.mode, run.guards[run.scalars.guard].index, run.time
+    system, mode, time = run.integrator.system, run.mode, run.time
+    index = run.integrator.mode_table.guards(mode)[run.scalars.guard].index
 
     def reason() -> str:
         refused = several(system, [replaced(mode, index, side) for side in (-1, 1)], f"{time:.17g}")

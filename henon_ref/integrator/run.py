@@ -8,6 +8,8 @@ a code if double precision does not decide, a mode has no machine code yet, or t
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cache
+from types import ModuleType
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -26,6 +28,7 @@ from henon_ref.modes.mode import Mode
 from henon_ref.trajectory import Decisions, Status, Trajectory, Transition
 
 _whole_run, _loop, _HORIZON = kernel.whole_run, kernel.advance, kernel.HORIZON  # a library's names take longer to find
+_WITHOUT_DECISION = frozenset({_HORIZON, kernel.STOPPED, kernel.BLOCK_FULL, kernel.STEPS_FULL, kernel.BUDGET_SPENT})
 _NO_SAMPLES = np.zeros((0, 2))
 _NO_DECISIONS = Decisions()
 
@@ -45,13 +48,22 @@ def run_to_horizon(
     if start.refused is not None:
         return start.refused
     workspace = integrator.workspace()
-    data = start.constants.latest  # kept until the loop returns, because another thread may replace it
+    # Kept until the loop returns, because another thread may replace it. If it lacks a mode, the loop asks for it.
+    data = start.constants.latest
     code = _whole_run(workspace.run, start.scalars, data.tables)
     if code != _HORIZON:
         return Run(integrator, start, deadline=deadline, begun=workspace).to_horizon(code)
     end = RunResult(integrator.mode_table, workspace)
     integrator.free.append(workspace)
     return end
+
+
+@cache
+def _mode_changes() -> ModuleType:
+    """Return the module :mod:`henon_ref.integrator.mode_changes`, which most runs do not need."""
+    from henon_ref.integrator import mode_changes
+
+    return mode_changes
 
 
 def _loop_data(integrator: Integrator, start: Start) -> LoopData:
@@ -208,6 +220,9 @@ class Run(State):
 
     def _answered(self, code: int, *, stop: bool = False) -> Trajectory | None:
         """Handle a return code of the loop; None if the run continues."""
+        if code not in _WITHOUT_DECISION:
+            ending = _mode_changes().answered(self, code)
+            return None if ending is None else self._end(*ending)
         if code == kernel.HORIZON or code == kernel.STOPPED:
             return self._end("ok", "")
         if code == kernel.BLOCK_FULL and not stop:
@@ -216,11 +231,6 @@ class Run(State):
             self.close_steps()
         elif code == kernel.BUDGET_SPENT and self.scalars.steps >= self.scalars.most_steps:
             return self._end("failed", out_of_steps(self.scalars.most_steps, self.time))
-        elif code not in (kernel.BLOCK_FULL, kernel.BUDGET_SPENT):
-            from henon_ref.integrator.mode_changes import answered  # rarely needed
-
-            ending = answered(self, code)
-            return None if ending is None else self._end(*ending)
         return None
 
     def _array(self, records: NDArray[np.float64]) -> TransitionArray:
