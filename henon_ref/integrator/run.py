@@ -21,9 +21,10 @@ from henon_ref.integrator.records import CHUNK, STEP_PLACES, Workspace, numbered
 from henon_ref.integrator.run_result import Reason, RunResult
 from henon_ref.integrator.start import Start, out_of_steps
 from henon_ref.integrator.state_view import State
-from henon_ref.integrator.transition_array import TransitionArray
+from henon_ref.integrator.transition_array import TransitionArray, shown
 from henon_ref.jit.processor_time import Deadline
 from henon_ref.kernel.shared import doubles, ffi, kernel
+from henon_ref.modes.kinks import HiddenKinks
 from henon_ref.modes.mode import Mode
 from henon_ref.trajectory import Decisions, Status, Trajectory, Transition
 
@@ -38,23 +39,25 @@ def run_to_horizon(
     start: Start,
     sample_times: NDArray[np.float64] | None = None,
     deadline: float | None = None,
+    kinks: HiddenKinks | None = None,
 ) -> Trajectory:
-    """Do a run to the horizon, or to an earlier end.
+    """Do a run to the horizon, or to an earlier end; leave out transitions on ``kinks`` that another branch hides.
 
     Most runs end in one call of the loop. They need no :class:`Run`, which costs as much as a short run itself.
     """
     if sample_times is not None:
-        return Run(integrator, start, sample_times, deadline).to_horizon()
+        return shown(Run(integrator, start, sample_times, deadline).to_horizon(), kinks)
     if start.refused is not None:
-        return start.refused
+        return shown(start.refused, kinks)
     workspace = integrator.workspace()
-    # Kept until the loop returns, because another thread may replace it. If it lacks a mode, the loop asks for it.
-    data = start.constants.latest
+    data = start.constants.latest  # kept until the loop returns, because another thread may replace it
     code = _whole_run(workspace.run, start.scalars, data.tables)
-    if code != _HORIZON:
-        return Run(integrator, start, deadline=deadline, begun=workspace).to_horizon(code)
-    end = RunResult(integrator.mode_table, workspace)
-    integrator.free.append(workspace)
+    if code == _HORIZON:  # all modes of the run are in the data
+        end: Trajectory = RunResult(integrator.mode_table, workspace, kinks)
+        integrator.free.append(workspace)
+    else:
+        end = shown(Run(integrator, start, deadline=deadline, begun=workspace).to_horizon(code), kinks)
+        _loop_data(integrator, start)  # later runs may need the modes compiled in this one
     return end
 
 
@@ -248,7 +251,7 @@ class Run(State):
         return tuple(modes[place] for place in places)
 
     def _end(self, status: Status, reason: Reason) -> Trajectory:
-        end: Trajectory = RunResult(self.integrator.mode_table, self.workspace, status, reason)
+        end: Trajectory = RunResult(self.integrator.mode_table, self.workspace, None, status, reason)
         if self.decisions is not _NO_DECISIONS:
             end.counts.decisions = self.decisions
         if self.blocks:

@@ -10,6 +10,7 @@ from typing import Any
 from henon_ref.integrator.mode_table import ModeTable
 from henon_ref.integrator.records import Workspace, read
 from henon_ref.integrator.transition_array import TransitionArray
+from henon_ref.modes.kinks import HiddenKinks
 from henon_ref.trajectory import Counts, Status, Trajectory
 
 Reason = str | Callable[[], str]
@@ -25,25 +26,35 @@ class RunResult(Trajectory):
     table : ModeTable
     workspace : Workspace
         Memory of the run, which may be used for another run afterwards.
+    kinks : HiddenKinks, optional
+        Kinks whose transitions are left out if another branch hides them.
     status : Status
     reason : str or callable
     """
 
-    def __init__(self, table: ModeTable, workspace: Workspace, status: Status = "ok", reason: Reason = "") -> None:
+    def __init__(
+        self,
+        table: ModeTable,
+        workspace: Workspace,
+        kinks: HiddenKinks | None = None,
+        status: Status = "ok",
+        reason: Reason = "",
+    ) -> None:
         found = workspace.unpack(workspace.memory)
         rows = workspace.transitions[: found[5]].copy() if found[5] else None
         since = workspace.since.tolist() if found[6] else ()
-        self.status, self._made_of = status, (table, found, rows, since, reason)
+        self.status, self._made_of = status, (table, found, rows, since, reason, kinks)
 
     def __getattr__(self, name: str) -> Any:
         """Make the fields; called for an attribute that does not exist."""
         if name not in _FIELDS:
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
-        table, found, rows, since, reason = self._made_of
+        table, found, rows, since, reason, kinks = self._made_of
         surfaces = len(table.system.surfaces)  # the ``valid`` expressions follow them
-        self.transitions = () if rows is None else TransitionArray(rows, table.modes, table.contacts)
+        self.transitions = () if rows is None else TransitionArray(rows, table.modes, table.contacts, kinks)
         self.end_time, self.end_state = found[0], found[7:-1]
-        self.end_mode = table.mode(read(found[-1]) if table.contacts else found[1])
+        mode = table.mode(read(found[-1]) if table.contacts else found[1])
+        self.end_mode = kinks.shown(mode) if kinks else mode
         self.reason, self.counts = reason if isinstance(reason, str) else reason(), Counts(*found[2:5])
         self.undecided_after = tuple((i if i < surfaces else -1, t) for i, t in enumerate(since) if t < math.inf)
         return getattr(self, name)
