@@ -49,7 +49,10 @@ def run_to_horizon(
         return shown(Run(integrator, start, sample_times, deadline).to_horizon(), kinks)
     if start.refused is not None:
         return shown(start.refused, kinks)
-    workspace = integrator.workspace()
+    try:  # as Integrator.workspace, whose call would cost some percent of a short run
+        workspace = integrator.free.pop()
+    except IndexError:
+        workspace = integrator.workspace()
     data = start.constants.latest  # kept until the loop returns, because another thread may replace it
     code = _whole_run(workspace.run, start.scalars, data.tables)
     if code == _HORIZON:  # all modes of the run are in the data

@@ -15,7 +15,7 @@ from henon_ref.trajectory import Counts, Status, Trajectory
 
 Reason = str | Callable[[], str]
 """Reason of an ending, or a function that returns it: making the sentence takes longer than many runs."""
-_FIELDS = frozenset(field.name for field in fields(Trajectory))
+_FIELDS = tuple(field.name for field in fields(Trajectory))
 
 
 class RunResult(Trajectory):
@@ -61,4 +61,4 @@ class RunResult(Trajectory):
 
     def __reduce__(self) -> Any:
         """Pickle the fields alone, not the compiled modes."""
-        return self._replace().__reduce_ex__(2)
+        return Trajectory, tuple(getattr(self, name) for name in _FIELDS)
