@@ -97,7 +97,7 @@ class Trajectory:
     end_time: float
     end_state: tuple[float, ...]
     end_mode: Mode
-    reason: str = field(default_factory=str)
+    reason: str = field(default_factory=str)  # a default in the class would hide what a subclass makes when it is read
     """Why the status is not ``ok``: one sentence."""
     counts: Counts = field(default_factory=Counts)
     max_surface_drift: float = 0.0
