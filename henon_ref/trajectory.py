@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
@@ -44,7 +44,7 @@ class Transition:
     """Method that located the event: ``henon``, ``newton``, ``brent``, ``bracket``, or the library's method."""
 
     def _replace(self, **changes: Any) -> Transition:
-        """Return a copy with changed values, as the named tuples :class:`Trajectory` and :class:`Counts` do."""
+        """Return a copy with changed values, as the named tuple :class:`Counts` does."""
         return replace(self, **changes)
 
 
@@ -84,7 +84,8 @@ class Counts(_Work):
     decisions: Decisions = Decisions()
 
 
-class Trajectory(NamedTuple):
+@dataclass
+class Trajectory:
     """Result of a run: every transition so far, and how the run ended.
 
     A run that stops early (``diverged``, ``nonunique``, ``invalid``, ``timeout``, ``failed``) still has all its
@@ -97,18 +98,22 @@ class Trajectory(NamedTuple):
     end_time: float
     end_state: tuple[float, ...]
     end_mode: Mode
-    reason: str = ""
+    reason: str = field(default_factory=str)  # a default in the class would hide what a subclass makes when it is read
     """Why the status is not ``ok``: one sentence."""
-    counts: Counts = Counts()
+    counts: Counts = field(default_factory=Counts)
     max_surface_drift: float = 0.0
     """Largest abs(h_i) on a surface that the run claims to be on (at transitions and at the end of sticks)."""
     samples: NDArray[np.float64] | None = None
     """(k, n) states at the sample times (NaN after an early end), or None."""
     sample_modes: tuple[Mode, ...] | None = None
     """Mode at each sample time, or None."""
-    undecided_after: tuple[tuple[int, float], ...] = ()
+    undecided_after: tuple[tuple[int, float], ...] = field(default_factory=tuple)
     """Surfaces (-1: an expression of the model's end) that were below the solver's rounding, with the first time [s]:
     from there on ``transitions`` may lack some of theirs."""
+
+    def _replace(self, **changes: Any) -> Trajectory:
+        """Return a copy with changed values."""
+        return Trajectory(**{each.name: getattr(self, each.name) for each in fields(Trajectory)} | changes)
 
 
 class Event(Protocol):

@@ -6,13 +6,17 @@ import math
 from collections.abc import Sequence
 from itertools import takewhile
 
+import numpy as np
 from flint import arb
+from numpy.typing import NDArray
 
+from henon_ref.integrator.run_result import Reason
 from henon_ref.integrator.state_view import State
 from henon_ref.kernel.shared import EPS, LEVELS, kernel
 from henon_ref.modes.decision import ended, explained, several
 from henon_ref.modes.equations import Guard
 from henon_ref.modes.mode import replaced
+from henon_ref.modes.system import FilippovSystem
 from henon_ref.precision import working_precision
 from henon_ref.roots.multiprecision import BITS
 from henon_ref.trajectory import Status
@@ -21,38 +25,50 @@ ROUNDING = 1e3 * EPS
 """Relative change of a series that rounding alone may cause."""
 
 
-def ending_of(run: State, code: int) -> tuple[Status, str]:
+def ending_of(run: State, code: int) -> tuple[Status, Reason]:
     """Return status and reason for the codes DIVERGED, STALLED, EVENTS_ACCUMULATE, NOT_UNIQUE and LEFT_DOMAIN."""
     if code == kernel.NOT_UNIQUE:
         return _two_ways(run)
     if code == kernel.LEFT_DOMAIN:
         return _domain_ending(run, run.guards[run.scalars.guard])
-    at = f"t = {run.time:.17g}"
+    time = run.time
     largest = max(map(abs, run.x.tolist()))
     grown = largest > 1e8 * max(1.0, *(abs(v[0]) for v in run.start.x))
     if code == kernel.DIVERGED or (code == kernel.STALLED and grown):
-        return "diverged", f"the state leaves every bound at {at}"
+        return "diverged", f"the state leaves every bound at t = {time:.17g}"
     singular = vanishing_guard(run) if code == kernel.STALLED else None
     if singular is not None:
         return _domain_ending(run, singular)
     if code == kernel.STALLED:
-        return "failed", f"the step size fell to zero at {at}: {_singular(run)} there"
-    return "failed", f"transitions accumulate at {at}: no mode lasts longer than the resolution of time"
+        system, guards = run.integrator.system, run.guards
+        series = run.workspace.band[: run.x.size + len(guards), : run.integrator.order + 1].copy()
+        at = f"the step size fell to zero at t = {time:.17g}"
+        return "failed", lambda: f"{at}: {_singular(system, guards, series)} there"
+    return "failed", f"transitions accumulate at t = {time:.17g}: no mode lasts longer than the resolution of time"
 
 
-def _two_ways(run: State) -> tuple[Status, str]:
+def _two_ways(run: State) -> tuple[Status, Reason]:
     """Return status and reason at a point where a surface with sliding has become repelling."""
-    system, mode, index = run.integrator.system, run.mode, run.guards[run.scalars.guard].index
-    refused = several(system, [replaced(mode, index, side) for side in (-1, 1)], f"{run.time:.17g}")
-    refused = explained(refused, system, mode, (index,))
-    return refused.ending, refused.reason
+    system, mode, time = run.integrator.system, run.mode, run.time
+    index = run.integrator.mode_table.guards(mode)[run.scalars.guard].index
+
+    def reason() -> str:
+        refused = several(system, [replaced(mode, index, side) for side in (-1, 1)], f"{time:.17g}")
+        return explained(refused, system, mode, (index,)).reason
+
+    return "nonunique", reason
 
 
-def _domain_ending(run: State, guard: Guard) -> tuple[Status, str]:
+def _domain_ending(run: State, guard: Guard) -> tuple[Status, Reason]:
     """Return status and reason at a guard that ends the run."""
-    refused = ended(run.integrator.system, run.mode, [guard], f"{run.time:.17g}")
-    assert refused is not None
-    return refused.ending, refused.reason
+    system, mode, time = run.integrator.system, run.mode, run.time
+
+    def reason() -> str:
+        refused = ended(system, mode, [guard], f"{time:.17g}")
+        assert refused is not None
+        return refused.reason
+
+    return guard.ends if guard.ends in ("nonunique", "invalid") else "failed", reason
 
 
 def vanishing_guard(run: State) -> Guard | None:
@@ -64,10 +80,9 @@ def vanishing_guard(run: State) -> Guard | None:
     return None
 
 
-def _singular(run: State) -> str:
+def _singular(system: FilippovSystem, guards: Sequence[Guard], rows: NDArray[np.float64]) -> str:
     """Return the name of the series that is not finite at the stalled point, or of the steepest one."""
-    order, states = run.integrator.order, run.x.size
-    series = run.workspace.band[: states + len(run.guards), : order + 1].tolist()
+    order, states, series = rows.shape[1] - 1, len(system.states), rows.tolist()
     finite = [len(row) if math.isfinite(sum(row)) else len(list(takewhile(math.isfinite, row))) for row in series]
     # A coefficient that is not finite spreads: to a state one order after the field from which it is integrated.
     at = finite.index(min(finite))
@@ -75,15 +90,15 @@ def _singular(run: State) -> str:
     if finite[at] > order:
         steep = [abs(row[order]) / (abs(row[0]) + abs(row[1]) + abs(row[2]) + 1e-300) for row in series]
         at = steep.index(max(steep))
-    return f"{row_name(run, at)} is {'singular' if singular else 'not finite'}"
+    return f"{_row_name(system, guards, at)} is {'singular' if singular else 'not finite'}"
 
 
-def row_name(run: State, row: int) -> str:
+def _row_name(system: FilippovSystem, guards: Sequence[Guard], row: int) -> str:
     """Return the name of the quantity whose series is in this row of an expansion."""
-    system, states = run.integrator.system, run.x.size
+    states = len(system.states)
     if row < states:
         return f"the field of {system.state_names[row]}"
-    guard = run.guards[row - states]
+    guard = guards[row - states]
     of = str(system.valid[guard.index]) if guard.kind == "valid" else system.sign_names[guard.index]
     words = {"valid": "", "surface": "the surface of ", "attracts": "whether sliding attracts on "}
     return f"{words.get(guard.kind, 'the release of ')}{of}"
@@ -109,7 +124,8 @@ def range_ending(run: State) -> tuple[Status, str] | None:
             off = float(rounding[r]) * (float(scalars.step_length) if r < n else 1.0)
             if own is not None and not _same(found, own, theta, level, off if off < math.inf else 0.0, guard=r >= n):
                 why = "an operation's result is no double, which changes it by more than the tolerance"
-                return "failed", f"{row_name(run, r)} overflows or underflows at t = {run.time:.17g}: {why}"
+                what = _row_name(run.integrator.system, run.guards, r)
+                return "failed", f"{what} overflows or underflows at t = {run.time:.17g}: {why}"
     return None
 
 

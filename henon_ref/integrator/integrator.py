@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from itertools import chain
 from typing import Any
 
@@ -39,6 +39,8 @@ class Integrator:
 
     Attributes
     ----------
+    programs : ParameterPrograms
+        Programs of the constants.
     free : list of Workspace
         Unused memory for runs: see :meth:`workspace`.
 
@@ -52,6 +54,7 @@ class Integrator:
         self.system = system
         self.order = order
         self.mode_table = ModeTable(system, order)
+        self.programs = ParameterPrograms(self.mode_table)
         self.constants = lru_cache(maxsize=KEPT_VALUES)(self._constants)
         """Constants of the compiled modes at values of :attr:`parameters`."""
         self.free: list[Workspace] = []
@@ -71,11 +74,6 @@ class Integrator:
     def parameters(self) -> tuple[sp.Symbol, ...]:
         """Parameters in the system's expressions, by name: the order of the values of :meth:`begin`."""
         return self.programs.parameters
-
-    @cached_property
-    def programs(self) -> ParameterPrograms:
-        """Programs of the constants."""
-        return ParameterPrograms(self.mode_table)
 
     def _constants(self, values: tuple[Any, ...]) -> ModeConstants:
         own, exact = self.system.parameters, list(map(exact_expression, values))

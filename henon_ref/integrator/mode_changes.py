@@ -14,6 +14,7 @@ from henon_ref.integrator.endings import ending_of, range_ending
 from henon_ref.integrator.multiprecision_event import LocatedEvent, UndecidedStep, locate_event
 from henon_ref.integrator.precise_modes import PreciseMotion, split
 from henon_ref.integrator.records import GRAZE, RESET, STICK, TRANSITION, TRANSITION_PLACES, written
+from henon_ref.integrator.run_result import Reason
 from henon_ref.integrator.state_view import State
 from henon_ref.integrator.transition_array import KINDS
 from henon_ref.kernel.shared import LEVELS, kernel
@@ -29,7 +30,7 @@ from henon_ref.trajectory import Status
 
 CLOSE_PART = 2.0**-40
 """Remaining time, relative to the horizon, below which a step to the horizon is taken in multiprecision."""
-Ending = tuple[Status, str]
+Ending = tuple[Status, Reason]
 """Status and reason of a run that ends."""
 
 

@@ -13,7 +13,6 @@ from henon_ref.integrator.integrator import Integrator
 from henon_ref.integrator.records import HENON
 from henon_ref.integrator.run import run_to_horizon
 from henon_ref.integrator.start import NO_LIMIT
-from henon_ref.integrator.transition_array import shown
 from henon_ref.modes.kinks import HiddenKinks
 from henon_ref.modes.problem import Problem
 from henon_ref.trajectory import Trajectory
@@ -69,8 +68,5 @@ def prepared_run(
     integrator = Integrator(problem.system, order_for(error))
     # The deadline, not a number of steps, limits the run.
     start = integrator.start(problem, tolerance=error, landing=landing, most_steps=NO_LIMIT)
-
-    run = partial(run_to_horizon, integrator, start, sample_times, deadline)
-    # Without kinks the run itself is returned: a wrapper would cost some percent of a short run.
-    kinks = HiddenKinks(problem.system)
-    return (lambda: shown(run(), kinks)) if problem.system.kinks else run
+    kinks = HiddenKinks(problem.system) if problem.system.kinks else None
+    return partial(run_to_horizon, integrator, start, sample_times, deadline, kinks)

@@ -91,8 +91,8 @@ class Workspace:
     since: NDArray[np.float64]
     """View: first time at which each guard was below its rounding error [s] (``rounding_place`` of the kernel)."""
     unpack: Callable[[memoryview], tuple[Any, ...]]
-    """Reads time, mode, steps, expansions, guard evaluations, transitions, guards below rounding, and then the state
-    from ``memory``, in the time in which NumPy reads one of them."""
+    """Reads time, mode, steps, expansions, guard evaluations, transitions, guards below rounding, the state, and then
+    the words of the mode's entries as bytes from ``memory``, in the time in which NumPy reads one of them."""
     transitions: NDArray[np.float64]
     """View: transitions, shape (CHUNK, TRANSITION_PLACES + n). Each row is a :data:`TRANSITION` and a state; with
     contacts, the words of the modes before and after follow. (Rows of doubles are copied much faster than records.)"""
@@ -115,7 +115,10 @@ class Workspace:
             ffi.new("double[]", start_room),
             block[own.entries : own.since].view(np.int64),
             block[own.since : own.end_of_state],
-            Struct(f"d{_MODE_PLACE - 8}x6q{8 * STATE_PLACE - _MODE_PLACE - 48}x{sizes[0]}d").unpack_from,
+            Struct(
+                f"d{_MODE_PLACE - 8}x6q{8 * STATE_PLACE - _MODE_PLACE - 48}x{sizes[0]}d"
+                f"{8 * (own.entries - STATE_PLACE - sizes[0])}x{8 * (own.since - own.entries)}s"
+            ).unpack_from,
             block[own.records :].reshape(CHUNK, -1),
         )
 
@@ -150,9 +153,9 @@ def written(number: int, contacts: int) -> NDArray[np.int64]:
     return np.frombuffer(number.to_bytes(8 * words_of(contacts), "little"), dtype="<i8")
 
 
-def read(words: NDArray[np.int64]) -> int:
+def read(words: bytes) -> int:
     """Return the number in the given words."""
-    return int.from_bytes(words.tobytes(), "little")
+    return int.from_bytes(words, "little")
 
 
 def numbered(words: NDArray[np.int64], contacts: int) -> tuple[tuple[Mode, ...], NDArray[np.int64]]:

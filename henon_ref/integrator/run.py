@@ -7,8 +7,9 @@ a code if double precision does not decide, a mode has no machine code yet, or t
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
+from functools import cache
+from types import ModuleType
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -16,17 +17,19 @@ from numpy.typing import NDArray
 
 from henon_ref.integrator.constants import LoopData
 from henon_ref.integrator.integrator import Integrator
-from henon_ref.integrator.records import CHUNK, STEP_PLACES, Workspace, numbered, read, step_dtype, words_of
+from henon_ref.integrator.records import CHUNK, STEP_PLACES, Workspace, numbered, step_dtype, words_of
+from henon_ref.integrator.run_result import Reason, RunResult
 from henon_ref.integrator.start import Start, out_of_steps
 from henon_ref.integrator.state_view import State
-from henon_ref.integrator.transition_array import TransitionArray
+from henon_ref.integrator.transition_array import TransitionArray, shown
 from henon_ref.jit.processor_time import Deadline
 from henon_ref.kernel.shared import doubles, ffi, kernel
+from henon_ref.modes.kinks import HiddenKinks
 from henon_ref.modes.mode import Mode
-from henon_ref.trajectory import Counts, Decisions, Status, Trajectory, Transition
+from henon_ref.trajectory import Decisions, Status, Trajectory, Transition
 
-_tuple = tuple.__new__
-_loop, _HORIZON = kernel.advance, kernel.HORIZON  # a library's names take longer to look up
+_whole_run, _loop, _HORIZON = kernel.whole_run, kernel.advance, kernel.HORIZON  # a library's names take longer to find
+_WITHOUT_DECISION = frozenset({_HORIZON, kernel.STOPPED, kernel.BLOCK_FULL, kernel.STEPS_FULL, kernel.BUDGET_SPENT})
 _NO_SAMPLES = np.zeros((0, 2))
 _NO_DECISIONS = Decisions()
 
@@ -36,24 +39,37 @@ def run_to_horizon(
     start: Start,
     sample_times: NDArray[np.float64] | None = None,
     deadline: float | None = None,
+    kinks: HiddenKinks | None = None,
 ) -> Trajectory:
-    """Run to the horizon, or to an earlier end.
+    """Run to the horizon, or to an earlier end; leave out transitions on ``kinks`` that another branch hides.
 
     Most runs end in one call of the loop. They need no :class:`Run`, which costs as much as a short run itself.
     """
     if sample_times is not None:
-        return Run(integrator, start, sample_times, deadline).to_horizon()
+        return shown(Run(integrator, start, sample_times, deadline).to_horizon(), kinks)
     if start.refused is not None:
-        return start.refused
-    workspace = integrator.workspace()
-    workspace.memory[:] = start.block
-    data = _loop_data(integrator, start)
-    code = _loop(workspace.run, data.tables, ffi.NULL, 0)
-    if code != _HORIZON:
-        return Run(integrator, start, deadline=deadline, begun=workspace).to_horizon(code)
-    end = _trajectory(integrator, workspace)
-    integrator.free.append(workspace)
+        return shown(start.refused, kinks)
+    try:  # as Integrator.workspace, whose call would cost some percent of a short run
+        workspace = integrator.free.pop()
+    except IndexError:
+        workspace = integrator.workspace()
+    data = start.constants.latest  # kept until the loop returns, because another thread may replace it
+    code = _whole_run(workspace.run, start.scalars, data.tables)
+    if code == _HORIZON:  # all modes of the run are in the data
+        end: Trajectory = RunResult(integrator.mode_table, workspace, kinks)
+        integrator.free.append(workspace)
+    else:
+        end = shown(Run(integrator, start, deadline=deadline, begun=workspace).to_horizon(code), kinks)
+        _loop_data(integrator, start)  # later runs may need the modes compiled in this one
     return end
+
+
+@cache
+def _mode_changes() -> ModuleType:
+    """Return the module :mod:`henon_ref.integrator.mode_changes`, which most runs do not need."""
+    from henon_ref.integrator import mode_changes
+
+    return mode_changes
 
 
 def _loop_data(integrator: Integrator, start: Start) -> LoopData:
@@ -62,27 +78,6 @@ def _loop_data(integrator: Integrator, start: Start) -> LoopData:
     """
     data = start.constants.latest
     return data if data.compiled is integrator.mode_table.compiled else start.constants.update()
-
-
-def _trajectory(integrator: Integrator, workspace: Workspace, status: Status = "ok", reason: str = "") -> Trajectory:
-    """Return the result of a run from its memory."""
-    found, table = workspace.unpack(workspace.memory), integrator.mode_table
-    count, below = found[5:7]
-    transitions: Sequence[Transition] = ()
-    if count:
-        transitions = TransitionArray(workspace.transitions[:count].copy(), table.modes, table.contacts)
-    mode = table.mode(read(workspace.entries)) if table.contacts else table.modes[found[1]]
-    since = _below_rounding(integrator, workspace) if below else ()
-    # Built as plain tuples: the constructors would cost a tenth of a short run.
-    counts = _tuple(Counts, found[2:5])
-    fields = status, transitions, found[0], found[7:], mode, reason, counts, 0.0, None, None, since
-    return _tuple(Trajectory, fields)
-
-
-def _below_rounding(integrator: Integrator, workspace: Workspace) -> tuple[tuple[int, float], ...]:
-    """Return (surface, first time [s]) of surfaces that were below their rounding; -1 for a ``valid`` expression."""
-    surfaces, times = len(integrator.system.surfaces), enumerate(workspace.since.tolist())
-    return tuple((i if i < surfaces else -1, t) for i, t in times if t < math.inf)
 
 
 class Jumped(NamedTuple):
@@ -231,6 +226,9 @@ class Run(State):
 
     def _answered(self, code: int, *, stop: bool = False) -> Trajectory | None:
         """Handle a return code of the loop; None if the run continues."""
+        if code not in _WITHOUT_DECISION:
+            ending = _mode_changes().answered(self, code)
+            return None if ending is None else self._end(*ending)
         if code == kernel.HORIZON or code == kernel.STOPPED:
             return self._end("ok", "")
         if code == kernel.BLOCK_FULL and not stop:
@@ -239,11 +237,6 @@ class Run(State):
             self.close_steps()
         elif code == kernel.BUDGET_SPENT and self.scalars.steps >= self.scalars.most_steps:
             return self._end("failed", out_of_steps(self.scalars.most_steps, self.time))
-        elif code not in (kernel.BLOCK_FULL, kernel.BUDGET_SPENT):
-            from henon_ref.integrator.mode_changes import answered  # rarely needed
-
-            ending = answered(self, code)
-            return None if ending is None else self._end(*ending)
         return None
 
     def _array(self, records: NDArray[np.float64]) -> TransitionArray:
@@ -260,8 +253,8 @@ class Run(State):
         modes, places = numbered(np.ascontiguousarray(found).view(np.int64), table.contacts)
         return tuple(modes[place] for place in places)
 
-    def _end(self, status: Status, reason: str) -> Trajectory:
-        end = _trajectory(self.integrator, self.workspace, status, reason)
+    def _end(self, status: Status, reason: Reason) -> Trajectory:
+        end: Trajectory = RunResult(self.integrator.mode_table, self.workspace, None, status, reason)
         if self.decisions is not _NO_DECISIONS:
             end.counts.decisions = self.decisions
         if self.blocks:

@@ -26,6 +26,7 @@ NO_LIMIT = 1 << 62
 """Limit on steps that no run reaches."""
 MOST_STEPS = 100_000_000
 """Default limit on the steps of a run."""
+_RUN = ffi.typeof("struct run *")
 
 
 def out_of_steps(steps: int, time: float) -> str:
@@ -48,6 +49,8 @@ class Start:
         Constants of the compiled modes at the problem's parameter values.
     block : bytearray
         First part of a run's block of memory, up to ``end_of_state`` of ``struct places``.
+    scalars : cdata
+        The block as ``struct run *``; a change of a field applies to all later runs.
     """
 
     def __init__(
@@ -60,12 +63,7 @@ class Start:
         block: bytearray,
     ) -> None:
         self.time, self.until, self.x, self.refused, self.constants = time, until, x, refused, constants
-        self.block = block
-
-    @property
-    def scalars(self) -> Any:
-        """The block as ``struct run``; a change of a field applies to all later runs."""
-        return ffi.cast("struct run *", ffi.from_buffer(self.block))
+        self.block, self.scalars = block, ffi.from_buffer(_RUN, block)
 
 
 @lru_cache(maxsize=64)

@@ -64,7 +64,7 @@ class State:
     @property
     def row(self) -> int:
         """Row or number of the current mode (:meth:`henon_ref.integrator.mode_table.ModeTable.row`)."""
-        return read(self.workspace.entries) if self.integrator.mode_table.contacts else int(self.scalars.mode)
+        return read(self.workspace.entries.tobytes()) if self.integrator.mode_table.contacts else int(self.scalars.mode)
 
     @row.setter
     def row(self, row: int) -> None:

@@ -124,8 +124,10 @@ def _records(rows: NDArray[np.float64]) -> NDArray[Any]:
     return rows.view(transition_dtype(rows.shape[1] - TRANSITION_PLACES))[:, 0]
 
 
-def shown(found: Trajectory, kinks: HiddenKinks) -> Trajectory:
+def shown(found: Trajectory, kinks: HiddenKinks | None) -> Trajectory:
     """Return the result of a run without transitions on kinks that another branch hides."""
+    if kinks is None:
+        return found
     transitions = found.transitions
     if isinstance(transitions, TransitionArray):
         transitions = transitions.visible(kinks)

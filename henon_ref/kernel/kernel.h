@@ -352,6 +352,7 @@ HENON_EXPORT int64_t row_length(int64_t order);
 HENON_EXPORT int64_t words_of(int64_t contacts);
 
 HENON_EXPORT int64_t advance(struct run *run, const struct tables *tables, double *samples, int64_t count);
+HENON_EXPORT int64_t whole_run(struct run *run, const struct run *start, const struct tables *tables);
 HENON_EXPORT int64_t run_points(struct progress *progress, const struct points *points, const struct tables *tables,
                                 const struct buffer *buffer);
 HENON_EXPORT void keep_transitions(struct progress *progress, const double *records, int64_t count,

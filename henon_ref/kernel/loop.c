@@ -221,3 +221,10 @@ HENON_EXPORT int64_t advance(struct run *run, const struct tables *tables, doubl
         code = look_ahead(&work, stop_at, &shrunk);
     }
 }
+
+/* Do a run from its start: the first part of its block, up to end_of_state of struct places. Returns as advance(). */
+HENON_EXPORT int64_t whole_run(struct run *run, const struct run *start, const struct tables *tables)
+{
+    memcpy((double *)run, (const double *)start, (size_t)places_of_run(start).end_of_state * sizeof(double));
+    return advance(run, tables, NULL, 0);
+}

@@ -99,9 +99,11 @@ static inline bool deflated(const double *c, int64_t zeros, int64_t degree, doub
 static inline void cut(double *left, double *right, int64_t degree, double part)
 {
     for (int64_t i = 0; i <= degree; i++) {
-        left[i] = right[0];
-        for (int64_t j = 0; j < degree - i; j++)
-            right[j] = fused(part, right[j + 1] - right[j], right[j]);
+        double here = left[i] = right[0];
+        for (int64_t j = 0; j < degree - i; j++) { /* one by one: vectors would wait for the stores of the last pass */
+            double next = right[j + 1];
+            right[j] = fused(part, next - here, here), here = next;
+        }
     }
 }
 

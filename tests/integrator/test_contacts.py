@@ -301,6 +301,6 @@ def test_a_mode_is_read_as_it_was_written(contacts: int) -> None:
     modes = [tuple(row) for row in rng.integers(-1, 2, (6, contacts)).tolist()]
     rows = np.array([written(packed(mode), contacts) for mode in modes])
     assert rows.shape == (6, words_of(contacts))
-    assert [unpacked(read(row), contacts) for row in rows] == modes
+    assert [unpacked(read(row.tobytes()), contacts) for row in rows] == modes
     different, at = numbered(rows[[0, 3, 0]], contacts)
     assert [different[k] for k in at] == [modes[0], modes[3], modes[0]]

@@ -97,6 +97,7 @@ def test_data_that_another_thread_replaces_stay_until_the_loop_returns(run, monk
         return kernel.HORIZON
 
     monkeypatch.setattr("henon_ref.integrator.run._loop", loop)
+    monkeypatch.setattr("henon_ref.integrator.run._whole_run", loop)
     run(integrator, start)
     assert held == [True]
 

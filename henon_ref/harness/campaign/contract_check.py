@@ -70,22 +70,21 @@ def check_trajectory(returned: object, problem: Problem, *, most: int) -> Trajec
     """
     if not isinstance(returned, Trajectory):
         raise ContractError(f"the solver returned {_typed(returned)}, wanted a Trajectory")
-    given = Trajectory._make(returned)
-    counts: object = given.counts
+    counts: object = returned.counts
     convert = _Converter(len(problem.system.states), len(problem.system.surfaces))
     try:
         if not isinstance(counts, Counts):
             raise _Wrong("counts", counts, "a Counts")
         checked = Trajectory(
-            status=_word("status", given.status, ENDS),
-            transitions=convert.transitions(given.transitions, most),
-            end_time=_time("end_time", given.end_time),
-            end_state=convert.state("end_state", given.end_state),
-            end_mode=convert.mode("end_mode", given.end_mode),
-            reason=_text("reason", given.reason),
+            status=_word("status", returned.status, ENDS),
+            transitions=convert.transitions(returned.transitions, most),
+            end_time=_time("end_time", returned.end_time),
+            end_state=convert.state("end_state", returned.end_state),
+            end_mode=convert.mode("end_mode", returned.end_mode),
+            reason=_text("reason", returned.reason),
             counts=Counts(*(_count(f"counts.{what}", getattr(counts, what)) for what in Counts._fields)),
-            max_surface_drift=_size("max_surface_drift", given.max_surface_drift),
-            undecided_after=convert.undecided_after(given.undecided_after),
+            max_surface_drift=_size("max_surface_drift", returned.max_surface_drift),
+            undecided_after=convert.undecided_after(returned.undecided_after),
         )
         _check_times(checked, problem)
         if checked.status == "ok":
