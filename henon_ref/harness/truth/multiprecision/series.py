@@ -22,9 +22,7 @@ ORDER = 12
 """Highest derivative examined before a contact counts as one that never separates."""
 
 
-def evaluated(
-    expressions: Iterable[sp.Expr], values: Mapping[sp.Expr, arb_series], bits: int
-) -> Iterator[arb_series]:
+def evaluated(expressions: Iterable[sp.Expr], values: Mapping[sp.Expr, arb_series], bits: int) -> Iterator[arb_series]:
     """Evaluate expressions over truncated power series (of length one: over balls), common parts once.
 
     Parameters
