@@ -24,7 +24,7 @@ from henon_ref.expressions.algebra import leaves_out
 from henon_ref.expressions.bounds import put
 from henon_ref.modes.equations import Guard, ModeEquations, by_pattern
 from henon_ref.modes.mode import Mode
-from henon_ref.modes.switched_field import SwitchedField
+from henon_ref.modes.switched_field import SwitchedField, kept
 from henon_ref.taylor.tape import TIME
 
 Entries = tuple[Mapping[sp.Symbol, sp.Expr], ...]
@@ -144,10 +144,15 @@ class SwitchedEquations:
         own = (guards[row] for row in self.rows(mode))
         if not sides:
             return tuple(own)
-        return tuple(replace(g, expression=put(g.expression, sides)) if g.kind == "release" else g for g in own)
+        beside = self._beside(sides)
+        return tuple(replace(g, expression=put(g.expression, beside)) if g.kind == "release" else g for g in own)
 
-    def _sides(self, mode: Mode) -> dict[sp.Symbol, sp.Expr]:
-        return {self.system.signs[i]: sp.Integer(mode[i]) for i in self.crossed}
+    def _sides(self, mode: Mode) -> Mode:
+        """Return the entries of the surfaces without sliding."""
+        return tuple(mode[i] for i in sorted(self.crossed))
+
+    def _beside(self, sides: Mode) -> dict[sp.Symbol, sp.Expr]:
+        return {self.system.signs[i]: sp.Integer(s) for i, s in zip(sorted(self.crossed), sides, strict=True)}
 
     def values(self, mode: Mode) -> dict[sp.Symbol, sp.Expr]:
         return {
@@ -159,13 +164,29 @@ class SwitchedEquations:
 
         With the normal velocities N below and above, Filippov's equivalent sign is (N(-1) + N(+1)) / (N(-1) - N(+1)).
         """
-        values, sides = self.values(mode), self._sides(mode)
-        signs = {}
-        for i, contact in enumerate(self.contacts):
-            if contact is not None and not mode[i] and i not in self.system.overrides:
-                above, below = (end.expression / 2 for end in contact.ends)
-                signs[i] = put((below - above) / (below + above), sides)
-        return ModeEquations(tuple(put(rate, values) for rate in self.field), self.own_guards(mode), signs)
+        rates = tuple(self._rate(row, tuple(mode[i] for i in acting)) for row, acting in enumerate(self._acting))
+        sides, slid = self._sides(mode), {i for i, s in enumerate(mode) if not s} - self.crossed
+        signs = {i: self._equivalent_sign(i, sides) for i in sorted(slid - self.system.overrides.keys())}
+        return ModeEquations(rates, self.own_guards(mode), signs)
+
+    @cached_property
+    def _acting(self) -> tuple[tuple[int, ...], ...]:
+        """Surfaces whose signs or switches are in each row of the field."""
+        owner = self.owner
+        return tuple(tuple(sorted({owner[s] for s in rate.free_symbols & owner.keys()})) for rate in self.field)
+
+    @kept
+    def _rate(self, row: int, entries: Mode) -> sp.Expr:
+        """Return a row of the field, given the entries of the surfaces that act on it."""
+        pairs = zip(self._acting[row], entries, strict=True)
+        return put(self.field[row], {s: value for i, entry in pairs for s, value in self.entries[i][entry + 1].items()})
+
+    @kept
+    def _equivalent_sign(self, index: int, sides: Mode) -> sp.Expr:
+        contact = self.contacts[index]
+        assert contact is not None  # something slides on the surface
+        above, below = (end.expression / 2 for end in contact.ends)
+        return put((below - above) / (below + above), self._beside(sides))
 
 
 def switched_equations(system: SwitchedField) -> SwitchedEquations | None:

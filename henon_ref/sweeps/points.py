@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from henon_ref.errors import ArgumentError
 from henon_ref.simulation.arguments import whole_number
 from henon_ref.simulation.system import System
+from henon_ref.sweeps.random_values import placed, unit_cube
 from henon_ref.sweeps.table_files import MOST_NUMBERS, Vector, check_size, read_table
 from henon_ref.text import did_you_mean, listed
 
@@ -186,8 +187,8 @@ def random(draws: Mapping[str, Any], *, count: int, seed: int = 0, method: str =
         raise ArgumentError(f"method is {str(method)[:60]!r}; wanted {' or '.join(METHODS)}")
     shapes = {str(name): _distribution(name, given) for name, given in draws.items()}
     check_size(count, len(shapes), "'random'")
-    unit = _unit_cube(len(shapes), count, seed, method)
-    values = np.column_stack([_placed(name, unit[:, k], *shape) for k, (name, shape) in enumerate(shapes.items())])
+    unit = unit_cube(len(shapes), count, seed, method)
+    values = np.column_stack([placed(name, unit[:, k], *shape) for k, (name, shape) in enumerate(shapes.items())])
     drawn = {name: {kind: [first, second]} for name, (kind, first, second) in shapes.items()}
     written = {"random": {"draws": drawn, "count": int(count), "seed": int(seed), "method": method}}
     return Points(tuple(shapes), values, written=written)
@@ -322,32 +323,3 @@ def _distribution(name: Any, given: Any) -> tuple[str, float, float]:
     if len(values) != 2 or (kind == "uniform" and values[0] > values[1]) or (kind == "normal" and values[1] < 0):
         raise ArgumentError(f"'{kind}' of '{name}' is {str(pair)[:60]}; wanted {DISTRIBUTIONS[kind]}")
     return kind, float(values[0]), float(values[1])
-
-
-def _unit_cube(dimensions: int, count: int, seed: int, method: str) -> Vector:
-    """Return points of the open unit cube, shape (count, dimensions)."""
-    generator = np.random.Generator(np.random.PCG64(seed))
-    if method == "independent":
-        found = generator.random((count, dimensions))
-    else:
-        from scipy.stats import qmc
-
-        engine = qmc.Sobol(dimensions, scramble=True, rng=generator)
-        found = engine.random_base2(max(count - 1, 0).bit_length())[
-            :count
-        ]  # a power of 2: SciPy warns for other numbers
-    return np.maximum(found, 2.0**-54)
-
-
-def _placed(name: str, unit: Vector, kind: str, first: float, second: float) -> Vector:
-    if kind == "uniform":
-        if not np.isfinite(second - first):  # the range is longer than the largest double
-            return 2 * np.minimum(first / 2 + (second / 2 - first / 2) * unit, second / 2)
-        return np.minimum(first + (second - first) * unit, second)
-    from scipy.special import ndtri
-
-    with np.errstate(over="ignore"):
-        drawn = first + second * np.asarray(ndtri(unit))
-    if not np.isfinite(drawn).all():
-        raise ArgumentError(f"'normal' of '{name}' is [{first}, {second}]; numbers drawn from it are not finite")
-    return drawn

@@ -8,8 +8,10 @@ run over any ring (:mod:`henon_ref.taylor.series`): doubles, balls.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 
 import sympy as sp
 
@@ -59,10 +61,7 @@ class Tape:
     @property
     def counts(self) -> dict[str, int]:
         """Number of nodes of each operation, a measure of a model's cost."""
-        result: dict[str, int] = {}
-        for node in self.nodes:
-            result[node.op] = result.get(node.op, 0) + 1
-        return dict(sorted(result.items()))
+        return dict(sorted(Counter(node.op for node in self.nodes).items()))
 
     def part(self, outputs: Sequence[int]) -> Tape:
         """Return the tape of some outputs without the field; the constants keep their indices."""
@@ -165,8 +164,6 @@ class _Builder:
             self._interned[key] = self._add(op, args, indices)
         return self._interned[key]
 
-    # -- expressions ------------------------------------------------------------------------------------
-
     def _make(self, e: sp.Expr) -> int:
         if self._is_constant(e):
             return self._op("constant", constants=(e,))
@@ -214,14 +211,11 @@ class _Builder:
     def _sum(self, terms: Iterable[sp.Expr], factor: sp.Expr) -> int:
         constant, moving = self._terms(terms, factor)
         moving.sort(key=lambda item: item[0].could_extract_minus_sign())
-        total = -1
-        for c, e in moving:
-            if total < 0:
-                total = self._scaled(c, e)
-            elif c == -1 or c.could_extract_minus_sign():
-                total = self._op("sub", total, self._scaled(-c, e))
-            else:
-                total = self._op("add", total, self._scaled(c, e))
+        first, *others = moving
+        total = self._scaled(*first)
+        for c, e in others:
+            negative = c.could_extract_minus_sign()
+            total = self._op("sub" if negative else "add", total, self._scaled(-c if negative else c, e))
         if constant != 0:
             total = self._op("shift", total, constants=(constant,))
         return total
@@ -245,13 +239,9 @@ class _Builder:
             below = self.node(denominator)
             if self._is_constant(numerator):
                 return self._op("recip", below, constants=(numerator,))
-            above = self.node(numerator)
-            return self._op("div", above, below)
-        total = -1
-        for part in sorted(rest.args, key=lambda p: (not p.is_Pow, sp.default_sort_key(p))):
-            node = self.node(part)
-            total = node if total < 0 else self._multiplied(total, node)
-        return total
+            return self._op("div", self.node(numerator), below)
+        factors = sorted(rest.args, key=lambda p: (not p.is_Pow, sp.default_sort_key(p)))
+        return reduce(self._multiplied, map(self.node, factors))
 
     def _multiplied(self, a: int, b: int) -> int:
         return self._op("square", a) if a == b else self._op("mul", min(a, b), max(a, b))
@@ -261,20 +251,17 @@ class _Builder:
             return self._op("exp", self.node(exponent))
         if not self._is_constant(exponent):
             return self.node(sp.exp(exponent * sp.log(base), evaluate=False))
-        if exponent.is_Integer:
-            n = int(exponent)
-            if n < 0:
-                return self._op("recip", self.node(base ** (-n)), constants=(sp.Integer(1),))
-            half = self.node(base ** (n // 2)) if n > 3 else self.node(base)
-            if n % 2 == 0:
-                return self._multiplied(half, half) if n > 2 else self._multiplied(self.node(base), self.node(base))
-            square = self.node(base ** (n - 1))
-            return self._multiplied(square, self.node(base))
-        if exponent == sp.Rational(1, 2):
+        if exponent == -sp.S.Half or (exponent.is_Integer and exponent.is_negative):
+            return self._op("recip", self.node(base**-exponent), constants=(sp.Integer(1),))
+        if exponent == sp.S.Half:
             return self._op("sqrt", self.node(base))
-        if exponent == -sp.Rational(1, 2):
-            return self._op("recip", self.node(sp.sqrt(base)), constants=(sp.Integer(1),))
-        return self._op("power", self.node(base), constants=(exponent,))
+        if not exponent.is_Integer:
+            return self._op("power", self.node(base), constants=(exponent,))
+        n = int(exponent)
+        if n % 2:
+            return self._multiplied(self.node(base ** (n - 1)), self.node(base))
+        half = self.node(base ** (n // 2))
+        return self._multiplied(half, half)
 
     def _function(self, e: sp.Expr) -> int:
         if not e.args:
@@ -301,10 +288,8 @@ class _Builder:
                 self._add("shift" if name == "tan" else "rsub", (at + 1,), (one,))
                 self._interned[key] = at
             return self._interned[key]
-        if name == "exp":
-            return self._op("exp", inner)
-        if name == "log":
-            return self._op("log", inner)
+        if name in ("exp", "log"):
+            return self._op(name, inner)
         if name in ("asin", "acos", "atan"):
             square = self._multiplied(inner, inner)
             if name == "atan":

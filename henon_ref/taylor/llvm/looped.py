@@ -16,19 +16,12 @@ import re
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from typing import TypeVar
 
-from henon_ref.jit.ir_writer import LANES, IRWriter, Value, literal, loop_function, row_length
-from henon_ref.taylor.llvm.coefficients import Coefficients, Constants, Functions
-from henon_ref.taylor.llvm.convolutions import Convolutions
-from henon_ref.taylor.llvm.functions_of_time import Clock, SineOfTime
-from henon_ref.taylor.llvm.layout import store_combination, store_values
-from henon_ref.taylor.llvm.linear_forms import Factor, Form
-from henon_ref.taylor.llvm.node_recurrences import NodeRecurrences
-from henon_ref.taylor.llvm.pieces import Pieces, PiecewiseWriter
-from henon_ref.taylor.llvm.recurrences import Recurrence
+from henon_ref.jit.ir_writer import literal, loop_function, row_length
+from henon_ref.taylor.llvm.one_node import OneNode, bound_lines, state_lines, total_lines
+from henon_ref.taylor.llvm.pieces import Pieces
 from henon_ref.taylor.llvm.shapes import Factors, Operands, Shape, Shapes
-from henon_ref.taylor.llvm.step_bounds import GROWING, inverse_size, longest_step
-from henon_ref.taylor.llvm.sums import IntegralOfForm
-from henon_ref.taylor.tape import Node, Tape
+from henon_ref.taylor.llvm.step_bounds import GROWING
+from henon_ref.taylor.tape import Tape
 
 T = TypeVar("T")
 Key = TypeVar("Key", bound=Hashable)
@@ -42,115 +35,6 @@ NOTHING = 1e30
 def looped_expansion_ir(tape: Tape, states: int, order: int, name: str, width: int | None = None) -> str:
     """LLVM IR as :func:`henon_ref.taylor.llvm.expansion.expansion_ir`, with loops."""
     return _LoopedExpansion(tape, states, order, name, row_length(order) if width is None else width).text()
-
-
-class _Series(Coefficients):
-    """Coefficients in memory, each loaded once."""
-
-    def __init__(self, w: IRWriter, pointer: str, degree: int) -> None:
-        super().__init__(w)
-        self._pointer, self._degree = pointer, degree
-        self._read: dict[int, Value] = {}
-
-    def __getitem__(self, k: int) -> Value:  # type: ignore[override]
-        if k > self._degree:
-            return None
-        if k not in self._read:
-            self._read[k] = self._w.load(self._pointer, k)
-        return self._read[k]
-
-
-class _Constants(Constants):
-    """Constants of one node by their index among its operands; a clock's two are followed by their rounding errors."""
-
-    def __init__(self, w: IRWriter, first: int, count: int) -> None:
-        self._w, self._first, self._count = w, first, count // 2
-        self._loaded, self._products, self._sums = {}, {}, {}
-
-    def value(self, index: int) -> str:
-        if index not in self._loaded:
-            self._loaded[index] = self._w.load(f"%p{self._first + index}", 0)
-        return self._loaded[index]
-
-
-class _OneNode:
-    """Writer of the code of one node of a shape. Pointers: ``%p0`` its row, then its series, then its constants."""
-
-    def __init__(self, shape: Shape, order: int) -> None:
-        self.shape, self.order, own = shape, order, len(shape.series)
-        self.w = w = PiecewiseWriter()
-        w.begin()
-        self.constants, functions = _Constants(w, 1 + own, shape.constants), Functions(w)
-        self.series: dict[int, Coefficients] = {
-            label: _Series(w, f"%p{1 + label}", degree) for label, (_, degree) in enumerate(shape.series)
-        }
-        self.y = self.series[own] = Coefficients(w)
-        pair = (shape.args[0], shape.args[1], own) if shape.op == "mul" else (own - 1, own, own)
-        self.convolutions = Convolutions(w, self.series, [pair] if shape.in_vectors else [], order)
-        integrals = {
-            label: (self.series[of], w.mul(self.constants.total(rate), "%unit")) for label, of, rate in shape.integrals
-        }
-        self.made = NodeRecurrences(w, self.constants, functions, self.series, self.convolutions, integrals, order)
-        self.form = Form({label: list(found) for label, found in shape.terms}, list(shape.constant))
-
-    def recurrence(self) -> Recurrence:
-        """Recurrence of a node that is not a rate."""
-        shape, own = self.shape, len(self.shape.series)
-        if shape.op in ("sum", "output"):
-            return self.made.linear(self.form)
-        if shape.op.endswith(" of time"):
-            clock = Clock(self.w, self.constants, 0, 1, self.order)
-            clock.coefficient(0)  # its phase is in two numbers
-            return SineOfTime(self.w, shape.op[:3], clock)
-        numbers = (0, 1) if shape.op == "clock" else tuple(range(shape.constants))
-        if shape.op == "recip":
-            return self.made.of(own, Node("recip", (0,), (0,)), None, self.form)
-        return self.made.of(own, Node(shape.op, shape.args, numbers), None, None)
-
-    def pieces(self) -> Pieces:
-        """Code of a node, one piece per order."""
-        recurrence, y = self.recurrence(), self.y
-        for k in range(self.order + 1):
-            if k:
-                self.w.begin()
-            self.convolutions.add_up(k)
-            y.append(recurrence.coefficient(k))
-            self.convolutions.pack(k)
-        return self.w.pieces({k: (k, v) for k, v in enumerate(y) if v is not None}, "%p0", self.order + 1)
-
-    def rate_pieces(self) -> Pieces:
-        """Code of a state: the next coefficient from each order."""
-        state = IntegralOfForm(self.w, self.constants, self.form, self.series, None)
-        results = {}
-        for k in range(self.order):
-            if k:
-                self.w.begin()
-            results[k + 1] = k, state.coefficient(k + 1)
-        return self.w.pieces(results, "%p0", self.order + 1)
-
-    def output(self) -> list[str]:
-        """Lines of an output: its row, and its ratios as stored by :func:`_ratios`."""
-        w, order, target = self.w, self.order, self.made.linear(self.form)
-        in_rows = order >= LANES and all(self.shape.series[label][0] for label in self.form.terms)
-        wanted = {0, 1, 2, order - 1, order} if in_rows else range(order + 1)
-        values = [target.coefficient(k) if k in wanted else None for k in range(order + 1)]
-        if in_rows:
-            parts = [((f"%p{1 + label}", 0), target.factor(label)) for label in self.form.terms]
-            store_combination(w, values[0], ("%p0", 0), parts, order)
-        else:
-            store_values(w, values, ("%p0", 0))
-        if order >= 3:
-            _ratios(w, values, 1 + len(self.shape.series) + self.shape.constants)
-        return w.lines
-
-
-def _ratios(w: IRWriter, values: Sequence[Value], pointer: int) -> None:
-    """Store a row's last two coefficients, relative to its size, at a pointer and the next one."""
-    inverse = inverse_size(w, values[:3])
-    for value in values[-2:]:
-        if value is not None:
-            w.store(w.binary("fmul", w.call("fabs", value), inverse), f"%p{pointer}", 0)
-            pointer += 1
 
 
 class _LoopedExpansion:
@@ -220,12 +104,12 @@ class _LoopedExpansion:
         for kind, members in _grouped(self.totals, signs.__getitem__):
             rows = [[self.totals[each], *(i for f in each for i in f.constants)] for each in members]
             bases = ["%S", *["%K"] * (len(rows[0]) - 1)]
-            self._loop(("total", kind), bases, lambda kind=kind: _total(kind), self._table(rows))  # type: ignore[misc]
+            self._loop(("total", kind), bases, lambda kind=kind: total_lines(kind), self._table(rows))  # type: ignore[misc]
 
     def _node_rows(self) -> None:
         for at, (shape, _) in self.shapes.nodes.items():
             if shape not in self.pieces:
-                self.pieces[shape] = _OneNode(shape, self.order).pieces()
+                self.pieces[shape] = OneNode(shape, self.order).pieces()
             self.rows[at] = self._taken(self.pieces[shape].room)
 
     def _places(self, operands: Operands) -> list[int]:
@@ -249,7 +133,7 @@ class _LoopedExpansion:
         rates = []
         for shape, states in _grouped(range(len(shapes.rates)), lambda i: shapes.rates[i][0]):
             rows = [[i * self.width, *self._places(shapes.rates[i][1])] for i in states]
-            rates.append((shape, _OneNode(shape, order).rate_pieces(), self._table(rows)))
+            rates.append((shape, OneNode(shape, order).rate_pieces(), self._table(rows)))
         for k in range(order + 1):
             for shape, last, table in groups:
                 if k < order or order == 0 or last:
@@ -266,7 +150,7 @@ class _LoopedExpansion:
                 [(n + r) * self.width, *self._places(shapes.outputs[r][1]), *ratios.get(n + r, ())] for r in members
             ]
             bases = ["%C", *self._bases(shape), "%S", "%S"]
-            made = _OneNode(shape, self.order)
+            made = OneNode(shape, self.order)
             self._loop((shape, "row"), bases[: len(rows[0])], lambda made=made: made.output(), self._table(rows))  # type: ignore[misc]
 
     def _norms(self) -> None:
@@ -282,7 +166,7 @@ class _LoopedExpansion:
         for degree, members in _grouped(range(n), degrees.__getitem__):
             rows = [[i * self.width, *ratios[i]] for i in members]
             bases = ["%C", "%S", "%S"][: len(rows[0])]
-            self._loop(("state", degree), bases, lambda d=degree: _state_row(d, order), self._table(rows))  # type: ignore[misc]
+            self._loop(("state", degree), bases, lambda d=degree: state_lines(d, order), self._table(rows))  # type: ignore[misc]
         self._outputs(ratios)
         steps = self._longest_step()
         both = self._taken(sum(counts))
@@ -319,7 +203,7 @@ class _LoopedExpansion:
             names = [shapes.argument(at)[0] for at in members]
             rows = [[place, -(1 + name) * self.width if name < 0 else self.rows[name]] for name in names]
             bases = ["%S", "%C" if found[1] else "%S"]
-            self._loop(("step", found), bases, lambda found=found: _bound(*found), self._table(rows))  # type: ignore[misc]
+            self._loop(("step", found), bases, lambda found=found: bound_lines(*found), self._table(rows))  # type: ignore[misc]
         return place
 
 
@@ -329,33 +213,6 @@ def _grouped(items: Iterable[T], key: Callable[[T], Key]) -> Iterator[tuple[Key,
     for item in items:
         groups.setdefault(key(item), []).append(item)
     return iter(groups.items())
-
-
-def _total(kind: Sequence[tuple[int, int]]) -> list[str]:
-    """Store a sum of products at ``%p0``; ``kind``: sign and number of constants of each product."""
-    w, factors, first = IRWriter(), [], 0
-    for sign, count in kind:
-        factors.append(Factor(sign, tuple(range(first, first + count))))
-        first += count
-    w.store(_Constants(w, 1, first).total(factors) or literal(0.0), "%p0", 0)
-    return w.lines
-
-
-def _state_row(degree: int, order: int) -> list[str]:
-    """Store the ratios of a state; coefficients above its degree are zero already."""
-    w = IRWriter()
-    row = _Series(w, "%p0", degree)
-    _ratios(w, [row[k] for k in range(order + 1)], 1)
-    return w.lines
-
-
-def _bound(op: str, state: bool, degree: int, highest: int) -> list[str]:
-    """Replace the number at ``%p0`` by the longest step that a function's argument allows, if that is shorter."""
-    w = IRWriter()
-    argument = _Series(w, "%p1", degree)
-    bound = longest_step(w, [(op, [argument[k] for k in range(highest + 1)])])
-    w.store(w.smaller(bound, w.load("%p0", 0)), "%p0", 0)
-    return w.lines
 
 
 def _loop_ir(name: str, bases: Sequence[str], lines: list[str]) -> str:

@@ -50,7 +50,8 @@ class RealParameters:
         """Parameter of each number, and of each product or sum of numbers and switches."""
         self._bits = bits
         self._constant = real_constants(bits)
-        self._known: dict[sp.Expr, Any] = {}
+        self._known: dict[tuple[sp.Expr, frozenset[tuple[sp.Symbol, sp.Expr]]], Any] = {}
+        """Value of each parameter for the values of its switches."""
 
     def __len__(self) -> int:
         return len(self._expressions)
@@ -62,11 +63,14 @@ class RealParameters:
 
     def values(self, switches: Mapping[sp.Symbol, sp.Expr]) -> list[Any]:
         """Values of the parameters, in order, as heyoka numbers, for given values of the switches."""
-        numbers = [e.xreplace(switches) for e in self._expressions]
-        for number in numbers:
-            if number not in self._known:
-                self._known[number] = exact_real(number, self._bits)
-        return [self._known[number] for number in numbers]
+        return [self._value(e, switches) for e in self._expressions]
+
+    def _value(self, expression: sp.Expr, switches: Mapping[sp.Symbol, sp.Expr]) -> Any:
+        own = {s: switches[s] for s in expression.free_symbols}
+        key = expression, frozenset(own.items())
+        if key not in self._known:
+            self._known[key] = exact_real(expression.xreplace(own), self._bits)
+        return self._known[key]
 
 
 def to_heyoka(

@@ -40,8 +40,8 @@ class SeriesEvaluation:
 
     def __init__(self, system: FilippovSystem, bits: int) -> None:
         self.system, self.bits = system, bits
-        self._numeric: dict[Mode, tuple[list[sp.Expr], list[sp.Expr]]] = {}
-        """Field and guards of each mode, with numbers for the parameters."""
+        self._known: dict[sp.Expr, sp.Expr] = {}
+        """Expressions of modes with numbers for the parameters."""
 
     def at(self, time: arb, state: Sequence[arb]) -> Point:
         return Point(self, time, tuple(state))
@@ -58,19 +58,19 @@ class SeriesEvaluation:
 
     def guard_series(self, mode: Mode, t: arb, x: Sequence[arb], order: int = series.ORDER) -> list[list[arb]]:
         """Taylor coefficients in time of a mode's guards."""
-        if mode not in self._numeric:
-            equations, numeric = self.system.equations(mode), self.system.numeric
-            guards = [numeric(g.expression) for g in equations.guards]
-            self._numeric[mode] = [numeric(f) for f in equations.field], guards
-        rates, guards = self._numeric[mode]
-        return series.along(rates, guards, self.system.states, t, x, bits=self.bits, order=order)
+        equations = self.system.equations(mode)
+        return self.along(equations.field, [g.expression for g in equations.guards], t, x, order)
 
     def along(
         self, field: Sequence[sp.Expr], outputs: Sequence[sp.Expr], t: arb, x: Sequence[arb], order: int
     ) -> list[list[arb]]:
-        numeric = self.system.numeric
-        rates, found = [numeric(f) for f in field], [numeric(e) for e in outputs]
-        return series.along(rates, found, self.system.states, t, x, bits=self.bits, order=order)
+        rates, found = map(self._numeric, field), map(self._numeric, outputs)
+        return series.along(list(rates), list(found), self.system.states, t, x, bits=self.bits, order=order)
+
+    def _numeric(self, expression: sp.Expr) -> sp.Expr:
+        if expression not in self._known:
+            self._known[expression] = self.system.numeric(expression)
+        return self._known[expression]
 
     def sign(self, value: arb) -> int:
         """Sign of a value; 0 if its ball contains zero."""

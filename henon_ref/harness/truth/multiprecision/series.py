@@ -6,7 +6,7 @@ that decisions based on these series are a check on both.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import reduce
 from operator import add, mul
 
@@ -22,16 +22,16 @@ ORDER = 12
 """Highest derivative examined before a contact counts as one that never separates."""
 
 
-def series(expression: sp.Expr, values: Mapping[sp.Expr, arb_series], bits: int) -> arb_series:
-    """Evaluate an expression over truncated power series (of length one: over balls).
+def evaluated(expressions: Iterable[sp.Expr], values: Mapping[sp.Expr, arb_series], bits: int) -> Iterator[arb_series]:
+    """Evaluate expressions over truncated power series (of length one: over balls), common parts once.
 
     Parameters
     ----------
-    expression : Expr
+    expressions : iterable of Expr
     values : mapping
         Symbol -> series.
     bits : int
-        Precision of the exact numbers in the expression.
+        Precision of the exact numbers in the expressions.
 
     Raises
     ------
@@ -60,7 +60,8 @@ def series(expression: sp.Expr, values: Mapping[sp.Expr, arb_series], bits: int)
         power=power,
         function=lambda e, walk: _function(e.func.__name__, walk(e.args[0]), e),
     )
-    return fold(expression, rules, dict(values))
+    known = dict(values)
+    return (fold(expression, rules, known) for expression in expressions)
 
 
 def _function(name: str, a: arb_series, e: sp.Expr) -> arb_series:
@@ -108,9 +109,9 @@ def along(
             values: dict[sp.Expr, arb_series] = {TIME: arb_series([time, 1])}
             values.update((x, arb_series(s)) for x, s in zip(states, solution, strict=True))
             if k == order:
-                return [_coefficients(series(e, values, bits), order) for e in outputs]
+                return [_coefficients(e, order) for e in evaluated(outputs, values, bits)]
             ctx.cap = k + 1
-            slopes = [_coefficients(series(f, values, bits), k)[k] for f in field]
+            slopes = [f[k] for f in evaluated(field, values, bits)]
             ctx.cap = order + 1
             for coefficients, slope in zip(solution, slopes, strict=True):
                 coefficients.append(slope / (k + 1))
