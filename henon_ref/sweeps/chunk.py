@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import pickle
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
@@ -26,7 +26,7 @@ from henon_ref.modes.system import FilippovSystem
 from henon_ref.simulation.arguments import problem_of
 from henon_ref.simulation.quick_start import CLEARLY
 from henon_ref.sweeps.table_files import Columns, Vector
-from henon_ref.sweeps.work import NO_KINKS, Runs, Work
+from henon_ref.sweeps.work import NO_KINKS, START, UNTIL, Runs, Work
 from henon_ref.taylor.tape import TIME
 
 OK = "the run reached its horizon"
@@ -238,7 +238,7 @@ def _run(runs: Runs, integrator: Integrator, own: Places) -> None:
         keep=work.keep,
         most_steps=work.max_steps,
         mode={signs.index(sign): side for sign, side in (work.mode or {}).items()},
-        exact=_exact_points(work, values, initial, times),
+        exact=_exact_points(runs, own, [s.name for s in integrator.parameters], values, initial, times),
     )
     kept = [block for block in made if len(block)] if len(own) else []
     runs.status[own], runs.message[own], runs.refused[own] = "ok", OK, False
@@ -256,18 +256,26 @@ def _run(runs: Runs, integrator: Integrator, own: Places) -> None:
         runs.keep(block, own, rows)
 
 
-def _exact_points(work: Work, values: Vector, initial: Vector, times: Vector) -> Callable[[int], ExactPoint]:
-    """Return a function that gives the exact numbers of a point whose pairs of doubles are known."""
-    known = work.exact_parameters
+def _exact_points(
+    runs: Runs, own: Places, parameters: Sequence[str], values: Vector, initial: Vector, times: Vector
+) -> Callable[[int], ExactPoint]:
+    """Return a function that gives the exact numbers of one of the runs ``own``, whose pairs of doubles are known.
 
-    def number(pair: list[float]) -> Any:
-        high, low = pair
-        if pair_of(high) == (high, low) or not math.isfinite(high):
-            return high
-        return known.get((high, low), sp.Rational(high) + sp.Rational(low))
+    A pair that is no printed decimal number (of a swept value, or of a state at the end of the run before it) is the
+    value of an expression.
+    """
+    work, numbers = runs.work, runs.work.numbers
 
     def point(k: int) -> ExactPoint:
-        state, parameters = ([number(pair) for pair in pairs[k].tolist()] for pairs in (initial, values))
-        return ExactPoint(tuple(parameters), state, *(number(pair) for pair in times[k].tolist()))
+        here = {name: float(column[own[k]]) for name, column in runs.values.items()}
+
+        def exact(names: Sequence[str], pairs: Vector) -> list[Any]:
+            return [
+                high if not math.isfinite(high) or pair_of(high) == (high, low) else numbers[name].exact(here)
+                for name, (high, low) in zip(names, pairs.tolist(), strict=True)
+            ]
+
+        state, time = exact(work.system.state, initial[k]), exact((START, UNTIL), times[k])
+        return ExactPoint(tuple(exact(parameters, values[k])), state, *time)
 
     return point

@@ -12,7 +12,6 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.expressions.algebra import signed_form
-from henon_ref.expressions.bounds import double_double
 from henon_ref.expressions.evaluation import parse_expression
 from henon_ref.integrator.integrator import Integrator
 from henon_ref.integrator.pairs import decimal_pairs
@@ -154,11 +153,6 @@ class Work:
         """Parameters in exponents that vary between points; each of their values requires its own compiled system."""
         numbers = self.numbers
         return sorted(p for p in self.system.exponent_parameters if p not in numbers or numbers[p].names)
-
-    @cached_property
-    def exact_parameters(self) -> dict[tuple[float, float], sp.Expr]:
-        """Pair of doubles -> exact value of a parameter of the system."""
-        return {double_double(value): value for value in self.system.model.parameters.values()}
 
     @cached_property
     def keep(self) -> Keep:

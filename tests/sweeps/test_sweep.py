@@ -56,6 +56,19 @@ def test_numbers_may_be_fractions_and_text() -> None:
     assert table["end_time"].tolist() == [9.25, 9.25]
 
 
+@pytest.mark.parametrize("mode", [None, {"s": 0}])
+@pytest.mark.parametrize("grid", [{"x": [0, 0.5]}, {"vb": [0.1, 0.5]}])
+def test_a_start_on_a_surface_may_be_an_irrational_number(grid: dict[str, Any], mode: dict[str, int] | None) -> None:
+    """v = pi*vb is on the surface for every vb; a pair of doubles would be beside it."""
+    system = System(["x", "v"], {"vb": 0.3}, {"s": "v - pi*vb"}, ["v", "-s"])
+    observed = [hr.observe.final_state()]
+    table = hr.sweep(system, {"x": 0.5, "v": "pi*vb"}, until=2, grid=grid, observe=observed, mode=mode, jobs=1)
+    assert table["status"].tolist() == ["ok", "ok"]
+    assert table["final_mode"].tolist() == ["s=0", "s=0"]
+    speed = np.pi * np.array(grid.get("vb", [0.3, 0.3]))
+    assert table["final_x"].to_numpy() == pytest.approx(2 * speed + grid.get("x", [0.5, 0.5]), rel=1e-14)
+
+
 def test_without_observations_there_is_the_status() -> None:
     table = hr.sweep(sliding_block(), {"x": 0, "v": 1}, until=2, grid={"F": [1, 2]}, jobs=1)
     assert table["status"].tolist() == ["ok", "ok"]
