@@ -92,7 +92,7 @@ def _guard_text(system: FilippovSystem, mode: equations.ModeEquations, guard: eq
         rate=infix(rate),
         rate_slopes=[infix(sp.diff(rate, x)) for x in system.states],
         linear=is_linear(system.numeric(guard.expression), system.states),
-        armed=not guard.rising_only,
+        armed=not (guard.rising_only or guard.held),
         successors=_successors(system, guard),
     )
 

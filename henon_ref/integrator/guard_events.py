@@ -149,8 +149,8 @@ def load_equals_friction(guards: Sequence[Guard], outputs: Sequence[Sequence[arb
     ends = [g for g, end in enumerate(guards) if end.kind == "release" and end.index == guard.index]
     friction = sum(float(outputs[end][0]) for end in ends)
     size, power = 0.0, 1.0
-    for c in outputs[own]:
-        size += abs(float(c)) * power
+    for k, c in enumerate(outputs[own]):
+        size += 0.0 if guard.held and k == 0 else abs(float(c)) * power
         power = min(power * longer, 1e300)
     return size <= EQUAL * friction
 

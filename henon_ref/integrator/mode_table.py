@@ -289,7 +289,7 @@ class ModeTable:
             surface = guard.kind == "surface"
             record["kind"] = kernel.VALID if guard.ends else _KIND[guard.kind]
             record["index"], record["valid"] = guard.index, guard.kind == "valid"
-            record["rising_only"] = guard.rising_only
+            record["rising_only"], record["held"] = guard.rising_only, guard.held
             record["hold_zone"] = surface and system.held_inside(guard.index)
             record["side"], record["to_sign"] = mode[guard.index] if surface else 0, guard.to_sign
             record["kink"] = surface and not guard.ends and guard.index in self._kinks

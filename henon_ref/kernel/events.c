@@ -56,6 +56,7 @@ static double near_touch(const double *a, int64_t degree, double level)
 
 /* Check whether a guard is the end of a slide and the force equals the friction on a whole step: the slide holds.
  *
+ * A load that is held does not exceed its limit: that it does so without changing on the step results from the tolerance.
  * The guard is compared with the sum of all guards that end the slide, which has the size of the friction. "natural" is
  * theta of the uncut step: on a shortened step any guard next to zero would stay there.
  */
@@ -71,7 +72,7 @@ static bool load_equals_friction(const struct work *w, int64_t guard, double nat
     double own = 0.0, power = 1.0;
     const double *row = guard_row(w, guard);
     for (int64_t k = 0; k <= w->run->order; k++) {
-        own += fabs(row[k]) * power;
+        own += end->held && k == 0 ? 0.0 : fabs(row[k]) * power;
         if (!(own <= EQUAL_PART * friction))
             return false;
         power *= natural;

@@ -122,6 +122,7 @@ struct guard {
     int64_t index;            /* of the surface, or of the valid expression */
     int64_t valid;            /* whether the index is that of a valid expression */
     int64_t rising_only;      /* whether it may begin below zero, and counts only after it has risen */
+    int64_t held;             /* whether it is the distance of a load from the limit of static friction */
     int64_t hold_zone;        /* whether a hold zone decides the mode after it */
     int64_t coupled;          /* COUPLED if its surface acts on one that the mode slides on, or the reverse; or
                                  RESETTING */

@@ -40,6 +40,8 @@ class Guard:
     """In time, states, parameters (and, in shared equations, the signs of surfaces in slip)."""
     rising_only: bool = False
     """Whether the guard may be negative at the start of the mode and is armed once it has become positive."""
+    held: bool = False
+    """Whether it is the distance of a load from the limit of static friction."""
     ends: Refusal | None = None
     """Reason why the run ends when the guard falls; None if the run continues in another mode."""
     cut: tuple[tuple[int, int], ...] = ()

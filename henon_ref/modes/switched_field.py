@@ -159,8 +159,8 @@ class SwitchedField:
         """
         slip = {s: side for s, side in self.slip_signs(mode).items() if s != self.signs[index]}
         ends = ((r, r.when if r.direction == "falling" else -r.when) for r in self.overrides[index].release)
-        later = not self.held_inside(index)
-        return tuple(Guard("release", index, r.to, put(end, slip), rising_only=later) for r, end in ends)
+        held = self.held_inside(index)
+        return tuple(Guard("release", index, r.to, put(end, slip), not held, held) for r, end in ends)
 
     @cached_property
     def multiples(self) -> dict[int, tuple[int, int]]:

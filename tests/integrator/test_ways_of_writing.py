@@ -265,8 +265,6 @@ PULLED = {"x": 0, "v": 0.5}
         (belt("-x - F*s + 2*max(0, x - 1)"), 6, 1),  # the force is x - 2 from x = 1 on
         (belt("-x - F*s/2 - sign(x - 0.4)/5"), 0.8, -1),  # it jumps from 0.4 - 0.2 to 0.6
         (by_hand("-x - F*s - 2*max(0, x - 1)", "x + 2*max(0, x - 1)", "x - 1"), 2, -1),
-        # The load comes to its limit at the kink, and falls from there on.
-        (by_hand("-x - F*s + 2*max(0, x - 1)", "x - 2*max(0, x - 1)", "x - 1"), 2, -1),
         (by_hand("-x - F*s - sign(x - 0.9)/5", "x + sign(x - 0.9)/5", "x - 0.9"), 1.8, -1),
         (by_hand("-x - F*s - max(0, x - 0.5)", "x + max(0, x - 0.5)", "x - 0.5", surfaces={"p": "4*x - 3"}), 1.5, -1),
     ],
@@ -277,6 +275,14 @@ def test_a_slide_ends_at_kinks_where_the_force_says(system: hr.System, release: 
         found = [(t.time, t.kind, t.to_mode[0]) for t in run.trajectory.transitions if t.surface == 0]
         assert found == [(pytest.approx(release, abs=1e-14), "release", to)]  # it lets go, and does not stick again
     assert runs[1].counts.decisions == Decisions()
+
+
+def test_a_load_that_turns_at_its_limit_is_held() -> None:
+    """The load of the slide rises to its limit at the kink, x = 1, and falls from there on; it is -1 at x = 3."""
+    system = by_hand("-x - F*s + 2*max(0, x - 1)", "x - 2*max(0, x - 1)", "x - 1")
+    run = hr.simulate(system, PULLED, until=7)
+    found = [(t.time, t.kind, t.to_mode[0]) for t in run.trajectory.transitions if t.surface == 0]
+    assert found[0] == (pytest.approx(6, abs=1e-14), "release", 1)
 
 
 @pytest.mark.parametrize(
