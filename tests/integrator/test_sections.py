@@ -17,8 +17,8 @@ def block(sections: dict[str, str], field: list[str] = BLOCK, **values: float) -
     return hr.System(["x", "v"], {**QUIET, **values}, {"s": "v - vb", **sections}, field)
 
 
-def same_motion(one: hr.Solution, other: hr.Solution) -> None:
-    """Check that two runs have the same end, and the same transitions of the surface s."""
+def assert_same_motion(one: hr.Solution, other: hr.Solution) -> None:
+    """Assert that two runs have the same end, and the same transitions of the surface s."""
     assert one.status == other.status == "ok"
     assert one.y[:, -1] == pytest.approx(other.y[:, -1], abs=1e-9)
     mine, theirs = (run.transitions[run.transitions.surface == "s"] for run in (one, other))
@@ -42,7 +42,7 @@ def test_the_section_is_crossed_again_after_the_slide() -> None:
     start = {"x": 1.3, "v": 0}
     for forces in ({"A": 1.2, "w": 0.7}, {"A": 1.1, "w": 1.3}, {"A": 2, "w": 0.5}):
         run = hr.simulate(block({"q": "v"}, **forces), start, until=60)
-        same_motion(run, hr.simulate(block({}, **forces), start, until=60))
+        assert_same_motion(run, hr.simulate(block({}, **forces), start, until=60))
         sides, due = [], []
         for row in run.transitions[run.transitions.surface == "s"].itertuples():
             side = int(row.to_mode.split()[0].removeprefix("s="))
@@ -78,7 +78,7 @@ def test_two_slides_on_sections_go_on(section: str) -> None:
             )
             for sections in ({}, {"q": section})
         ]
-        same_motion(runs[1], runs[0])
+        assert_same_motion(runs[1], runs[0])
 
 
 def bounces(ratio: float, sections: dict[str, str]) -> hr.Solution:
@@ -97,7 +97,7 @@ def bounces(ratio: float, sections: dict[str, str]) -> hr.Solution:
 @pytest.mark.parametrize("section", ["v + x", "v - x", "sin(v)", "v**3", "x**2", "v*x"])
 def test_impacts_accumulate_beside_a_section(ratio: float, section: str) -> None:
     run = bounces(ratio, {"q": section})
-    same_motion(run, bounces(ratio, {}))
+    assert_same_motion(run, bounces(ratio, {}))
     assert run.mode(5)["s"] == 0
 
 
