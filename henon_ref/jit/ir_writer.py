@@ -6,8 +6,10 @@ written order, so the digits do not depend on the processor.
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Callable, Sequence
+from functools import cached_property
 
 from henon_ref.kernel.shared import kernel
 
@@ -73,12 +75,27 @@ def loop_function(name: str, arguments: str, body: Sequence[str]) -> str:
     )
 
 
+def count(ir: str) -> int:
+    """Count floating-point operations in LLVM IR: each lane of a vector counts, a fused multiply-add counts twice."""
+    total = 0
+    for line in ir.splitlines():
+        if re.search(r"\b(fadd|fsub|fmul|fdiv)\b|llvm\.fma", line) and not line.startswith("declare"):
+            lanes = re.search(r"<(\d+) x double>", line)
+            total += (2 if "llvm.fma" in line else 1) * (int(lanes[1]) if lanes else 1)
+    return total
+
+
 class IRWriter:
     """Writer of the instructions of one function."""
 
     def __init__(self) -> None:
         self.lines: list[str] = []
         self._next = 0
+
+    @cached_property
+    def once(self) -> IRWriter:
+        """This writer, but an instruction that ``once`` has already written is not repeated: its value is returned."""
+        return _Once(self)
 
     def name(self) -> str:
         self._next += 1
@@ -211,6 +228,17 @@ class IRWriter:
         for first, second in new:
             total = self.fused(first, second, total)
         return total
+
+
+class _Once(IRWriter):
+    def __init__(self, w: IRWriter) -> None:
+        self._w, self.lines = w, w.lines
+        self._known: dict[str, str] = {}
+
+    def emit(self, text: str) -> str:
+        if text not in self._known:
+            self._known[text] = self._w.emit(text)
+        return self._known[text]
 
 
 def _chained(pairs: Sequence[tuple[str, str]], fused: Callable[[str, str, Value], Value]) -> tuple[Value, Value]:

@@ -6,19 +6,16 @@ Pointer ``%p0`` is the row that is computed. Further pointers are the rows and n
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 from henon_ref.jit.ir_writer import LANES, IRWriter, Value, literal
-from henon_ref.taylor.llvm.coefficients import Coefficients, Constants, Functions
-from henon_ref.taylor.llvm.convolutions import Convolutions
-from henon_ref.taylor.llvm.functions_of_time import Clock, SineOfTime
-from henon_ref.taylor.llvm.layout import store_combination, store_values
+from henon_ref.taylor.llvm.coefficients import Coefficients, Constants, Convolutions
+from henon_ref.taylor.llvm.expansion import store_combination, store_values
 from henon_ref.taylor.llvm.linear_forms import Factor, Form
-from henon_ref.taylor.llvm.node_recurrences import NodeRecurrences
-from henon_ref.taylor.llvm.pieces import Pieces, PiecewiseWriter
-from henon_ref.taylor.llvm.recurrences import Recurrence
+from henon_ref.taylor.llvm.pieces import Pieces, in_pieces
+from henon_ref.taylor.llvm.recurrences import Recurrence, Recurrences
 from henon_ref.taylor.llvm.shapes import Shape
 from henon_ref.taylor.llvm.step_bounds import inverse_size, longest_step
-from henon_ref.taylor.llvm.sums import IntegralOfForm
 from henon_ref.taylor.tape import Node
 
 
@@ -28,27 +25,14 @@ class _Series(Coefficients):
     def __init__(self, w: IRWriter, pointer: str, degree: int) -> None:
         super().__init__(w)
         self._pointer, self._degree = pointer, degree
-        self._read: dict[int, Value] = {}
 
     def __getitem__(self, k: int) -> Value:  # type: ignore[override]
-        if k > self._degree:
-            return None
-        if k not in self._read:
-            self._read[k] = self._w.load(self._pointer, k)
-        return self._read[k]
+        return None if k > self._degree else self._w.once.load(self._pointer, k)
 
 
-class _Constants(Constants):
+def _constants(w: IRWriter, first: int, count: int) -> Constants:
     """Constants of one node by their index among its operands; a clock's two are followed by their rounding errors."""
-
-    def __init__(self, w: IRWriter, first: int, count: int) -> None:
-        self._w, self._first, self._count = w, first, count // 2
-        self._loaded, self._products, self._sums = {}, {}, {}
-
-    def value(self, index: int) -> str:
-        if index not in self._loaded:
-            self._loaded[index] = self._w.load(f"%p{self._first + index}", 0)
-        return self._loaded[index]
+    return Constants(w, count // 2, lambda index: (f"%p{first + index}", 0))
 
 
 class OneNode:
@@ -56,64 +40,63 @@ class OneNode:
 
     def __init__(self, shape: Shape, order: int) -> None:
         self.shape, self.order, own = shape, order, len(shape.series)
-        self.w = w = PiecewiseWriter()
-        w.begin()
-        self.constants, functions = _Constants(w, 1 + own, shape.constants), Functions(w)
-        self.series: dict[int, Coefficients] = {
+        self.w = w = IRWriter()
+        self.constants = _constants(w, 1 + own, shape.constants)
+        series: dict[int, Coefficients] = {
             label: _Series(w, f"%p{1 + label}", degree) for label, (_, degree) in enumerate(shape.series)
         }
-        self.y = self.series[own] = Coefficients(w)
+        self.y = series[own] = Coefficients(w)
         pair = (shape.args[0], shape.args[1], own) if shape.op == "mul" else (own - 1, own, own)
-        self.convolutions = Convolutions(w, self.series, [pair] if shape.in_vectors else [], order)
+        convolutions = Convolutions(w, series, [pair] if shape.in_vectors else [], order)
         integrals = {
-            label: (self.series[of], w.mul(self.constants.total(rate), "%unit")) for label, of, rate in shape.integrals
+            label: (series[of], w.mul(self.constants.total(rate), "%unit")) for label, of, rate in shape.integrals
         }
-        self.made = NodeRecurrences(w, self.constants, functions, self.series, self.convolutions, integrals, order)
+        self.made = Recurrences(w, self.constants, series, convolutions, integrals, order)
         self.form = Form({label: list(found) for label, found in shape.terms}, list(shape.constant))
 
     def recurrence(self) -> Recurrence:
         """Recurrence of a node that is not a rate."""
-        shape, own = self.shape, len(self.shape.series)
-        if shape.op in ("sum", "output"):
-            return self.made.linear(self.form)
+        shape, own, clock = self.shape, len(self.shape.series), Node("clock", (), (0, 1))
+        if shape.op == "sum":
+            return partial(self.made.linear, self.form)
         if shape.op.endswith(" of time"):
-            clock = Clock(self.w, self.constants, 0, 1, self.order)
-            clock.coefficient(0)  # its phase is in two numbers
-            return SineOfTime(self.w, shape.op[:3], clock)
-        numbers = (0, 1) if shape.op == "clock" else tuple(range(shape.constants))
+            self.made.clock(own, clock)(0)  # its phase is in two numbers
+            return self.made.sine_of_time(shape.op[:3], own, clock)
+        if shape.op == "clock":
+            return self.made.clock(own, clock)
         if shape.op == "recip":
             return self.made.of(own, Node("recip", (0,), (0,)), None, self.form)
-        return self.made.of(own, Node(shape.op, shape.args, numbers), None, None)
+        return self.made.of(own, Node(shape.op, shape.args, tuple(range(shape.constants))), None, None)
 
     def pieces(self) -> Pieces:
         """Code of a node, one piece per order."""
-        recurrence, y = self.recurrence(), self.y
+        recurrence, y, starts = self.recurrence(), self.y, [0]
         for k in range(self.order + 1):
             if k:
-                self.w.begin()
-            self.convolutions.add_up(k)
-            y.append(recurrence.coefficient(k))
-            self.convolutions.pack(k)
-        return self.w.pieces({k: (k, v) for k, v in enumerate(y) if v is not None}, "%p0", self.order + 1)
+                starts.append(len(self.w.lines))
+            self.made.convolutions.add_up(k)
+            y.append(recurrence(k))
+            self.made.convolutions.pack(k)
+        results = {k: (k, v) for k, v in enumerate(y) if v is not None}
+        return in_pieces(self.w.lines, starts, results, "%p0", self.order + 1)
 
     def rate_pieces(self) -> Pieces:
         """Code of a state: the next coefficient from each order."""
-        state = IntegralOfForm(self.w, self.constants, self.form, self.series, None)
-        results = {}
+        factors, results, starts = self.made.rate_factors(self.form), {}, [0]
         for k in range(self.order):
             if k:
-                self.w.begin()
-            results[k + 1] = k, state.coefficient(k + 1)
-        return self.w.pieces(results, "%p0", self.order + 1)
+                starts.append(len(self.w.lines))
+            results[k + 1] = k, self.made.state(self.form, factors, k + 1)
+        return in_pieces(self.w.lines, starts, results, "%p0", self.order + 1)
 
     def output(self) -> list[str]:
         """Lines of an output: its row, and its ratios as stored by :func:`_ratios`."""
-        w, order, target = self.w, self.order, self.made.linear(self.form)
+        w, order = self.w, self.order
         in_rows = order >= LANES and all(self.shape.series[label][0] for label in self.form.terms)
         wanted = {0, 1, 2, order - 1, order} if in_rows else range(order + 1)
-        values = [target.coefficient(k) if k in wanted else None for k in range(order + 1)]
+        values = [self.made.linear(self.form, k) if k in wanted else None for k in range(order + 1)]
         if in_rows:
-            parts = [((f"%p{1 + label}", 0), target.factor(label)) for label in self.form.terms]
+            parts = [((f"%p{1 + label}", 0), self.constants.total(found)) for label, found in self.form.terms.items()]
             store_combination(w, values[0], ("%p0", 0), parts, order)
         else:
             store_values(w, values, ("%p0", 0))
@@ -137,7 +120,7 @@ def total_lines(kind: Sequence[tuple[int, int]]) -> list[str]:
     for sign, count in kind:
         factors.append(Factor(sign, tuple(range(first, first + count))))
         first += count
-    w.store(_Constants(w, 1, first).total(factors) or literal(0.0), "%p0", 0)
+    w.store(_constants(w, 1, first).total(factors) or literal(0.0), "%p0", 0)
     return w.lines
 
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
-from henon_ref.jit.ir_writer import ZERO, IRWriter, Value
+from henon_ref.jit.ir_writer import ZERO, Value
 
 CHEAP = 3
 """Largest number of operations for which a value is computed again instead of stored."""
@@ -24,36 +25,30 @@ class Pieces(NamedTuple):
     room: int
 
 
-class PiecewiseWriter(IRWriter):
-    """Writer of instructions in pieces."""
+def in_pieces(
+    lines: Sequence[str], starts: Sequence[int], results: Mapping[int, tuple[int, Value]], own: str, room: int
+) -> Pieces:
+    """Cut straight-line code into pieces that can be compiled separately.
 
-    def __init__(self) -> None:
-        super().__init__()
-        self._starts: list[int] = []
-
-    def begin(self) -> None:
-        self._starts.append(len(self.lines))
-
-    def pieces(self, results: Mapping[int, tuple[int, Value]], own: str, room: int) -> Pieces:
-        """Return the written code as pieces that can be compiled separately.
-
-        Parameters
-        ----------
-        results : mapping
-            Place in memory -> (index of the piece that stores the value there, the value).
-        own : str
-            Pointer to the memory, available in all pieces.
-        room : int
-            First free place in the memory, for values that later pieces read.
-        """
-        return _Cut(self.lines, self._starts, own, room).made(results)
+    Parameters
+    ----------
+    lines : sequence of str
+    starts : sequence of int
+        Index of the first line of each piece.
+    results : mapping
+        Place in memory -> (index of the piece that stores the value there, the value).
+    own : str
+        Pointer to the memory, available in all pieces.
+    room : int
+        First free place in the memory, for values that later pieces read.
+    """
+    return _Cut(lines, starts, own, room).made(results)
 
 
 class _Cut:
     def __init__(self, lines: Sequence[str], starts: Sequence[int], own: str, room: int) -> None:
         self.own, self.room = own, room
-        ends = [*starts[1:], len(lines)]
-        self.bodies = [list(lines[start:end]) for start, end in zip(starts, ends, strict=True)]
+        self.bodies = [lines[start:end] for start, end in pairwise([*starts, len(lines)])]
         self.texts: dict[str, str] = {}
         self.piece: dict[str, int] = {}
         for number, body in enumerate(self.bodies):
@@ -65,27 +60,25 @@ class _Cut:
         self._costs: dict[str, int] = {}
 
     def made(self, results: Mapping[int, tuple[int, Value]]) -> Pieces:
-        stores: list[list[tuple[int, str]]] = [[] for _ in self.bodies]
+        stores: list[list[tuple[str, int]]] = [[] for _ in self.bodies]
         for place, (number, value) in results.items():
             if value in self.piece and value not in self.kept:
                 self.kept[value] = place
             else:
-                stores[number].append((place, value or ZERO))
+                stores[number].append((value or ZERO, place))
         read = [self._earlier(number) for number in range(len(self.bodies))]
         for names in read:
             for name in names:
                 self._keep_for(name)
         lines = []
         for number, (body, names) in enumerate(zip(self.bodies, read, strict=True)):
-            w = _Again(self)
-            for name in names:
-                w.make(name)
-            for _, value in stores[number]:
-                if self.piece.get(value, number) < number:
-                    w.make(value)
-            new = [place for place in self.kept.items() if self.piece[place[0]] == number]
-            ends = [*((value, place) for place, value in stores[number]), *new]
-            lines.append([*w.lines, *body, *(line for end in ends for line in self.stored(*end))])
+            before: dict[str, str] = {}
+            for name in (*names, *(value for value, _ in stores[number])):
+                if self.piece.get(name, number) < number:
+                    self._again(name, before)
+            new = [found for found in self.kept.items() if self.piece[found[0]] == number]
+            ends = [line for found in (*stores[number], *new) for line in self._stored(*found)]
+            lines.append([*before.values(), *body, *ends])
         return Pieces(lines, self.room)
 
     def _earlier(self, number: int) -> list[str]:
@@ -112,7 +105,7 @@ class _Cut:
             self._costs[name] = cost
         return self._costs[name]
 
-    def stored(self, value: str, place: int) -> list[str]:
+    def _stored(self, value: str, place: int) -> list[str]:
         """Code that stores a value in memory."""
         at, kind = f"%to{place}", _type(self.texts.get(value, "double"))
         return [
@@ -120,28 +113,19 @@ class _Cut:
             f"  store {kind} {value}, ptr {at}, align 8",
         ]
 
-
-class _Again:
-    """Code that loads or recomputes values of earlier pieces."""
-
-    def __init__(self, cut: _Cut) -> None:
-        self.cut = cut
-        self.lines: list[str] = []
-        self._known: set[str] = set()
-
-    def make(self, name: str) -> None:
-        if name in self._known or name not in self.cut.texts:
+    def _again(self, name: str, lines: dict[str, str]) -> None:
+        """Add the code that loads or recomputes a value of an earlier piece; ``lines``: the code of each value."""
+        if name in lines or name not in self.texts:
             return
-        self._known.add(name)
-        text = self.cut.texts[name]
-        if name in self.cut.kept:
-            place = self.cut.kept[name]
-            self.lines.append(f"  %from{place} = getelementptr double, ptr {self.cut.own}, i64 {place}")
+        text, load = self.texts[name], ""
+        if name in self.kept:
+            place = self.kept[name]
+            load = f"  %from{place} = getelementptr double, ptr {self.own}, i64 {place}\n"
             text = f"load {_type(text)}, ptr %from{place}, align 8"
         else:
             for each in _NAME.findall(text):
-                self.make(each)
-        self.lines.append(f"  {name} = {text}")
+                self._again(each, lines)
+        lines[name] = f"{load}  {name} = {text}"
 
 
 def _type(text: str) -> str:

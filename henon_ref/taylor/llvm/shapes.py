@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from henon_ref.taylor.llvm.convolutions import convolved
+from henon_ref.taylor.llvm.coefficients import convolved
 from henon_ref.taylor.llvm.expansion import integral_states, read_by
 from henon_ref.taylor.llvm.linear_forms import Factor, Form, Forms
 from henon_ref.taylor.rules import LINEAR, RULES, Linear, Product, Quotient
