@@ -10,13 +10,12 @@ from collections.abc import Sequence
 import numpy as np
 from flint import arb
 
-from henon_ref.integrator.endings import ending_of, range_ending
+from henon_ref.integrator.endings import ending_of, pass_branch_point, range_ending
 from henon_ref.integrator.multiprecision_event import LocatedEvent, UndecidedStep, locate_event
 from henon_ref.integrator.precise_modes import PreciseMotion, split
 from henon_ref.integrator.records import GRAZE, RESET, STICK, TRANSITION, TRANSITION_PLACES, written
-from henon_ref.integrator.run_result import Reason
 from henon_ref.integrator.state_view import State
-from henon_ref.integrator.transition_array import KINDS
+from henon_ref.integrator.transition_array import KINDS, Reason
 from henon_ref.kernel.shared import LEVELS, kernel
 from henon_ref.modes.after_jump import after_jump
 from henon_ref.modes.decision import Decision
@@ -43,8 +42,6 @@ def answered(run: State, code: int) -> Ending | None:
             ending = select_mode(run) if code == kernel.SELECT_MODE else locate(run)
         return ("ok", "") if ending is None and run.scalars.stopped else ending
     if code == kernel.STALLED:
-        from henon_ref.integrator.guard_branch_point import pass_branch_point
-
         if pass_branch_point(run):
             return None
         if close_to_horizon(run):
