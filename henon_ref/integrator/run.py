@@ -7,8 +7,8 @@ a code if double precision does not decide, a mode has no machine code yet, or t
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from functools import cache
+from collections.abc import Callable, Iterator
+from functools import cache, partial
 from types import ModuleType
 from typing import Any, NamedTuple, cast
 
@@ -16,15 +16,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.integrator.constants import LoopData
-from henon_ref.integrator.integrator import Integrator
-from henon_ref.integrator.records import CHUNK, STEP_PLACES, Workspace, numbered, step_dtype, words_of
-from henon_ref.integrator.start import Start, out_of_steps
+from henon_ref.integrator.integrator import Integrator, local_error, order_for
+from henon_ref.integrator.records import CHUNK, HENON, STEP_PLACES, Workspace, numbered, step_dtype, words_of
+from henon_ref.integrator.start import NO_LIMIT, Start, out_of_steps
 from henon_ref.integrator.state_view import State
 from henon_ref.integrator.transition_array import Reason, RunResult, TransitionArray, shown
 from henon_ref.jit.processor_time import Deadline
 from henon_ref.kernel.shared import doubles, ffi, kernel
 from henon_ref.modes.kinks import HiddenKinks
 from henon_ref.modes.mode import Mode
+from henon_ref.modes.problem import Problem
 from henon_ref.trajectory import Decisions, Status, Trajectory, Transition
 
 _whole_run, _loop, _HORIZON = kernel.whole_run, kernel.advance, kernel.HORIZON  # a library's names take longer to find
@@ -61,6 +62,41 @@ def run_to_horizon(
         end = shown(Run(integrator, start, deadline=deadline, begun=workspace).to_horizon(code), kinks)
         _loop_data(integrator, start)  # later runs may need the modes compiled in this one
     return end
+
+
+def prepared_run(
+    problem: Problem,
+    *,
+    rtol: float,
+    landing: int = HENON,
+    sample_times: NDArray[np.float64] | None = None,
+    deadline: float | None = None,
+) -> Callable[[], Trajectory]:
+    """Compile a problem and decide its start.
+
+    Parameters
+    ----------
+    problem : Problem
+    rtol : float
+        Tolerance; the local error of a step is a tenth of it (:func:`local_error`).
+    landing : int
+        One of :data:`henon_ref.integrator.records.LANDINGS`.
+    sample_times : ndarray, shape (k,), optional
+        Increasing times at which the state is sampled.
+    deadline : float, optional
+        Limit on the processor time of the run [s].
+
+    Returns
+    -------
+    callable
+        Does the entire run again at each call.
+    """
+    error = local_error(rtol)
+    integrator = Integrator(problem.system, order_for(error))
+    # The deadline, not a number of steps, limits the run.
+    start = integrator.start(problem, tolerance=error, landing=landing, most_steps=NO_LIMIT)
+    kinks = HiddenKinks(problem.system) if problem.system.kinks else None
+    return partial(run_to_horizon, integrator, start, sample_times, deadline, kinks)
 
 
 @cache

@@ -12,7 +12,7 @@ from henon_ref.errors import ModelError
 from henon_ref.harness.campaign.comparison import ReadingResult
 from henon_ref.harness.report.text.ranking import grouped
 from henon_ref.harness.table import Table
-from henon_ref.integrator.prepared_run import order_for
+from henon_ref.integrator.integrator import order_for
 from henon_ref.jit.ir_writer import count
 from henon_ref.modes.kinks import continuous
 from henon_ref.modes.latex import (
