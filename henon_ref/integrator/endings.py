@@ -33,14 +33,8 @@ ROUNDING = 1e3 * EPS
 """Relative change of a series that rounding alone may cause."""
 FARTHEST, NEARER, TRIES = 1e-5, 0.1, 5
 """First distance to continue past the branch point, relative to the run's length; its factor per try; tries."""
-ORDER = 16
-"""Order of the states' expansion over this short time."""
-NEGLIGIBLE = 1e-40
-"""Largest size of the last terms relative to the sum of all terms."""
 SIDES = (1.0, 0.47, 0.22, 0.09, 0.03)
 """Distances from the branch point at which the guards are evaluated on both sides, relative to that distance."""
-CLEAR = 8.0
-"""Smallest size of a guard in units of its variation around the branch point."""
 
 
 def ending_of(run: State, code: int) -> tuple[Status, Reason]:
@@ -194,9 +188,10 @@ def pass_branch_point(run: State) -> bool:
 
 def _passed(modes: PreciseModes, mode: Mode, time: arb, state: Sequence[arb], length: arb) -> list[arb] | None:
     """Return the state after ``length``, or None unless all guards clearly keep their signs from -length to length."""
-    motion, _ = modes.motion(mode, time, state, length, ORDER)
-    if not all(_converged(series) for series in motion):
-        return None
+    motion, _ = modes.motion(mode, time, state, length, 16)
+    for sizes in ([abs(float(c)) for c in series] for series in motion):
+        if not max(sizes[-4:]) <= 1e-40 * sum(sizes):  # not converged
+            return None
     states = [arb_poly(series) for series in motion]
     values = []
     for place in (arb(side * part) for part in SIDES for side in (1, -1)):
@@ -209,12 +204,7 @@ def _passed(modes: PreciseModes, mode: Mode, time: arb, state: Sequence[arb], le
     return [series(arb(1)) for series in states]
 
 
-def _converged(series: Sequence[arb]) -> bool:
-    sizes = [abs(float(c)) for c in series]
-    return max(sizes[-4:]) <= NEGLIGIBLE * sum(sizes)
-
-
 def _clear(values: Sequence[float]) -> bool:
-    """Whether values have one sign and are CLEAR times larger than their variation."""
-    variation = max(values) - min(values)
-    return all(v > CLEAR * variation for v in values) or all(v < -CLEAR * variation for v in values)
+    """Whether values have one sign and are eight times larger than their variation."""
+    variation = 8.0 * (max(values) - min(values))
+    return all(v > variation for v in values) or all(v < -variation for v in values)

@@ -19,9 +19,6 @@ from henon_ref.integrator.start import Start, begin, run_template
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem
 
-KEPT_VALUES = 64
-"""Parameter values of which the constants are kept."""
-
 
 def local_error(rtol: float) -> float:
     """Return the local error of a step for a tolerance."""
@@ -72,7 +69,7 @@ class Integrator:
         self.order = order
         self.mode_table = ModeTable(system, order)
         self.programs = ParameterPrograms(self.mode_table)
-        self.constants = lru_cache(maxsize=KEPT_VALUES)(self._constants)
+        self.constants = lru_cache(maxsize=64)(self._constants)
         """Constants of the compiled modes at values of :attr:`parameters`."""
         self.free: list[Workspace] = []
 

@@ -27,8 +27,6 @@ from henon_ref.precision import working_precision
 from henon_ref.roots.multiprecision import BITS
 from henon_ref.trajectory import Status
 
-CLOSE_PART = 2.0**-40
-"""Remaining time, relative to the horizon, below which a step to the horizon is taken in multiprecision."""
 Ending = tuple[Status, Reason]
 """Status and reason of a run that ends."""
 
@@ -143,6 +141,10 @@ def _set_known_zeros(run: State, mode: Mode, zeros: Sequence[int]) -> None:
         run.known_zeros[g] = zeros[place] if place >= 0 else 0
 
 
+def _without_equations(run: State) -> Ending:
+    return "failed", f"the mode after t = {run.time:.17g} has no equations"
+
+
 def change_mode(
     run: State,
     decision: Decision,
@@ -175,10 +177,6 @@ def change_mode(
     for i in () if changed else tangential:
         record(run, KINDS.index(transition_kind(before[i], decision.mode[i])), i, source, row, side=0)
     return ending_of(run, kernel.EVENTS_ACCUMULATE) if kernel.events_accumulate(run.workspace.run) else None
-
-
-def _without_equations(run: State) -> Ending:
-    return "failed", f"the mode after t = {run.time:.17g} has no equations"
 
 
 def jump(run: State, surfaces: tuple[int, ...], hits: Sequence[Guard]) -> Ending | None:
@@ -221,7 +219,7 @@ def close_to_horizon(run: State) -> bool:
     Over such a time guards change by less than the rounding error of the states, so that no step can be validated.
     """
     scalars, left = run.scalars, run.left(run.now)
-    if not (left <= CLOSE_PART * abs(run.until[0]) and run.guards):
+    if not (left <= 2.0**-40 * abs(run.until[0]) and run.guards):
         return False
     scalars.suspect = scalars.step_length = left
     scalars.guard, scalars.stalled = kernel.NOWHERE, 0
@@ -289,7 +287,7 @@ def select_mode(run: State) -> Ending | None:
         return None
     at = run.start.constants.in_doubles.at(run.time, run.x.tolist())
     decision = after_event(at, before, hits)
-    seen = decision.mode is not None and run.integrator.mode_table.known(decision.mode) is not None
+    seen = decision.mode is not None and run.integrator.mode_table.knows(decision.mode)
     run.count("mode_selections" if seen else "new_modes")
     if decision.mode is None:
         return decision.ending, decision.reason

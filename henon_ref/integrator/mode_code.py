@@ -75,7 +75,7 @@ class ModeCode:
 
     @property
     def fields(self) -> dict[str, int]:
-        """Values of the fields of :data:`henon_ref.integrator.records.MODE` that depend on the code."""
+        """Values of the fields of a mode's record (``struct mode``) that depend on the code."""
         return {
             "expansion": self.code.address("expansion"),
             "step_end": self.code.address("closing"),

@@ -36,8 +36,6 @@ MEMORY = 1 << 26
 """Approximate limit on the memory of these constants [bytes]: with many modes, fewer points at once."""
 BUFFER = 16 * CHUNK
 """Initial capacity of the buffer of transitions."""
-PAUSE_STEPS = 1_000_000
-"""Number of steps between checks for interrupts (some tenths of a second)."""
 TRIES = 16
 """Number of consecutive points set aside without a new mode after which the call no longer stops for them."""
 
@@ -196,7 +194,8 @@ class _Part:
         self.memory = np.zeros(1, dtype=PROGRESS)
         self.progress, keep = self.memory[0], runs.keep
         self.progress["after"], self.progress["open_sticks"] = keep
-        self.progress["steps"], self.progress["stop_aside"] = PAUSE_STEPS, True
+        self.progress["steps"] = 1_000_000  # between checks for interrupts: some tenths of a second
+        self.progress["stop_aside"] = True
 
     def run(self) -> Iterator[NDArray[Any]]:
         """Do the runs; yield the kept transitions."""

@@ -34,19 +34,13 @@ MOST_ORDER = 320
 """Largest order of an expansion; it ends earlier if its terms are negligible or the motion is a polynomial."""
 NEGLIGIBLE = 1e-50
 """Size of negligible terms relative to the sum of all terms on the step."""
-LEAST_ORDER = 48
-"""Smallest order of an expansion that is not a polynomial: low orders may be zero."""
 ENDING_ORDERS = 4
 """Number of consecutive negligible orders that end an expansion."""
 
 MOST_STEPS = 1000
 """Largest number of steps (some seconds)."""
-SHORTEST_PART = 2.0**-20
-"""Smallest length of a step relative to the requested length."""
 SAME = 1e-2
 """Largest relative difference between the doubles and the motion for which its digits are trusted."""
-START_ROUNDING = 2.0**-52
-"""Rounding error of a pair of doubles relative to that of one double; the propagated errors have the same ratio."""
 
 
 def split(number: arb) -> Pair:
@@ -189,8 +183,8 @@ class PreciseModes:
         degree = _degree(tape)
 
         def enough(x: Sequence[Sequence[arb]], y: Sequence[Sequence[arb]]) -> bool:
-            """Checked every few orders."""
-            return len(x[0]) > LEAST_ORDER and len(x[0]) % ENDING_ORDERS == 1 and _negligible_tail([*x, *y])
+            """Checked every few orders, from 48 on: low orders may be zero."""
+            return len(x[0]) > 48 and len(x[0]) % ENDING_ORDERS == 1 and _negligible_tail([*x, *y])
 
         order, end = (degree, None) if degree else (MOST_ORDER, enough)
         states, outputs = expand(tape, numbers, time, state, order, RING, unit, end)
@@ -254,15 +248,15 @@ class PreciseMotion:
         sizes = [abs(x) for x in near]
         if not all(error <= SAME * max(size, SAME * max(sizes)) for error, size in zip(off, sizes, strict=True)):
             return None
-        if self._exact:
-            return list(self._state), [0.0] * len(off)
-        return list(self._state), [START_ROUNDING * error for error in off]
+        # The rounding error of a pair relative to that of one double; the propagated errors have the same ratio.
+        rounding = 0.0 if self._exact else 2.0**-52
+        return list(self._state), [rounding * error for error in off]
 
     def _advance(self, time: arb, length: float) -> bool:
         """Advance to a time; False if that takes too many steps."""
         part = 1.0
         while self._time < time:
-            if self._steps >= MOST_STEPS or part < SHORTEST_PART:
+            if self._steps >= MOST_STEPS or part < 2.0**-20:
                 return False
             self._steps += 1
             left = time - self._time
