@@ -37,8 +37,6 @@ LONGEST_NAME = 500
 """Largest number of characters of a path in a message."""
 _CHECK = 32
 """Bytes of a file's checksum: SHA-256 of its name and content."""
-_PROBE = 4096
-"""Bytes that a test file in the folder must be able to hold."""
 _NOWHERE = Path(os.devnull, "henon_ref")
 """Path that cannot exist: no file is found or kept in it."""
 _LOG = logging.getLogger(__name__)
@@ -80,7 +78,7 @@ def _refused(wanted: Path, folder: Path) -> str | None:
             reason = _open_to_others(wanted, folder)
         if reason is None:
             with tempfile.TemporaryFile(dir=folder) as probe:
-                probe.write(bytes(_PROBE))
+                probe.write(bytes(4096))
     except FileExistsError:
         return "it is not a folder"
     except OSError as error:

@@ -15,7 +15,6 @@ from henon_ref.kernel.shared import kernel
 
 LANES: int = kernel.LANES
 """Number of doubles in a vector."""
-LIBM = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "asin", "acos", "atan", "exp", "log")
 _OF_LIBM = "nobuiltin readnone nounwind"
 """Attributes of calls to the C library: no vector library (SVML, say), whose last digits differ, may replace them."""
 _INTRINSICS = ("sqrt", "fabs", "fma", "rint")
@@ -40,7 +39,8 @@ def literal(value: float) -> str:
 
 def declarations() -> str:
     """LLVM declarations of the functions that generated code calls."""
-    lines = [f"declare double @{f}(double) {_OF_LIBM}" for f in LIBM]
+    functions = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "asin", "acos", "atan", "exp", "log")
+    lines = [f"declare double @{f}(double) {_OF_LIBM}" for f in functions]
     lines.append(f"declare double @pow(double, double) {_OF_LIBM}")
     lines += [f"declare double @llvm.{f}.f64(double)" for f in _INTRINSICS if f != "fma"]
     lines.append("declare double @llvm.fma.f64(double, double, double)")

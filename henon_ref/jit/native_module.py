@@ -26,8 +26,6 @@ from henon_ref.kernel.library import CPU_VARIABLE
 
 KEPT = 2048
 """Largest number of objects on disk; beyond it, the half that was unused for longest is removed."""
-_FORM = 2
-"""Version of the format of objects on disk."""
 
 
 def target() -> tuple[str, str]:
@@ -79,7 +77,7 @@ class NativeModule:
         name = key if key is not None else text
         assert name is not None, "IR that is written only when it is needed has a key"
         level = "" if optimised and simplified else f"O{2 * optimised}{' simplified' * simplified}\n"
-        file = _objects() / hashlib.sha256((_maker() + level + name).encode()).hexdigest()
+        file = cache_root() / OBJECTS / hashlib.sha256((_maker() + level + name).encode()).hexdigest()
         known = _read(file)
         if known is not None:
             self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
@@ -112,13 +110,9 @@ def source_hash(*patterns: str) -> str:
 
 @cache
 def _maker() -> str:
-    """Text of everything besides the IR on which machine code depends."""
+    """Text of everything besides the IR on which machine code depends; first the version of the objects' format."""
     version = ".".join(map(str, llvm.llvm_version_info))
-    return f"{_FORM} {llvmlite.__version__} {version} {' '.join(target())}\n"
-
-
-def _objects() -> Path:
-    return cache_root() / OBJECTS
+    return f"2 {llvmlite.__version__} {version} {' '.join(target())}\n"
 
 
 def _read(file: Path) -> bytes | None:

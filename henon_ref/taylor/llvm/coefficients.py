@@ -8,9 +8,6 @@ from henon_ref.jit.ir_writer import LANES, MINUS, ONE, ZERO, IRWriter, Value
 from henon_ref.taylor.llvm.linear_forms import Factor
 from henon_ref.taylor.tape import INFINITE, Tape
 
-VECTOR_ORDER = 8
-"""Order from which convolutions use vectors; at lower orders a lane would have only one or two products."""
-
 Pair = tuple[int, int, int]
 """Nodes u and v, and the node whose recurrence uses the sum of u_j v_(k-j)."""
 
@@ -84,7 +81,7 @@ class Convolutions:
     def __init__(self, w: IRWriter, series: Mapping[int, Sequence[Value]], pairs: Sequence[Pair], order: int) -> None:
         self.w, self.series, self.order = w, series, order
         half = LANES // 2
-        wanted = list(pairs) if order >= VECTOR_ORDER else []
+        wanted = list(pairs) if order >= 8 else []  # at lower orders a lane would have only one or two products
         self.groups = [wanted[i : i + half] for i in range(0, len(wanted), half)]
         self.operands: list[dict[int, tuple[str, str]]] = [{} for _ in self.groups]
         self.sums: dict[tuple[Pair, int], str] = {}

@@ -6,11 +6,12 @@ nodes costs one operation per node. A state's rate is folded into the factors of
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection
 from dataclasses import dataclass, field
 
 from henon_ref.taylor.rules import LINEAR, RULES, Linear
-from henon_ref.taylor.tape import Node, Tape
+from henon_ref.taylor.tape import Tape
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,25 +48,18 @@ class Forms:
 
     def __init__(self, tape: Tape) -> None:
         self.tape = tape
-        uses = [0] * len(tape.nodes)
-        nonlinear: set[int] = set()
-        for node in tape.nodes:
-            if node.op == "state":
-                continue
-            for argument in node.args:
-                uses[argument] += 1
-                if node.op not in LINEAR:
-                    nonlinear.add(argument)
-        for root in (*tape.field, *tape.outputs):
-            uses[root] += 1
-        self.uses = uses
+        reading = [node for node in tape.nodes if node.op != "state"]
+        uses = Counter([*(a for node in reading for a in node.args), *tape.field, *tape.outputs])
+        nonlinear = {a for node in reading if node.op not in LINEAR for a in node.args}
+        others = {a for node in reading if node.op not in (*LINEAR, "recip") for a in node.args}
         self.affine_arguments: dict[int, tuple[int, Form]] = {}
         """Denominator of a reciprocal, if it is ``a x + b`` -> (x, its form); the recurrence reads x instead of it."""
-        for node in tape.nodes:
-            if node.op == "recip":
-                self._find_affine_argument(node.args[0])
-        others = {a for n in tape.nodes if n.op != "recip" and n.op not in LINEAR for a in _read(n)}
-        self.affine_arguments = {a: found for a, found in self.affine_arguments.items() if a not in others}
+        for at in [node.args[0] for node in reading if node.op == "recip"]:
+            form = self._flat(at, ())
+            if at not in others and tape.nodes[at].op in LINEAR and len(form.terms) == 1:
+                (leaf,) = form.terms
+                if tape.nodes[leaf].op not in ("clock", "constant"):
+                    self.affine_arguments[at] = leaf, form
         self.kept = {
             at
             for at, node in enumerate(tape.nodes)
@@ -73,13 +67,6 @@ class Forms:
             and at not in self.affine_arguments
             and (at in nonlinear or (uses[at] > 1 and node.op in ("add", "sub")))
         }
-
-    def _find_affine_argument(self, at: int) -> None:
-        form = self._flat(at, ())
-        if self.tape.nodes[at].op in LINEAR and len(form.terms) == 1:
-            (leaf,) = form.terms
-            if self.tape.nodes[leaf].op not in ("clock", "constant"):
-                self.affine_arguments[at] = leaf, form
 
     def of(self, at: int) -> Form:
         """Form of a node; a kept node is expanded too."""
@@ -114,7 +101,3 @@ class Forms:
                 signs = (rule.first, rule.second)[: len(node.args)]
                 waiting += [(a, factor.signed(sign)) for a, sign in zip(node.args, signs, strict=True)]
         return form
-
-
-def _read(node: Node) -> tuple[int, ...]:
-    return () if node.op == "state" else node.args

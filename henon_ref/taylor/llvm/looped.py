@@ -26,10 +26,7 @@ from henon_ref.taylor.tape import Tape
 T = TypeVar("T")
 Key = TypeVar("Key", bound=Hashable)
 _POINTER = re.compile(r"%p(\d+)\b")
-_ARGUMENTS = "ptr noalias %C, ptr noalias %S, ptr noalias %K"
 _TIMES = "double %unit, double %t_hi, double %t_lo"
-NOTHING = 1e30
-"""Longest step if no function bounds it."""
 
 
 def looped_expansion_ir(tape: Tape, states: int, order: int, name: str, width: int | None = None) -> str:
@@ -171,8 +168,9 @@ class _LoopedExpansion:
         steps = self._longest_step()
         both = self._taken(sum(counts))
         first, name, total = (n + len(shapes.outputs)) * self.width, self.name, sum(counts)
-        self.globals.append(_PAIRED.format(name=f"{name}.largest", operation=_LARGER))
-        self.globals.append(_PAIRED.format(name=f"{name}.total", operation=_SUM))
+        larger = "%greater = fcmp ogt double %a, %b\n  %c = select i1 %greater, double %a, double %b"
+        self.globals.append(_PAIRED.format(name=f"{name}.largest", operation=larger))
+        self.globals.append(_PAIRED.format(name=f"{name}.total", operation="%c = fadd double %a, %b"))
         at = "  %{0} = getelementptr double, ptr %{1}, i64 {2}"
         self.calls += [
             *(at.format(*each) for each in (("before", "S", places[0]), ("last", "S", places[1]), ("both", "S", both))),
@@ -191,7 +189,7 @@ class _LoopedExpansion:
         shapes, order, place = self.shapes, self.order, self._taken(1)
         self.calls += [
             f"  %step = getelementptr double, ptr %S, i64 {place}",
-            f"  store double {literal(NOTHING)}, ptr %step, align 8",
+            f"  store double {literal(1e30)}, ptr %step, align 8",
         ]
 
         def kind(at: int) -> tuple[str, bool, int, int]:
@@ -227,7 +225,8 @@ def _loop_ir(name: str, bases: Sequence[str], lines: list[str]) -> str:
             f"  %p{i} = getelementptr double, ptr {bases[i]}, i64 %h{i}",
         ]
     row = f"  %row = mul i64 %at, {len(bases)}"
-    return loop_function(name, f"{_ARGUMENTS}, ptr noalias %T, i64 %count, {_TIMES}", [row, *pointers, *lines])
+    arguments = "ptr noalias %C, ptr noalias %S, ptr noalias %K, ptr noalias %T, i64 %count"
+    return loop_function(name, f"{arguments}, {_TIMES}", [row, *pointers, *lines])
 
 
 def _copy_ir(name: str) -> str:
@@ -286,5 +285,3 @@ nothing:
 }}
 """
 """Reduction of all numbers in pairs of pairs (:meth:`henon_ref.jit.ir_writer.IRWriter.paired`)."""
-_LARGER = "%greater = fcmp ogt double %a, %b\n  %c = select i1 %greater, double %a, double %b"
-_SUM = "%c = fadd double %a, %b"

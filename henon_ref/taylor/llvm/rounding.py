@@ -14,8 +14,6 @@ from henon_ref.taylor.tape import Node, Tape
 
 UNDERFLOW = 2.0**-1022
 """Largest error of an operation by underflow: a number below the smallest normal double may be lost."""
-GIVEN = ("state", "clock")
-"""Operations whose rounding is not counted in a sum, because it belongs to the given values."""
 
 
 def rounding_ir(tape: Tape, states: int, name: str) -> str:
@@ -62,7 +60,7 @@ class _Errors:
             return self.bounds[next(iter(factors))]
         total = literal(UNDERFLOW)
         for leaf, factor in factors.items():
-            if not (given and nodes[leaf].op in GIVEN):
+            if not (given and nodes[leaf].op in ("state", "clock")):
                 error = w.call("fma", "%unit", self._size(leaf), self.bounds[leaf])
                 total = w.call("fma", w.call("fabs", factor), error, total)
         constant = None if given else self.expansion.constants.total(form.constant)
