@@ -5,11 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 from henon_ref.jit.ir_writer import LANES, MINUS, ONE, ZERO, IRWriter, Value
-from henon_ref.taylor.llvm.linear_forms import Factor
-from henon_ref.taylor.tape import INFINITE, Tape
-
-Pair = tuple[int, int, int]
-"""Nodes u and v, and the node whose recurrence uses the sum of u_j v_(k-j)."""
+from henon_ref.taylor.llvm.linear_forms import Factor, Pair
 
 
 class Coefficients(list[Value]):
@@ -139,18 +135,3 @@ class Convolutions:
             rest = w.fused(u[k - 1], v[1], rest)
             rest = w.fused(u[1], v[k - 1], rest)
         return w.add(rest, total)
-
-
-def convolved(tape: Tape, denominator: Callable[[int], int]) -> list[Pair]:
-    """Products that use lanes: of nodes that are not polynomials in time; ``denominator``: see :class:`Forms`."""
-    pairs: list[Pair] = []
-    for at, node in enumerate(tape.nodes):
-        if node.op == "mul":
-            pair = node.args[0], node.args[1], at
-        elif node.op in ("recip", "div"):
-            pair = denominator(node.args[-1]), at, at
-        else:
-            continue
-        if all(tape.nodes[i].degree == INFINITE for i in pair):
-            pairs.append(pair)
-    return pairs

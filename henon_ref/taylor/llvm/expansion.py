@@ -9,13 +9,13 @@ size of a step, so that coefficients neither overflow nor underflow in any units
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
 from itertools import count
 
 from henon_ref.jit.ir_writer import LANES, ZERO, IRWriter, Value, literal, row_length
 from henon_ref.taylor import rules
-from henon_ref.taylor.llvm.coefficients import Coefficients, Constants, Convolutions, convolved
+from henon_ref.taylor.llvm.coefficients import Coefficients, Constants, Convolutions
 from henon_ref.taylor.llvm.linear_forms import Form, Forms
 from henon_ref.taylor.llvm.recurrences import Recurrence, Recurrences
 from henon_ref.taylor.llvm.step_bounds import GROWING, inverse_size, last_terms, longest_step
@@ -105,15 +105,12 @@ class Expansion:
         self.series = {
             at: self.solution[node.args[0]] if node.op == "state" else Coefficients(w) for at, node in enumerate(nodes)
         }
-        self.field = [self.forms.of(root) for root in tape.field]
-        self.output_forms = [self.forms.of(root) for root in tape.outputs]
-        self.kept = {at: self.forms.of(at) for at in self.forms.kept}
-        convolutions = Convolutions(w, self.series, convolved(tape, self.forms.denominator), order)
+        convolutions = Convolutions(w, self.series, self.forms.convolved(), order)
         integrals: dict[int, tuple[Coefficients, Value]] = {}
         self.made = Recurrences(w, self.constants, self.series, convolutions, integrals, order)
-        self.rates = [self.made.rate_factors(form) for form in self.field]
+        self.rates = [self.made.rate_factors(form) for form in self.forms.field]
         self.integral_states = {
-            i: (self._state(leaf), self.rates[i][leaf]) for i, leaf in integral_states(tape, self.field, order).items()
+            i: (self.forms.state(leaf), self.rates[i][leaf]) for i, leaf in self.forms.integral_states(order).items()
         }
         """State whose rate is a multiple of another state -> the other state, and the factor times the time unit."""
         for at, node in enumerate(nodes):
@@ -122,8 +119,8 @@ class Expansion:
                 integrals[at] = self.solution[source], rate
         self.recurrences: dict[int, Recurrence] = {}
         for at, node in enumerate(nodes):
-            if at in self.kept:
-                self.recurrences[at] = partial(self.made.linear, self.kept[at])
+            if at in self.forms.kept:
+                self.recurrences[at] = partial(self.made.linear, self.forms.kept[at])
             elif node.op not in (*rules.LINEAR, "state"):
                 below = self.forms.below(node.args[0]) if node.op == "recip" else None
                 self.recurrences[at] = self.made.of(at, node, self.clock_of(node), below)
@@ -138,21 +135,19 @@ class Expansion:
     def run(self) -> None:
         """Write the required coefficients of the nodes, states and outputs."""
         w, order, made = self.w, self.order, self.made
-        leaves = (leaf for form in self.output_forms for leaf in form.terms)
-        last = read_by(self.tape, self.forms, self.kept, leaves)
         for k in range(order + 1):
             made.convolutions.add_up(k)
             for at, recurrence in self.recurrences.items():
-                wanted = k < order or order == 0 or at in last
+                wanted = k < order or order == 0 or at in self.forms.last
                 self.series[at].append(recurrence(k) if wanted else None)
             if k < order:
-                for row, form, factors in zip(self.solution, self.field, self.rates, strict=True):
+                for row, form, factors in zip(self.solution, self.forms.field, self.rates, strict=True):
                     row.append(made.state(form, factors, k + 1))
             made.convolutions.pack(k)
             if k == 2 and order >= 3:  # divisions have a long latency and start as early as possible
-                rows = [*self.solution, *([made.linear(form, j) for j in range(3)] for form in self.output_forms)]
+                rows = [*self.solution, *([made.linear(form, j) for j in range(3)] for form in self.forms.outputs)]
                 self.sizes = [inverse_size(w, values) for values in rows]
-        self.outputs = [self._output(form) for form in self.output_forms]
+        self.outputs = [self._output(form) for form in self.forms.outputs]
 
     def store(self, width: int) -> None:
         """Store all rows; rows of integral states and of linear outputs are computed from rows already stored."""
@@ -166,9 +161,9 @@ class Expansion:
                 store_values(w, values, row(i))
         for i, (source, rate) in self.integral_states.items():
             store_integral(w, self.solution[i], row(i), row(source), rate, order)
-        for r, form, found in zip(count(self.states), self.output_forms, self.outputs, strict=False):
+        for r, form, found in zip(count(self.states), self.forms.outputs, self.outputs, strict=False):
             if self._by_vectors(form):
-                parts = [(row(self._state(leaf)), self.constants.total(form.terms[leaf])) for leaf in form.terms]
+                parts = [(row(self.forms.state(leaf)), self.constants.total(form.terms[leaf])) for leaf in form.terms]
                 store_combination(w, found[0], row(r), parts, order)
             else:
                 store_values(w, found, row(r))
@@ -181,48 +176,7 @@ class Expansion:
 
     def _by_vectors(self, form: Form) -> bool:
         """Whether the row of an output is combined from the states' rows, which saves 2 to 16 % of a run of the rig."""
-        return self.order >= LANES and all(self._state(leaf) >= 0 for leaf in form.terms)
-
-    def _state(self, leaf: int) -> int:
-        """Index of the state that a leaf is, or -1."""
-        node = self.tape.nodes[leaf]
-        return node.args[0] if node.op == "state" else -1
-
-
-def integral_states(tape: Tape, field: Sequence[Form], order: int) -> dict[int, int]:
-    """States whose rate is a multiple of another state that is not such a state itself (Fig. 8: 4 to 6 % of a run).
-
-    Each with the node of the other state. ``field``: the rates as forms.
-    """
-    found: dict[int, int] = {}
-    sources: set[int] = set()
-    for i, form in enumerate(field):
-        if order >= LANES and len(form.terms) == 1 and not form.constant and i not in sources:
-            (leaf,) = form.terms
-            node = tape.nodes[leaf]
-            source = node.args[0] if node.op == "state" else -1
-            if source not in (-1, i) and source not in found:
-                found[i] = leaf
-                sources.add(source)
-    return found
-
-
-def read_by(tape: Tape, forms: Forms, kept: Mapping[int, Form], roots: Iterable[int]) -> set[int]:
-    """Nodes that the roots depend on, including the roots but not states; ``kept``: forms of linear nodes."""
-    found: set[int] = set()
-    waiting = list(roots)
-    while waiting:
-        at = waiting.pop()
-        node = tape.nodes[at]
-        if at not in found and node.op != "state":
-            found.add(at)
-            if at in kept:
-                waiting.extend(kept[at].terms)
-            elif node.op == "recip":
-                waiting.append(forms.denominator(node.args[0]))
-            else:
-                waiting.extend(node.args)
-    return found
+        return self.order >= LANES and all(self.forms.state(leaf) >= 0 for leaf in form.terms)
 
 
 def store_values(w: IRWriter, values: Sequence[Value], row: Row) -> None:

@@ -4,7 +4,7 @@ A tape of thousands of operations has few kinds of them. As in heyoka's compact 
 2021, Sec. 2.4) there is one function per shape and order. It loops over all nodes of the shape by a table of the places
 that they read, so that compilation time does not grow with their number. The functions are written by the recurrences
 of the straight-line code (:mod:`henon_ref.taylor.llvm.expansion`) for one node, cut into pieces
-(:mod:`henon_ref.taylor.llvm.pieces`), and compute the same bits.
+(:mod:`henon_ref.taylor.llvm.one_node`), and compute the same bits.
 
 Series of states are in the rows of ``C``. Series of nodes are in memory ``S`` that is allocated for the call, which
 also holds the sums of constants that are used as factors, each once, and the numbers for the choice of the step size.
@@ -17,8 +17,7 @@ from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from typing import TypeVar
 
 from henon_ref.jit.ir_writer import literal, loop_function, row_length
-from henon_ref.taylor.llvm.one_node import OneNode, bound_lines, state_lines, total_lines
-from henon_ref.taylor.llvm.pieces import Pieces
+from henon_ref.taylor.llvm.one_node import OneNode, Pieces, bound_lines, state_lines, total_lines
 from henon_ref.taylor.llvm.shapes import Factors, Operands, Shape, Shapes
 from henon_ref.taylor.llvm.step_bounds import GROWING
 from henon_ref.taylor.tape import Tape

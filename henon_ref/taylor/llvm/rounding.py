@@ -29,8 +29,8 @@ def rounding_ir(tape: Tape, states: int, name: str) -> str:
     errors = _Errors(w, expansion)
     for at in expansion.recurrences:
         errors.add(at)
-    found = [errors.of_form(rate, given=False) for rate in expansion.field]
-    found += [errors.of_form(target, given=True) for target in expansion.output_forms]
+    found = [errors.of_form(rate, given=False) for rate in expansion.forms.field]
+    found += [errors.of_form(target, given=True) for target in expansion.forms.outputs]
     for place, value in enumerate(found):
         w.store(value, "%C", place)
     return function_ir(w, name)
@@ -44,8 +44,8 @@ class _Errors:
     def add(self, at: int) -> None:
         """Compute the bound of a node from those of its arguments."""
         w, node = self.w, self.expansion.tape.nodes[at]
-        if at in self.expansion.kept:
-            self.bounds[at] = self.of_form(self.expansion.kept[at], given=False)
+        if at in self.expansion.forms.kept:
+            self.bounds[at] = self.of_form(self.expansion.forms.kept[at], given=False)
             return
         own = literal(UNDERFLOW)
         if node.args and self.expansion.clock_of(node) is None:
