@@ -109,7 +109,7 @@ class OneNode:
         return in_pieces(self.w.lines, starts, results, "%p0", self.order + 1)
 
     def output(self) -> list[str]:
-        """Lines of an output: its row, and its ratios as stored by :func:`_ratios`."""
+        """Lines of an output: its row, and its part in the norms (:func:`_include`)."""
         w, order = self.w, self.order
         in_rows = order >= LANES and all(self.shape.series[label][0] for label in self.form.terms)
         wanted = {0, 1, 2, order - 1, order} if in_rows else range(order + 1)
@@ -120,17 +120,18 @@ class OneNode:
         else:
             store_values(w, values, ("%p0", 0))
         if order >= 3:
-            _ratios(w, values, 1 + len(self.shape.series) + self.shape.constants)
+            _include(w, values, f"%p{1 + len(self.shape.series) + self.shape.constants}")
         return w.lines
 
 
-def _ratios(w: IRWriter, values: Sequence[Value], pointer: int) -> None:
-    """Store a row's last two coefficients, relative to its size, at a pointer and the next one."""
+def _include(w: IRWriter, values: Sequence[Value], norms: str) -> None:
+    """Include a row in the norms: largest last and last but one coefficient relative to the row's size, and a sum."""
     inverse = inverse_size(w, values[:3])
-    for value in values[-2:]:
+    for place, value in zip((1, 0), values[-2:], strict=True):
         if value is not None:
-            w.store(w.binary("fmul", w.call("fabs", value), inverse), f"%p{pointer}", 0)
-            pointer += 1
+            ratio = w.binary("fmul", w.call("fabs", value), inverse)
+            w.store(w.larger(w.load(norms, place), ratio), norms, place)
+            w.store(w.plus(w.load(norms, 2), ratio), norms, 2)
 
 
 def total_lines(kind: Sequence[tuple[int, int]]) -> list[str]:
@@ -144,10 +145,10 @@ def total_lines(kind: Sequence[tuple[int, int]]) -> list[str]:
 
 
 def state_lines(degree: int, order: int) -> list[str]:
-    """Store the ratios of a state; coefficients above its degree are zero already."""
+    """Include a state in the norms; coefficients above its degree are zero already."""
     w = IRWriter()
     row = _Series(w, "%p0", degree)
-    _ratios(w, [row[k] for k in range(order + 1)], 1)
+    _include(w, [row[k] for k in range(order + 1)], "%p1")
     return w.lines
 
 
