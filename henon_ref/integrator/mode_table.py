@@ -103,7 +103,6 @@ class ModeTable:
         no_sources = np.zeros((0, 0, 0), dtype=np.int64)
         self.compiled = CompiledModes(np.zeros(0, dtype=mode_dtype(self.most_guards)), no_sources, 0)
         self._codes: dict[Mode | frozenset[int], ModeCode] = {}
-        self._guards: dict[Mode, tuple[Guard, ...]] = {}
         if surfaces == 1:
             for mode in ((-1,), (1,), (0,)):
                 self.row(mode)
@@ -155,9 +154,7 @@ class ModeTable:
         """Return the guards of a mode in the order of its row."""
         if self._switched:
             return self._switched.guards(mode)
-        if mode not in self._guards:
-            self._guards[mode] = self.system.equations(mode).guards
-        return self._guards[mode]
+        return self.system.equations(mode).guards
 
     def leads_to(self, row: int, place: int, entry: int) -> int:
         """Return the row of the mode that a guard leads to for this entry; -1 if the loop must not enter it."""

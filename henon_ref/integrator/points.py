@@ -219,10 +219,11 @@ class _Part:
         points.ends = ffi.cast("struct end *", ffi.from_buffer(runs.ends[self.part]))
         points.states = doubles(runs.states[self.part])
         tries, code, data = TRIES, kernel.PAUSE, None
+        pointer = ffi.cast("struct progress *", ffi.from_buffer(self.memory))
         while code != kernel.DONE:
             if data is None or data.compiled is not table.compiled:
                 tries, data = TRIES, self._constants(points)
-            code = kernel.run_points(self._progress, points, data.tables, self._buffer(self.kept))
+            code = kernel.run_points(pointer, points, data.tables, self._buffer(self.kept))
             if code == kernel.ASIDE:
                 yield from self._in_python(int(progress["point"]) - 1)
                 tries -= 1
@@ -247,10 +248,6 @@ class _Part:
             for end in ("from_mode", "to_mode"):
                 found[end] = numbers[found[end]]
         return found
-
-    @property
-    def _progress(self) -> Any:
-        return ffi.cast("struct progress *", ffi.from_buffer(self.memory))
 
     def _buffer(self, kept: NDArray[np.float64]) -> Any:
         """Return a ``struct buffer`` over ``kept`` and :attr:`pending`, which must outlive it."""

@@ -8,8 +8,7 @@ a code if double precision does not decide, a mode has no machine code yet, or t
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from functools import cache, partial
-from types import ModuleType
+from functools import partial
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -97,14 +96,6 @@ def prepared_run(
     start = integrator.start(problem, tolerance=error, landing=landing, most_steps=NO_LIMIT)
     kinks = HiddenKinks(problem.system) if problem.system.kinks else None
     return partial(run_to_horizon, integrator, start, sample_times, deadline, kinks)
-
-
-@cache
-def _mode_changes() -> ModuleType:
-    """Return the module :mod:`henon_ref.integrator.mode_changes`, which most runs do not need."""
-    from henon_ref.integrator import mode_changes
-
-    return mode_changes
 
 
 def _loop_data(integrator: Integrator, start: Start) -> LoopData:
@@ -262,7 +253,9 @@ class Run(State):
     def _answered(self, code: int, *, stop: bool = False) -> Trajectory | None:
         """Handle a return code of the loop; None if the run continues."""
         if code not in _WITHOUT_DECISION:
-            ending = _mode_changes().answered(self, code)
+            from henon_ref.integrator.mode_changes import answered  # most runs do not need it
+
+            ending = answered(self, code)
             return None if ending is None else self._end(*ending)
         if code == kernel.HORIZON or code == kernel.STOPPED:
             return self._end("ok", "")

@@ -72,10 +72,10 @@ def _refused(wanted: Path, folder: Path) -> str | None:
     ``folder``: ``wanted`` with links resolved.
     """
     try:
-        reason = _link_of_another(wanted)
-        if reason is None:
-            folder.mkdir(mode=PRIVATE, parents=True, exist_ok=True)
-            reason = _open_to_others(wanted, folder)
+        if sys.platform != "win32" and wanted.is_symlink() and wanted.lstat().st_uid not in (0, os.geteuid()):
+            return "it is a link of another user"
+        folder.mkdir(mode=PRIVATE, parents=True, exist_ok=True)
+        reason = _open_to_others(wanted, folder)
         if reason is None:
             with tempfile.TemporaryFile(dir=folder) as probe:
                 probe.write(bytes(4096))
@@ -84,12 +84,6 @@ def _refused(wanted: Path, folder: Path) -> str | None:
     except OSError as error:
         return f"it cannot be written ({error.strerror or error})"
     return reason
-
-
-def _link_of_another(wanted: Path) -> str | None:
-    if sys.platform != "win32" and wanted.is_symlink() and wanted.lstat().st_uid not in (0, os.geteuid()):
-        return "it is a link of another user"
-    return None
 
 
 def _open_to_others(wanted: Path, folder: Path) -> str | None:
