@@ -12,7 +12,8 @@ from henon_ref.errors import ModelError
 from henon_ref.harness.campaign.comparison import ReadingResult
 from henon_ref.harness.report.text.ranking import grouped
 from henon_ref.harness.table import Table
-from henon_ref.integrator.prepared_run import order_for
+from henon_ref.integrator.integrator import order_for
+from henon_ref.jit.ir_writer import count
 from henon_ref.modes.kinks import continuous
 from henon_ref.modes.latex import (
     MOST_MODES,
@@ -29,7 +30,6 @@ from henon_ref.modes.mode import Mode, mode_text
 from henon_ref.modes.resets import REMAINING, impact_of
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.system.assembly import Scene
-from henon_ref.taylor.llvm.count import count
 from henon_ref.taylor.llvm.expansion import expansion_ir
 from henon_ref.taylor.tape import TIME, Tape, build_tape
 from henon_ref.text import markdown
