@@ -12,7 +12,7 @@ from henon_ref.errors import CaseError
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.comparison import Comparison, ReadingResult
 from henon_ref.harness.score.gate import Bounds, bounds_of
-from henon_ref.harness.score.kinds import kind_of
+from henon_ref.harness.score.reference import kind_of
 from henon_ref.text import one_line
 from henon_ref.workers.machine import commit, machine
 

@@ -1,14 +1,68 @@
-"""Write a figure as a short SVG."""
+"""Figures of a report as short SVG, and the job of a worker that draws the figures of a reading."""
 
 from __future__ import annotations
 
 import math
 import re
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
+
+from henon_ref.figures.motion import Motion, draw_portrait, motion_of
+from henon_ref.figures.scene import draw_scene
+from henon_ref.figures.style import image
+from henon_ref.figures.time_series import draw_modes
+from henon_ref.harness.campaign.comparison import ReadingResult
+from henon_ref.harness.campaign.rows import Record
+from henon_ref.harness.figures import draw_cost, draw_errors
+from henon_ref.workers.worker import Job, WorkerState
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+KINDS = ("scene", "portrait", "modes", "errors", "cost")
+"""Kinds of figures of a reading, which are part of their file names."""
+
+
+@dataclass(frozen=True)
+class FigureJob(Job):
+    """Draw the figures of one reading; the result maps file names to contents."""
+
+    result: ReadingResult
+    records: list[Record]
+    seconds: ClassVar[float] = 120.0
+
+    @property
+    def reading(self) -> str:
+        return self.result.reading.name
+
+    def run(self, state: WorkerState) -> dict[str, bytes]:
+        reading, expected, motion = self.result.reading, self.result.expected, motion_in(self.result)
+        drawn: dict[str, Figure | None] = {}
+        if reading.scene is not None:
+            drawn["scene"] = draw_scene(reading.scene)
+        if motion is not None:
+            drawn |= {"portrait": draw_portrait(reading, motion), "modes": draw_modes(reading, motion)}
+        if expected is not None:
+            drawn["errors"] = draw_errors([(record.run, record.transitions) for record in self.records], expected)
+            drawn["cost"] = draw_cost([record.run for record in self.records], expected)
+        return {file_name(self.reading, kind): svg(figure) for kind, figure in drawn.items() if figure is not None}
+
+
+def motion_in(result: ReadingResult) -> Motion | None:
+    """Return the sampled motion of a reading between its exact transitions; None if it is not known."""
+    if result.samples is None or result.expected is None:
+        return None
+    return motion_of(result.samples, result.expected.transitions)
+
+
+def file_name(reading: str, kind: str) -> str:
+    return f"{reading}_{kind}.svg"
+
+
+def svg(figure: Figure) -> bytes:
+    """Format a figure as SVG; equal data give equal bytes."""
+    return shortened(image(figure))
+
 
 UNIT = 0.01
 """Resolution of coordinates [pt], about a hundredth of a pixel."""
@@ -29,13 +83,6 @@ _PLACE = re.compile(rb' (?:x|y)="[^"]*"')
 _LONG = re.compile(rb"-?\d+\.\d{3,}(?![\d.e])")
 _PATH = re.compile(rb' d="([MLQCz\d\s.e-]*)"')
 _COMMAND = re.compile(rb"([MLQCz])([-\d\s.e]*)")
-
-
-def svg(figure: Figure) -> bytes:
-    """Format a figure as SVG; equal data give equal bytes."""
-    from henon_ref.figures.style import image
-
-    return shortened(image(figure))
 
 
 def shortened(content: bytes) -> bytes:

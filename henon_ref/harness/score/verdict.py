@@ -126,7 +126,7 @@ def spurious_verdict(expected: Expected, event: Transition, allowed: float) -> V
     graze = _graze_within(expected, event.time, gap, allowed)
     if graze is not None:
         return _grazing(graze, allowed)
-    nearest = expected.grazes_by_time.from_nearest(event.time)
+    nearest = expected.from_nearest_graze(event.time)
     no_graze = "the exact run comes close to no surface without reaching it" if nearest is None else (
         f"the nearest near touch is {nearest:.1e} s away"
     )  # fmt: skip
@@ -141,7 +141,7 @@ def graze_distance(expected: Expected, index: int) -> float:
 
 def _graze_within(expected: Expected, where: float, gap: float, allowed: float) -> NearGraze | None:
     """Near graze around this time whose distance is within the granted error, if any."""
-    graze = expected.grazes_by_time.closest(where, gap)
+    graze = expected.closest_graze(where, gap)
     return graze if graze is not None and graze.distance <= allowed else None
 
 

@@ -16,9 +16,9 @@ from typing import Any
 from henon_ref.errors import CaseError
 from henon_ref.harness import registry
 from henon_ref.harness.report.folder import MANIFEST, MATRIX, RUNS
-from henon_ref.harness.report.text.ranking import LEVELS, best_of, by_solver, grouped, reaching, readings_of
 from henon_ref.harness.result_files import AnyRow, TableError, read_rows
 from henon_ref.harness.rows import Row, RunRow
+from henon_ref.harness.score.ranking import LEVELS, best_of, by_solver, grouped, reaching, readings_of
 from henon_ref.text import message
 
 SHORT = 12
@@ -32,7 +32,7 @@ class MatrixRow(Row):
     case: str
     reading: str
     kind: str | None
-    """Kind of the reading (:mod:`henon_ref.harness.score.kinds`)."""
+    """Kind of the reading (:mod:`henon_ref.harness.score.reference.kind_of`)."""
     solver: str
     settings: int = 0
     """Number of settings tried."""

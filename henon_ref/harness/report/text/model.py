@@ -10,7 +10,7 @@ import sympy as sp
 
 from henon_ref.errors import ModelError
 from henon_ref.harness.campaign.comparison import ReadingResult
-from henon_ref.harness.report.text.ranking import grouped
+from henon_ref.harness.score.ranking import grouped
 from henon_ref.harness.table import Table
 from henon_ref.integrator.prepared_run import order_for
 from henon_ref.modes.kinks import continuous

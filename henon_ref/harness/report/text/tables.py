@@ -9,7 +9,8 @@ from henon_ref.harness.campaign.comparison import ReadingResult
 from henon_ref.harness.campaign.rows import Record
 from henon_ref.harness.campaign.timing import UNSTABLE
 from henon_ref.harness.report.text.matrix import MatrixRow, solvers_of, summary
-from henon_ref.harness.report.text.ranking import (
+from henon_ref.harness.rows import NOT_RUN, UNDECIDED, UNJUDGED, Key, RunRow, StickRow, number
+from henon_ref.harness.score.ranking import (
     LEVELS,
     WholeRow,
     best_setting,
@@ -20,7 +21,6 @@ from henon_ref.harness.report.text.ranking import (
     most_accurate,
     right,
 )
-from henon_ref.harness.rows import NOT_RUN, UNDECIDED, UNJUDGED, Key, RunRow, StickRow, number
 from henon_ref.harness.table import Table, count, digits, duration, error, significant
 from henon_ref.text import code, markdown
 from henon_ref.trajectory import sticks
