@@ -113,14 +113,8 @@ def _cost_description(tips: Mapping[str, NDArray[np.float64]]) -> str:
 
 LEAST = 1e-18
 """Errors below this value, and zero errors, are drawn at the lower edge [s]."""
-LEAST_POWER = -8
-"""Half a unit in the last place of times below two to this power is smaller than ``LEAST``."""
-ROOM = 2
-"""Decades shown below the smallest final error of a curve."""
 MARKERS = 6
 """Approximate number of markers per curve."""
-Scored = tuple[RunRow, Sequence[TransitionRow]]
-"""A run and its transitions."""
 
 
 @dataclass(frozen=True)
@@ -155,7 +149,7 @@ def running_maximum(run: RunRow, transitions: Sequence[TransitionRow]) -> Curve:
     return Curve(run, times, np.maximum.accumulate(errors))
 
 
-def draw_errors(runs: Sequence[Scored], expected: Expected) -> Figure | None:
+def draw_errors(runs: Sequence[tuple[RunRow, Sequence[TransitionRow]]], expected: Expected) -> Figure | None:
     """Draw the running maximum of the absolute time error of matched transitions, over their times.
 
     Each solver is drawn at its last setting with a matched transition. Runs that timed out are left out, since their
@@ -194,7 +188,7 @@ def _error_limits(curves: Sequence[Curve], expected: Expected) -> tuple[float, f
     seen = ends[ends > max(LEAST, expected.radius)]
     if not seen.size:
         return LEAST, 1e-12
-    least = seen.min() / 10**ROOM
+    least = seen.min() / 100  # two decades below the smallest final error
     if seen.size < ends.size:  # a curve with zero error at the lower edge must not look like one with an error
         least = min(least, float(np.spacing(abs(expected.end_time))) / 8)
     return max(float(10 ** np.floor(np.log10(least))), LEAST), float(10 ** np.ceil(np.log10(seen.max()) + 0.1))
@@ -236,7 +230,7 @@ def _error_description(curves: Sequence[Curve], expected: Expected) -> str:
 def _draw_floor(axes: Axes, expected: Expected, lowest: float) -> None:
     """Draw the resolution of a time in double precision, and the radius of the truth if it is visible."""
     ends = expected.start, expected.end_time
-    powers = 2.0 ** np.arange(LEAST_POWER, np.ceil(np.log2(max(map(abs, ends)))) + 1)
+    powers = 2.0 ** np.arange(-8, np.ceil(np.log2(max(map(abs, ends)))) + 1)
     edges = np.unique(np.clip(np.concatenate([-powers, powers, ends]), *ends))
     half_ulp = np.spacing(np.abs(edges[:-1] + edges[1:]) / 2) / 2
     heights = np.maximum(np.append(half_ulp, half_ulp[-1:]), lowest)

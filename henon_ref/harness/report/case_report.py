@@ -34,8 +34,6 @@ if TYPE_CHECKING:
 
 MANY = 4
 """Number of readings from which a report begins with tables over all readings."""
-SAMPLE_COLUMNS = ("reading", "solver", "rtol", "step_s", "samples_ns")
-"""Columns of ``samples.csv``, with one row per timed run; samples [ns] are separated by spaces."""
 
 
 def write_report(comparison: Comparison, origin: Provenance, folder: Path) -> Path:
@@ -79,12 +77,13 @@ def report_files(comparison: Comparison, origin: Provenance) -> dict[str, bytes]
 
 
 def samples_text(comparison: Comparison) -> str:
+    """Write ``samples.csv``, with one row per timed run; samples [ns] are separated by spaces."""
     rows = [
         (*record.run.key[1:], " ".join(f"{round(sample * 1e9)}" for sample in record.samples))
         for record in comparison.records
         if record.samples
     ]
-    return csv_text(SAMPLE_COLUMNS, rows)
+    return csv_text(("reading", "solver", "rtol", "step_s", "samples_ns"), rows)
 
 
 def case_content(comparison: Comparison) -> dict[str, Any]:

@@ -42,7 +42,6 @@ INDEX, MATRIX = "README.md", "matrix.csv"
 """Index of all reports in a folder, and the table from which it is made."""
 PAGE = "index.html"
 """Interactive page of a folder of reports, or of a sweep."""
-PAGE_BEGINNING = "<!doctype html>\n<!-- henon_ref "
 _STUDY = re.compile(
     r"# (What accuracy costs in time|Atlas of grazes|What the libraries do by themselves|The paper, computed again"
     r"|Restart habits|How a library is restarted after an event"
@@ -53,7 +52,7 @@ NOT_OURS = "was not written by henon_ref, so it is not replaced; choose another 
 _BEGINNINGS = {
     INDEX: re.compile(rf"# Reports\n\n(Which solver to|\| solver \| right in |\d+ readings? of )|{_STUDY.pattern}"),
     MATRIX: re.compile("case,(title,)?reading,kind,solver,"),
-    PAGE: re.compile(PAGE_BEGINNING),
+    PAGE: re.compile("<!doctype html>\n<!-- henon_ref "),
 }
 """First characters of the index, matrix and page that this package writes."""
 
@@ -132,16 +131,15 @@ def _begins(path: Path, beginning: re.Pattern[str]) -> bool:
 
 
 _LINK = re.compile(r"(?P<picture>!?)\[(?P<text>(?:[^\[\]\\]|\\.)*)\]\((?P<address>[^()\s]+)\)")
-_ELSEWHERE = re.compile(r"[a-z][a-z0-9+.-]*:|/|#", re.IGNORECASE)
-_CODE = re.compile(r"^```.*?^```$|^ {4}.*?$|`[^`\n]+`", re.DOTALL | re.MULTILINE)
 
 
 def linked(text: str) -> Iterator[str]:
     """Yield the addresses of relative links and pictures in markdown."""
-    code = [found.span() for found in _CODE.finditer(text)]
+    blocks = re.finditer(r"^```.*?^```$|^ {4}.*?$|`[^`\n]+`", text, re.DOTALL | re.MULTILINE)
+    code = [found.span() for found in blocks]
     for found in _LINK.finditer(text):
         inside = any(begin <= found.start() < end for begin, end in code)
-        if not inside and not _ELSEWHERE.match(found["address"]):
+        if not inside and not re.match(r"[a-z][a-z0-9+.-]*:|/|#", found["address"], re.IGNORECASE):
             yield found["address"]
 
 
@@ -169,8 +167,6 @@ POLL = 0.02
 """Time between two attempts [s]."""
 TRIES = 100
 """Largest number of attempts to open a lock file that its holder has just removed."""
-UNSUPPORTED = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)
-"""Errors of a file system without locks."""
 
 
 class FolderLock:
@@ -210,8 +206,8 @@ class FolderLock:
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
-            if error.errno not in UNSUPPORTED:
-                raise
+            if error.errno not in (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP):
+                raise  # otherwise the file system has no locks
             words = "%s cannot be locked (%s): let no other run write into that folder"
             _LOG.warning(words, self.path, error.strerror)
 

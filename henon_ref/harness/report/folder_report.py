@@ -43,9 +43,6 @@ from henon_ref.harness.score.reference import CLOSE
 from henon_ref.harness.table import count
 from henon_ref.text import one_line
 
-SCRIPTS = ("page.js", "matrix.js", "run.js")
-FIRST = 9
-"""Number of digits selected when the page is opened."""
 MEAN_PARTS = round(1 / CLOSE)
 """Two roots are close if their distance is below their mean spacing divided by this number."""
 PAGES = {
@@ -68,7 +65,6 @@ FIELDS: Mapping[str, int] = {
 """Fields of a run on the page -> significant digits."""
 CELL = ("settings", "judged", "right", "status", "verdict", "digits", *map(wall_column, (None, *LEVELS)))
 """Columns of the matrix in a cell, after the index of the solver."""
-SHOWN_FILES = (".md", ".csv", ".svg")
 PROJECTS = {
     "henon-ref": ("", "Taylor method with Hénon's landing, and the paper's own programs; this project"),
     "heyoka": ("https://bluescarni.github.io/heyoka.py/", "Taylor integrator, compiled by LLVM, with event detection"),
@@ -129,11 +125,11 @@ def page_text(rows: Sequence[MatrixRow], folder: Path) -> str:
     studies = {f"{page}/{INDEX}": words.split("]")[0].strip("[").lower() for page, words in PAGES.items()}
     return rendered(
         "reports.html",
-        SCRIPTS,
+        ("page.js", "matrix.js", "run.js"),
         data,
         summary=f"{count(readings, 'reading')} of {count(cases, 'case')}, "
         f"{count(len(data['solvers']), 'solver')}; {choice.commits(rows)}.",
-        choice=next(level for level in data["choice"] if level["digits"] == FIRST),
+        choice=next(level for level in data["choice"] if level["digits"] == 9),  # selected when the page is opened
         headings=choice.HEADINGS,
         mean_parts=MEAN_PARTS,
         coverage=choice.coverage_sentence(rows),
@@ -211,7 +207,7 @@ def details_of(folder: Path) -> Details | None:
     return {
         "title": one_line(manifest["title"] or folder.name),
         **{key: words[key] for key in ("tags", "source") if words.get(key)},
-        "files": sorted(one_line(path.name) for path in folder.iterdir() if path.suffix in SHOWN_FILES),
+        "files": sorted(one_line(path.name) for path in folder.iterdir() if path.suffix in (".md", ".csv", ".svg")),
         "readings": {
             reading: _details_of(reading, mapping(known.get(reading)), words, own)
             for (_, reading), own in readings_of(rows).items()

@@ -26,8 +26,6 @@ from henon_ref.text import one_line
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-_BLOCK = re.compile(r'<script type="application/zlib" id="data">(.*?)</script>', re.DOTALL)
-
 
 @cache
 def environment() -> Environment:
@@ -73,7 +71,7 @@ def unpacked(text: str) -> Any:
 
 def read_embedded(page: str) -> Any:
     """Read the data of a page; None if it has none."""
-    block = _BLOCK.search(page)
+    block = re.search(r'<script type="application/zlib" id="data">(.*?)</script>', page, re.DOTALL)
     try:
         return None if block is None else unpacked(block[1])
     except (RecursionError, ValueError, zlib.error):
@@ -148,14 +146,13 @@ PAPER, NIGHT = "#ffffff", "#15181c"
 """Background colours of the light and the dark page."""
 SEEN = 3.0
 """Smallest contrast of a line with the background (WCAG 2.2, 1.4.11)."""
-_DASHES = {"-": (), "--": (5, 3), ":": (1.5, 2.5), "-.": (5, 2, 1.5, 2)}
 
 
 def solver_lines(solvers: Iterable[str]) -> dict[str, dict[str, Any]]:
     """Return colours (light and dark), dashes [line widths], marker and width of the line of each solver."""
-    found = {}
+    known, found = {"-": (), "--": (5, 3), ":": (1.5, 2.5), "-.": (5, 2, 1.5, 2)}, {}
     for name, line in lines_of(solvers).items():
-        dashes = _DASHES[line.dashes] if isinstance(line.dashes, str) else line.dashes[1]
+        dashes = known[line.dashes] if isinstance(line.dashes, str) else line.dashes[1]
         found[name] = {
             "light": towards(line.colour, 0.0, PAPER),
             "dark": towards(line.colour, 1.0, NIGHT),

@@ -68,21 +68,7 @@ UNIT = 0.01
 """Resolution of coordinates [pt], about a hundredth of a pixel."""
 BEND = 0.03
 """Largest distance of a simplified curve from the original [pt], a twentieth of the width of a thin line."""
-_NOTES = re.compile(rb"(?<=\n) +(?=<)|<!--.*?-->\n|<metadata>.*?</metadata>\n", re.DOTALL)
-_GROUP = re.compile(rb'<g id="\w+_\d+"')
-_GROUP_OF_ONE = re.compile(rb"<g>\n(<(?:path|use) [^>]*/>)\n</g>")
-_GLYPH = re.compile(rb'(<path id=")(?:DejaVuSans-|d)([\w-]+" d=")([^"]*)(" transform="scale\()0.015625(?=\))')
-_BLANK = re.compile(rb'<path id="(d[\w-]+)" transform="scale\(\S+\)"/>')
-_LETTER = re.compile(rb'(<use href="#d[\w-]+" x=")([^"]+)')
-_MOVED = re.compile(rb'(<use [^>]*)transform="translate\((\S+) (\S+)\)"')
-_MARKER = re.compile(rb'<path id="(\w+)" [^>]*? style="([^"]*)"/>')
-_MARKED = re.compile(rb'(<use href="#(\w+)"[^>]*?) style="([^"]*)"/>')
 _STYLE = re.compile(rb' style="([^"]*)"')
-_NAME = re.compile(rb' id="([mp][0-9a-f]{10})"')
-_PLACE = re.compile(rb' (?:x|y)="[^"]*"')
-_LONG = re.compile(rb"-?\d+\.\d{3,}(?![\d.e])")
-_PATH = re.compile(rb' d="([MLQCz\d\s.e-]*)"')
-_COMMAND = re.compile(rb"([MLQCz])([-\d\s.e]*)")
 
 
 def shortened(content: bytes) -> bytes:
@@ -97,19 +83,23 @@ def shortened(content: bytes) -> bytes:
     >>> shortened(b'<use xlink:href="#DejaVuSans-14" transform="translate(63.625 0)"/>')
     b'<use href="#d14" x="64"/>'
     """
-    content = _GROUP.sub(b"<g", _NOTES.sub(b"", content)).replace(b"<g/>\n", b"").replace(b" xlink:href=", b" href=")
-    content = _GLYPH.sub(_coarse, content).replace(b"DejaVuSans-", b"d")
-    content = _MOVED.sub(rb'\1x="\2" y="\3"', content).replace(b' y="0"/>', b"/>")
-    content = _without_repeated_styles(content)
-    while (fewer := _GROUP_OF_ONE.sub(rb"\1", content)) != content:
+    content = re.sub(rb"(?<=\n) +(?=<)|<!--.*?-->\n|<metadata>.*?</metadata>\n", b"", content, flags=re.DOTALL)
+    content = re.sub(rb'<g id="\w+_\d+"', b"<g", content).replace(b"<g/>\n", b"").replace(b" xlink:href=", b" href=")
+    glyph = rb'(<path id=")(?:DejaVuSans-|d)([\w-]+" d=")([^"]*)(" transform="scale\()0.015625(?=\))'
+    content = re.sub(glyph, _coarse, content).replace(b"DejaVuSans-", b"d")
+    content = re.sub(rb'(<use [^>]*)transform="translate\((\S+) (\S+)\)"', rb'\1x="\2" y="\3"', content)
+    content = _without_repeated_styles(content.replace(b' y="0"/>', b"/>"))
+    group_of_one = rb"<g>\n(<(?:path|use) [^>]*/>)\n</g>"
+    while (fewer := re.sub(group_of_one, rb"\1", content)) != content:
         content = fewer
-    for k, name in enumerate(dict.fromkeys(_NAME.findall(content))):
+    for k, name in enumerate(dict.fromkeys(re.findall(rb' id="([mp][0-9a-f]{10})"', content))):
         content = content.replace(name, b"n%d" % k)
-    for blank in _BLANK.findall(content):
+    for blank in re.findall(rb'<path id="(d[\w-]+)" transform="scale\(\S+\)"/>', content):
         content = re.sub(rb'<use href="#%s"[^>]*>\n' % blank, b"", content)
-    content = _LETTER.sub(lambda own: b"%s%d" % (own[1], round(float(own[2]))), content)
-    content = _PLACE.sub(lambda found: _LONG.sub(lambda own: _number(_units(own[0])), found[0]), content)
-    return _PATH.sub(lambda found: b' d="' + _relative(found[1]) + b'"', content)
+    letter = rb'(<use href="#d[\w-]+" x=")([^"]+)'
+    content = re.sub(letter, lambda own: b"%s%d" % (own[1], round(float(own[2]))), content)
+    content = re.sub(rb' (?:x|y)="[^"]*"', _rounded, content)
+    return re.sub(rb' d="([MLQCz\d\s.e-]*)"', lambda found: b' d="' + _relative(found[1]) + b'"', content)
 
 
 def _coarse(glyph: re.Match[bytes]) -> bytes:
@@ -118,15 +108,21 @@ def _coarse(glyph: re.Match[bytes]) -> bytes:
     return glyph[1] + b"d" + glyph[2] + outline + glyph[4] + b"0.25"
 
 
+def _rounded(coordinate: re.Match[bytes]) -> bytes:
+    """Round a number with three decimals or more."""
+    return re.sub(rb"-?\d+\.\d{3,}(?![\d.e])", lambda own: _number(_units(own[0])), coordinate[0])
+
+
 def _without_repeated_styles(content: bytes) -> bytes:
     """Remove style parts that a marker already defines, and replace styles that occur several times by classes."""
-    markers = {name: style.split(b"; ") for name, style in _MARKER.findall(content)}
+    found = re.findall(rb'<path id="(\w+)" [^>]*? style="([^"]*)"/>', content)
+    markers = {name: style.split(b"; ") for name, style in found}
 
     def fewer(found: re.Match[bytes]) -> bytes:
         own = [part for part in found[3].split(b"; ") if part not in markers.get(found[2], ())]
         return found[1] + (b' style="' + b"; ".join(own) + b'"/>' if own else b"/>")
 
-    content = _MARKED.sub(fewer, content)
+    content = re.sub(rb'(<use href="#(\w+)"[^>]*?) style="([^"]*)"/>', fewer, content)
     styles = _STYLE.findall(content)
     names = {style: b"c%d" % k for k, style in enumerate(dict.fromkeys(s for s in styles if styles.count(s) > 1))}
     rules = b"".join(b".%s{%s}" % (name, style) for style, name in names.items())
@@ -159,7 +155,7 @@ def _relative(path: bytes) -> bytes:
     """Convert a path to relative coordinates, and omit points that make no visible difference."""
     pieces: list[_Piece] = []
     here = begin = (0, 0)
-    for command, text in _COMMAND.findall(path):
+    for command, text in re.findall(rb"([MLQCz])([-\d\s.e]*)", path):
         values = list(map(_units, text.split()))
         if command in b"Mz":
             pieces.append(_Piece(command, values))

@@ -34,30 +34,18 @@ from henon_ref.text import one_line
 
 _LOG = logging.getLogger(__name__)
 
-SCRIPTS = ("page.js", "sweep.js")
-OBSERVED = (
-    ("quantity", "l"), ("points with a value", "r"), ("minimum", "r"), ("median", "r"), ("maximum", "r"),
-    ("shares of the points with a value", "l"),
-)  # fmt: skip
-"""Headings of the table of observations."""
 CHAINED = "Each point of a continuation starts from the final state of its neighbour, so that it is not a separate run."
 
 KEPT = 25
 """Largest number of runs with a portrait."""
 SHOWN_TRANSITIONS = 40
 """Number of last transitions in a portrait, which shows the final motion rather than the transient."""
-MOST_STEPS = 20_000
-"""Largest number of steps of a run with a portrait, which requires the polynomials of all steps."""
-TIMES = 1500
-"""Number of sample times of a portrait."""
 NAME, PLACE = "NAMEOFTHEPOINT", "VALUEOFTHEPOINT{}E"
 """Placeholders for the name and the values of a point in the text of a case file."""
 POINT_BYTES, ROW_BYTES = 1_500_000, 1_100_000
 """Largest size of the points, and of the rows of all tables, before encoding as base64 text [bytes]."""
 MOST_READ = 2_000_000
 """Largest number of points of a sweep with a page, and of rows read from a table."""
-MOST_WORDS = 255
-"""Largest number of different texts in a column of the page."""
 
 
 def write_sweep_page(folder: Path) -> Path | None:
@@ -102,31 +90,31 @@ def write_sweep_page(folder: Path) -> Path | None:
         "places": [PLACE.format(k) for k in range(len(swept))],
         "rtol": rtol,
     }
+    commit = str(json.loads((folder / MANIFEST).read_text(encoding="utf-8")).get("commit") or "")[:12]
     page = rendered(
         "sweep.html",
-        SCRIPTS,
+        ("page.js", "sweep.js"),
         data,
         title=one_line(sweep.title),
         origin=one_line(sweep.source or ""),
         summary=one_line(f"{len(table):,} points over {', '.join(swept)}; relative tolerance {rtol}."),
-        drawn=_drawn(len(table), len(kept)),
+        drawn=f"All {count(len(table), 'point')}."
+        if len(kept) == len(table)
+        else f"{len(kept):,} of the {len(table):,} points, evenly spaced.",
         has_case=case is not None,
-        headings=OBSERVED,
+        headings=[
+            ("quantity", "l"),
+            ("points with a value", "r"),
+            ("minimum", "r"),
+            ("median", "r"),
+            ("maximum", "r"),
+            ("shares of the points with a value", "l"),
+        ],
         observed=observed_rows(table),
-        rerun=_rerun(folder),
+        rerun=one_line(f"Made by henon_ref{' from commit ' + commit if commit else ''}."),
     )
     replace_file(folder / PAGE, page.encode())
     return folder / PAGE
-
-
-def _drawn(points: int, kept: int) -> str:
-    return f"All {count(points, 'point')}." if kept == points else f"{kept:,} of the {points:,} points, evenly spaced."
-
-
-def _rerun(folder: Path) -> str:
-    manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
-    commit = str(manifest.get("commit") or "")[:12]
-    return one_line(f"Made by henon_ref{' from commit ' + commit if commit else ''}.")
 
 
 def kept_runs(plan: Plan) -> list[dict[str, Any]]:
@@ -164,7 +152,8 @@ def _run(plan: Plan, number: int) -> Solution | None:
     }  # fmt: skip
     try:
         first = simulate(settings.system, initial, dense_output=False, **how)
-        return simulate(settings.system, initial, **how) if first.counts.steps <= MOST_STEPS else None
+        # A portrait requires the polynomials of all steps.
+        return simulate(settings.system, initial, **how) if first.counts.steps <= 20_000 else None
     except HenonRefError:  # the row of the sweep has the reason
         return None
 
@@ -174,7 +163,7 @@ def _last_part(run: Solution) -> Motion:
     at = run.transitions["time_s"].to_numpy(dtype=float)
     begin = float(at[-SHOWN_TRANSITIONS]) if len(at) >= SHOWN_TRANSITIONS else run.sol.start
     begin = begin if begin < run.sol.end else run.sol.start
-    return run.motion_at(np.union1d(np.linspace(begin, run.sol.end, TIMES), run.t[run.t >= begin]))
+    return run.motion_at(np.union1d(np.linspace(begin, run.sol.end, 1500), run.t[run.t >= begin]))
 
 
 def case_text(plan: Plan, folder: Path) -> str | None:
@@ -238,7 +227,7 @@ def point_columns(table: pd.DataFrame, swept: Sequence[str]) -> list[dict[str, A
             packed: dict[str, Any] = {"kind": "double", "data": packed_numbers(own, "<f8")}
         elif _is_number(own.dtype):
             packed = {"kind": "single", "data": packed_numbers(own, "<f4")}
-        elif own.nunique() < MOST_WORDS:
+        elif own.nunique() < 255:  # a text is given by one byte
             codes, words = pd.factorize(own.fillna(""), sort=True)
             texts = [one_line(str(word)) for word in words]
             packed = {"kind": "word", "words": texts, "data": packed_numbers(codes, "u1")}

@@ -139,10 +139,10 @@ def test_a_gate_of_one_bound_that_was_not_checked_says_why():
 
 def test_the_stick_of_static_friction_says_when_it_is_entered():
     static = load_case(Path(__file__).parents[3] / "cases" / "static_belt.yaml").readings[0].problem.system
-    assert any(note.startswith("entered whenever") for note in mode_equations(static, (0,)).notes)
-    assert not any(note.startswith("entered") for note in mode_equations(static, (1,)).notes)
+    assert any(note.startswith("entered whenever") for note in mode_equations(static, (0,))[2])
+    assert not any(note.startswith("entered") for note in mode_equations(static, (1,))[2])
     plain = compared().readings[0].reading.problem.system
-    assert not any(note.startswith("entered") for note in mode_equations(plain, (0,)).notes)
+    assert not any(note.startswith("entered") for note in mode_equations(plain, (0,))[2])
 
 
 def test_formulas_keep_the_names_a_reader_expects():

@@ -21,9 +21,6 @@ from henon_ref.harness.rows import Row, RunRow
 from henon_ref.harness.score.ranking import LEVELS, best_of, by_solver, grouped, reaching, readings_of
 from henon_ref.text import message
 
-SHORT = 12
-"""Length of an abbreviated commit, as in a report [characters]."""
-
 
 @dataclass(frozen=True)
 class MatrixRow(Row):
@@ -142,7 +139,7 @@ def rows_of_report(folder: Path) -> tuple[list[MatrixRow], list[str]]:
     """Make the rows of the matrix for one case from the folder of its report; return them and all its readings."""
     manifest, runs = read_report(folder)
     commit, readings = _text(manifest.get("commit")) or "", mapping(manifest.get("readings"))
-    commit = commit.rstrip("+")[:SHORT] + ("+" if commit.endswith("+") else "")  # + marks a modified checkout
+    commit = commit.rstrip("+")[:12] + ("+" if commit.endswith("+") else "")  # + marks a modified checkout
     kinds = {reading: _text(mapping(own).get("kind")) for reading, own in readings.items()}  # None in old manifests
     rows = [
         replace(summary(own, kind=kinds.get(reading), commit=commit), case=folder.name)

@@ -25,8 +25,6 @@ from henon_ref.harness.table import Table, count, digits, duration, error, signi
 from henon_ref.text import code, markdown
 from henon_ref.trajectory import sticks
 
-MOST_STICKS = 12
-"""Largest number of sticks shown for a reading; sticks.csv has all."""
 MARK = "†"
 """Mark after a time whose samples scatter too much."""
 SOLVERS = ("solver", "digits", "time", "times as long", "setting", "right", "note")
@@ -149,9 +147,6 @@ def _priced(row: RunRow | None, samples: Samples) -> tuple[str, str, str]:
     return ("none", "", "") if row is None else (code(row.solver), row.setting, timed(row, samples))
 
 
-_MARKS = {"unsupported": "–", "unavailable": "·"}
-
-
 def digits_table(readings: Mapping[str, Sequence[RunRow]]) -> Table:
     """Make the table of the digits that each solver reaches on each reading, or of its status."""
     solvers = solvers_of(row for rows in readings.values() for row in rows)
@@ -170,7 +165,7 @@ def _digits(row: MatrixRow) -> str:
     if row.verdict in UNDECIDED:
         return str(row.verdict)
     if row.status in NOT_RUN or row.status == "timeout":
-        return _MARKS.get(row.status, row.status)
+        return {"unsupported": "–", "unavailable": "·"}.get(row.status, row.status)
     return "not judged" if row.verdict in (None, *UNJUDGED) else row.status  # "ok" does not mean right here
 
 
@@ -258,7 +253,7 @@ def stick_table(records: Sequence[Record], result: ReadingResult) -> Table | Non
         length = f"length in {code(system.state_names[0])}{_unit(result)}"
         headings += [f"error of {code(best.run.solver)} [s]", length]
     rows = []
-    for index, stick in enumerate(exact[:MOST_STICKS]):
+    for index, stick in enumerate(exact[:12]):  # sticks.csv has all
         cells = [f"{index}", system.sign_names[stick.surface], f"{stick.start:.9f}", f"{stick.duration:.13f}"]
         if best is not None:
             row = own.get(index)
