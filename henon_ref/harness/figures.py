@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from henon_ref.figures import style
 from henon_ref.figures.description import describe
 from henon_ref.harness.rows import RunRow, TransitionRow, number
-from henon_ref.harness.score.reference import HALF_ULP, Expected
+from henon_ref.harness.score.reference import Expected
 from henon_ref.text import one_line
 
 if TYPE_CHECKING:
@@ -30,14 +30,13 @@ def draw_cost(rows: Sequence[RunRow], expected: Expected, *, of: str = "") -> Fi
     ``of`` is the name of the reading for the title, if the case has several readings. Filled markers are right runs,
     hollow markers all other runs. None if fewer than two runs have an error and a time.
     """
-    floor = max(expected.radius, HALF_ULP * expected.time_unit)  # smallest error that can be claimed
     timed = [row for row in rows if row.wall_s and row.max_time_error_s is not None]
     if len(timed) < 2:
         return None
     ladders = {
         solver: [row for row in timed if row.solver == solver] for solver in dict.fromkeys(r.solver for r in timed)
     }
-    points = {solver: _points(ladder, floor) for solver, ladder in ladders.items()}
+    points = {solver: _points(ladder, expected.floor) for solver, ladder in ladders.items()}
     tips = {solver: own[:, own[1].argmin()] for solver, own in points.items()}  # the most accurate run of each
     lines = style.lines_of(ladders)
     with style.figure(4.6) as figure:

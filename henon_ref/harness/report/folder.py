@@ -13,9 +13,10 @@ import os
 import re
 import tempfile
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
+from typing import Any
 from urllib.parse import unquote
 from weakref import WeakSet
 
@@ -104,18 +105,25 @@ def check_writable(folder: Path) -> None:
 
 def own_files(folder: Path) -> set[str]:
     """Return the existing files that the manifest of a case's report lists; empty for any other folder."""
-    try:
-        content = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
-    except (FileNotFoundError, NotADirectoryError, RecursionError, ValueError):
+    content = read_json(folder / MANIFEST)
+    files = content.get("files")
+    if content.get("case") != folder.name or not isinstance(files, list):
         return set()
-    if (
-        not isinstance(content, dict)
-        or content.get("case") != folder.name
-        or not isinstance(content.get("files"), list)
-    ):
-        return set()
-    names = {name for name in content["files"] if isinstance(name, str) and Path(name).name == name}
+    names = {name for name in files if isinstance(name, str) and Path(name).name == name}
     return {name for name in names if os.path.isfile(folder / name)}
+
+
+def read_json(file: Path) -> Mapping[str, Any]:
+    """Read a JSON object from a file; empty if the file is missing or has no such object."""
+    try:
+        return mapping(json.loads(file.read_text(encoding="utf-8")))
+    except (FileNotFoundError, NotADirectoryError, RecursionError, ValueError):
+        return {}
+
+
+def mapping(value: object) -> Mapping[str, Any]:
+    """Return a value from a file if it is a mapping, else an empty one."""
+    return value if isinstance(value, dict) else {}
 
 
 def is_study(folder: Path) -> bool:

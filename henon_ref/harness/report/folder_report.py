@@ -7,7 +7,6 @@ come from the existing page. The page thus keeps as much as the matrix.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -23,6 +22,8 @@ from henon_ref.harness.report.folder import (
     REPORT,
     SCHEMA,
     check_index,
+    mapping,
+    read_json,
     without_dead_links,
 )
 from henon_ref.harness.report.rendering import environment, read_embedded, rendered, rounded, solver_lines
@@ -30,7 +31,6 @@ from henon_ref.harness.report.text import choice
 from henon_ref.harness.report.text.matrix import (
     MatrixRow,
     commits_of,
-    mapping,
     merged,
     read_report,
     solvers_of,
@@ -203,7 +203,8 @@ def details_of(folder: Path) -> Details | None:
         manifest, rows = read_report(folder)
     except CaseError:
         return None  # the writer of the matrix prints a message
-    words, known = _words_of(folder), mapping(manifest.get("readings"))
+    words, known = read_json(folder / CASE_FILE), mapping(manifest.get("readings"))
+    words = words if words.get("schema") == SCHEMA else {}
     return {
         "title": one_line(manifest["title"] or folder.name),
         **{key: words[key] for key in ("tags", "source") if words.get(key)},
@@ -213,15 +214,6 @@ def details_of(folder: Path) -> Details | None:
             for (_, reading), own in readings_of(rows).items()
         },
     }
-
-
-def _words_of(folder: Path) -> Mapping[str, Any]:
-    """Read ``page.json`` of a report; empty if it is missing or of another version."""
-    try:
-        words = mapping(json.loads((folder / CASE_FILE).read_text(encoding="utf-8")))
-    except (FileNotFoundError, RecursionError, ValueError):
-        return {}
-    return words if words.get("schema") == SCHEMA else {}
 
 
 def _details_of(reading: str, manifest: Mapping[str, Any], words: Mapping[str, Any], rows: Sequence[RunRow]) -> Details:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
@@ -142,48 +143,38 @@ def _number(units: int) -> bytes:
     return text.replace("0.", ".", 1).encode() if text.startswith(("0.", "-0.")) else text.encode()
 
 
-@dataclass
-class _Piece:
-    """Command of a path, its numbers [UNIT], and a bound on the distance of omitted points from it [UNIT]."""
-
-    command: bytes
-    values: list[int]
-    bend: float = 0.0
-
-
 def _relative(path: bytes) -> bytes:
-    """Convert a path to relative coordinates, and omit points that make no visible difference."""
-    pieces: list[_Piece] = []
+    """Convert a path to relative coordinates, and omit points that make no visible difference.
+
+    A line with nearly the direction of the previous line extends that line; ``bend`` bounds the distance of the points
+    that have been omitted from it [UNIT].
+    """
+    pieces: list[tuple[bytes, list[int]]] = []
     here = begin = (0, 0)
+    bend = 0.0
     for command, text in re.findall(rb"([MLQCz])([-\d\s.e]*)", path):
         values = list(map(_units, text.split()))
         if command in b"Mz":
-            pieces.append(_Piece(command, values))
-            begin = (values[0], values[1]) if values else begin
-            here = begin
-        else:
-            _add(pieces, command.lower(), [value - here[k % 2] for k, value in enumerate(values)])
-            here = values[-2], values[-1]
+            pieces.append((command, values))
+            here = begin = (values[0], values[1]) if values else begin
+            continue
+        steps = [value - here[k % 2] for k, value in enumerate(values)]
+        here = values[-2], values[-1]
+        if command == b"L" and pieces[-1][0] == b"l":
+            (a, b), (c, d) = pieces[-1][1], steps
+            bent = bend + abs(a * d - b * c) / (math.hypot(a + c, b + d) or math.inf)
+            if bent <= BEND / UNIT and a * c + b * d > 0:
+                pieces[-1], bend = (b"l", [a + c, b + d]), bent
+                continue
+        if any(steps):
+            pieces.append((command.lower(), steps))
+            bend = 0.0
     return _written(pieces)
 
 
-def _add(pieces: list[_Piece], command: bytes, steps: list[int]) -> None:
-    """Add a piece; a line with nearly the direction of the previous line extends that line."""
-    last = pieces[-1]
-    if command == last.command == b"l":
-        (a, b), (c, d) = last.values, steps
-        bend = last.bend + abs(a * d - b * c) / (math.hypot(a + c, b + d) or math.inf)
-        if bend <= BEND / UNIT and a * c + b * d > 0:
-            last.values, last.bend = [a + c, b + d], bend
-            return
-    if any(steps):
-        pieces.append(_Piece(command, steps))
-
-
-def _written(pieces: list[_Piece]) -> bytes:
+def _written(pieces: Sequence[tuple[bytes, list[int]]]) -> bytes:
     made, before = bytearray(), b""
-    for piece in pieces:
-        command, values = piece.command, piece.values
+    for command, values in pieces:
         if command == b"l" and 0 in values:
             command, values = (b"h", values[:1]) if values[1] == 0 else (b"v", values[1:])
         made += command if command != before or command in b"Mz" else b""

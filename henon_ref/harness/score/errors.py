@@ -15,7 +15,7 @@ from itertools import takewhile
 import numpy as np
 
 from henon_ref.harness.score.matching import Matching, match
-from henon_ref.harness.score.reference import HALF_ULP, Expected
+from henon_ref.harness.score.reference import Expected
 from henon_ref.harness.score.verdict import FIXED_STEP_TOLERANCE, RIGHT, Verdict, undecided_verdict, verdict
 from henon_ref.trajectory import Event, Status, Trajectory
 
@@ -115,8 +115,7 @@ def _hidden(event: Event, since: Mapping[int, float]) -> Event:
 
 def digits(error: float, expected: Expected) -> float:
     """Correct decimal digits for an error, at most those that the truth's radius and double precision allow."""
-    floor = max(abs(error), expected.radius, HALF_ULP * expected.time_unit)
-    return -math.log10(floor / expected.time_unit)
+    return -math.log10(max(abs(error), expected.floor) / expected.time_unit)
 
 
 def _last_scored(expected: Expected) -> float:

@@ -114,6 +114,11 @@ class Expected:
         return max((e.radius for e in self.transitions), default=0.0)
 
     @property
+    def floor(self) -> float:
+        """Smallest error of a time that can be claimed [s]: the radius, or half a unit in the last place."""
+        return max(self.radius, HALF_ULP * self.time_unit)
+
+    @property
     def time_unit(self) -> float:
         """Power of ten that digits are counted from [s]: 1 unless transitions are 10 times rarer or denser."""
         gap = (self.end_time - self.start) / max(len(self.transitions), 1)

@@ -15,7 +15,7 @@ from typing import Any
 
 from henon_ref.errors import CaseError
 from henon_ref.harness import registry
-from henon_ref.harness.report.folder import MANIFEST, MATRIX, RUNS
+from henon_ref.harness.report.folder import MANIFEST, MATRIX, RUNS, mapping
 from henon_ref.harness.result_files import AnyRow, TableError, read_rows
 from henon_ref.harness.rows import Row, RunRow
 from henon_ref.harness.score.ranking import LEVELS, best_of, by_solver, grouped, reaching, readings_of
@@ -109,11 +109,6 @@ def read_report(folder: Path) -> tuple[Mapping[str, Any], list[RunRow]]:
     if not isinstance(mapping(content).get("title"), str):
         raise CaseError("is not the manifest of a report: it has no title", file=str(file))
     return content, _rows(RunRow, folder / RUNS, "list of runs")
-
-
-def mapping(value: object) -> Mapping[str, Any]:
-    """Return a value from a file if it is a mapping, else an empty one."""
-    return value if isinstance(value, dict) else {}
 
 
 def _text(value: object) -> str | None:
