@@ -130,7 +130,6 @@ def page_text(rows: Sequence[MatrixRow], folder: Path) -> str:
         summary=f"{count(readings, 'reading')} of {count(cases, 'case')}, "
         f"{count(len(data['solvers']), 'solver')}; {choice.commits(rows)}.",
         choice=next(level for level in data["choice"] if level["digits"] == 9),  # selected when the page is opened
-        headings=choice.HEADINGS,
         mean_parts=MEAN_PARTS,
         coverage=choice.coverage_sentence(rows),
         files=files | {address: title for address, title in studies.items() if (folder / address).is_file()},

@@ -59,15 +59,10 @@ def write_sweep_page(folder: Path) -> Path | None:
     swept = list(plan.points.names)
     kept = kept_points(plan, bytes_a_point(dict(table.dtypes), swept))
     order = np.argsort(number)[kept]
-    names = tables_of(folder)
+    own = owned(folder)
+    names = sorted(set(own.tables) - {POINTS}) if own is not None else []
     frames = [
-        frame_content(
-            name,
-            read_table(folder, name, most=MOST_READ),
-            rows_of(folder, name),
-            kept,
-            len(names),
-        )
+        frame_content(name, read_table(folder, name, most=MOST_READ), rows_of(folder, name), kept, len(names))
         for name in names
     ]
     case, chained = case_text(plan, folder), plan.points.chain > 1
@@ -91,6 +86,8 @@ def write_sweep_page(folder: Path) -> Path | None:
         "rtol": rtol,
     }
     commit = str(json.loads((folder / MANIFEST).read_text(encoding="utf-8")).get("commit") or "")[:12]
+    part = f"{len(kept):,} of the {len(table):,} points, evenly spaced."
+    drawn = part if len(kept) < len(table) else f"All {count(len(table), 'point')}."
     page = rendered(
         "sweep.html",
         ("page.js", "sweep.js"),
@@ -98,18 +95,8 @@ def write_sweep_page(folder: Path) -> Path | None:
         title=one_line(sweep.title),
         origin=one_line(sweep.source or ""),
         summary=one_line(f"{len(table):,} points over {', '.join(swept)}; relative tolerance {rtol}."),
-        drawn=f"All {count(len(table), 'point')}."
-        if len(kept) == len(table)
-        else f"{len(kept):,} of the {len(table):,} points, evenly spaced.",
+        drawn=drawn,
         has_case=case is not None,
-        headings=[
-            ("quantity", "l"),
-            ("points with a value", "r"),
-            ("minimum", "r"),
-            ("median", "r"),
-            ("maximum", "r"),
-            ("shares of the points with a value", "l"),
-        ],
         observed=observed_rows(table),
         rerun=one_line(f"Made by henon_ref{' from commit ' + commit if commit else ''}."),
     )
@@ -296,11 +283,6 @@ def rows_of(folder: Path, name: str = POINTS) -> int:
     import pyarrow.parquet as pq
 
     return sum(int(pq.read_metadata(file).num_rows) for file in chunk_files(folder, name))
-
-
-def tables_of(folder: Path) -> list[str]:
-    own = owned(folder)
-    return sorted(set(own.tables) - {POINTS}) if own is not None else []
 
 
 def _is_number(dtype: Any) -> bool:

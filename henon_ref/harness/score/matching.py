@@ -155,7 +155,8 @@ def _align(reference: Events, found: Events, span: float, radius: float) -> list
     if edit < max(len(reference), len(found)):
         head = first[:edit]
         slips = np.abs(ref.times[head[:, 0]] - run.times[head[:, 1]])
-        bound = np.minimum(loose, _in_step_bound(gaps, slips))[edit:]
+        tight = np.maximum(1e-3 * gaps, 10.0 * np.median(slips)) if edit >= 3 else 0.05 * gaps  # too few for a median
+        bound = np.minimum(loose, tight)[edit:]
         first = np.concatenate([head, align(ref.since(edit), run.since(edit), bound) + edit])
     places, slots = list(reference), list(found)
     return [(places[i], slots[j]) for i, j in first.tolist()]
@@ -189,13 +190,6 @@ def _bounds(times: NDArray[np.float64], keys: NDArray[np.int64], span: float) ->
             loose[where] = gaps.max() / 2
             nearest[where] = np.minimum(np.append(gaps, np.inf), np.insert(gaps, 0, np.inf))[own]
     return loose, nearest
-
-
-def _in_step_bound(gaps: NDArray[np.float64], slips: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Bound of a pair's time difference after the first edit [s], from the errors ``slips`` before it."""
-    if slips.size < 3:  # too few for a median
-        return 0.05 * gaps
-    return np.maximum(1e-3 * gaps, 10.0 * float(np.median(slips)))
 
 
 def _groups(events: Events, radius: float) -> list[set[int]]:

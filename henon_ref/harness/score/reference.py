@@ -166,20 +166,11 @@ class Expected:
         return min(places[max(at - 1, 0) : at + 1], key=lambda i: abs(self.transitions[i].time - time), default=None)
 
     @cached_property
-    def _grazes(self) -> list[NearGraze]:
-        return sorted(self.near_grazes, key=lambda graze: graze.time)
-
-    @cached_property
-    def _graze_times(self) -> NDArray[np.float64]:
-        return np.array([graze.time for graze in self._grazes])
-
-    @cached_property
-    def _graze_distances(self) -> NDArray[np.float64]:
-        return np.array([graze.distance for graze in self._grazes])
-
-    @cached_property
-    def _lasting(self) -> NDArray[np.bool_]:
-        return np.array([graze.lasts for graze in self._grazes], dtype=bool)
+    def _grazes(self) -> tuple[list[NearGraze], NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+        """Near grazes in order of time, their times and distances, and whether they last."""
+        grazes = sorted(self.near_grazes, key=lambda graze: graze.time)
+        times, distances = (np.array([getattr(own, name) for own in grazes]) for name in ("time", "distance"))
+        return grazes, times, distances, np.array([graze.lasts for graze in grazes], dtype=bool)
 
     def closest_graze(self, time: float, within: float) -> NearGraze | None:
         """Return the near graze with the smallest distance at most ``within`` [s] from a time.
@@ -187,19 +178,18 @@ class Expected:
         Near grazes that last count only if they are not later than the time. Between two of them the distance is
         interpolated exponentially.
         """
-        times = self._graze_times
+        grazes, times, distances, lasting = self._grazes
         begin, end = bisect_left(times, time - within), bisect_right(times, time + within)
-        later = self._lasting[begin:end] & (times[begin:end] > time)
-        distances = np.where(later, np.inf, self._graze_distances[begin:end])
-        found = [] if later.all() else [self._grazes[begin + int(np.argmin(distances))]]
+        later = lasting[begin:end] & (times[begin:end] > time)
+        earlier = np.where(later, np.inf, distances[begin:end])
+        found = [] if later.all() else [grazes[begin + int(np.argmin(earlier))]]
         return min([*found, *self._approached(time)], key=lambda graze: graze.distance, default=None)
 
     def _approached(self, time: float) -> Iterator[NearGraze]:
         """Yield near grazes interpolated to a time within a lasting approach, which ends where the mode changes."""
         changes, last = [event.time for event in self.transitions], dict[int, NearGraze]()
-        for graze in self._grazes if self._lasting.any() else ():
-            if not graze.lasts:
-                continue
+        grazes, _, _, lasting = self._grazes
+        for graze in (grazes[k] for k in np.flatnonzero(lasting)):
             before, last[graze.surface] = last.get(graze.surface), graze
             if before is None or not before.time <= time < graze.time:
                 continue
@@ -210,8 +200,9 @@ class Expected:
 
     def from_nearest_graze(self, time: float) -> float | None:
         """Return the distance from a time to the nearest near graze [s]; None if there is none."""
-        at = bisect_left(self._graze_times, time)
-        return min((abs(float(other) - time) for other in self._graze_times[max(at - 1, 0) : at + 1]), default=None)
+        _, times, _, _ = self._grazes
+        at = bisect_left(times, time)
+        return min((abs(float(other) - time) for other in times[max(at - 1, 0) : at + 1]), default=None)
 
     @property
     def scale(self) -> float:
@@ -237,7 +228,8 @@ def kind_of(expected: Expected | None, surfaces: int) -> str:
     if expected.status != "ok" or expected.partial:
         return "ends early"
     kinds = {event.kind for event in expected.transitions}
-    if "graze" in kinds or expected.near_grazes or _has_close_roots(expected):
+    mean = (expected.end_time - expected.start) / max(len(expected.transitions), 1)
+    if "graze" in kinds or expected.near_grazes or min(expected.gaps, default=mean) < CLOSE * mean:
         return "graze or close roots"
     if not kinds:
         return "no transition"
@@ -246,11 +238,6 @@ def kind_of(expected: Expected | None, surfaces: int) -> str:
     if surfaces > 1:
         return "several surfaces"
     return "stick-slip" if kinds & {"stick", "release"} else "crossings"
-
-
-def _has_close_roots(expected: Expected) -> bool:
-    mean = (expected.end_time - expected.start) / max(len(expected.transitions), 1)
-    return min(expected.gaps, default=mean) < CLOSE * mean
 
 
 def split_double(digits: str) -> tuple[float, float]:

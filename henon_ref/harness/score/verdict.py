@@ -23,7 +23,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from henon_ref.harness.score.matching import Matching
-from henon_ref.harness.score.reference import Expected, NearGraze, ReferenceTransition
+from henon_ref.harness.score.reference import Expected, ReferenceTransition
 from henon_ref.trajectory import Status, Transition
 
 Word = Literal["right", "solver defect", "ill-conditioned", "not unique", "not judged"]
@@ -105,31 +105,26 @@ def missed_verdict(expected: Expected, index: int, allowed: float) -> Verdict:
     basis = f"{what}: an error of {allowed:.1e} moves it by {moved:.1e} s, its neighbour is {gap:.1e} s away"
     if moved >= PARABOLA_PART * gap:
         return Verdict("ill-conditioned", basis)
-    graze = _graze_within(expected, event.time, gap, allowed)
-    return Verdict("solver defect", basis) if graze is None else _grazing(graze, allowed)
+    return _grazing(expected, event.time, gap, allowed) or Verdict("solver defect", basis)
 
 
 def spurious_verdict(expected: Expected, event: Transition, allowed: float) -> Verdict:
     what = f"{event.kind} at t = {event.time:.9g} s"
-    close = expected.nearest(event.surface, event.time)
+    close, gap = expected.nearest(event.surface, event.time), expected.until - expected.start
     if close is not None:
-        other = expected.transitions[close]
-        gap = min(expected.gaps[close], expected.until - expected.start)
+        other, gap = expected.transitions[close], expected.gaps[close]
         reach = other.conditioning * allowed
         if reach >= PARABOLA_PART * gap:
             return Verdict(
                 "ill-conditioned",
                 f"{what}: an error of {allowed:.1e} moves the {other.kind} at t = {other.time:.9g} s by {reach:.1e} s",
             )
-    span = expected.until - expected.start
-    gap = span if close is None else expected.gaps[close]
-    graze = _graze_within(expected, event.time, gap, allowed)
-    if graze is not None:
-        return _grazing(graze, allowed)
+    if grazing := _grazing(expected, event.time, gap, allowed):
+        return grazing
     nearest = expected.from_nearest_graze(event.time)
-    no_graze = "the exact run comes close to no surface without reaching it" if nearest is None else (
-        f"the nearest near touch is {nearest:.1e} s away"
-    )  # fmt: skip
+    no_graze = "the exact run comes close to no surface without reaching it"
+    if nearest is not None:
+        no_graze = f"the nearest near touch is {nearest:.1e} s away"
     return Verdict("solver defect", f"{what} is not there: an error of {allowed:.1e} is granted, and {no_graze}")
 
 
@@ -139,13 +134,11 @@ def graze_distance(expected: Expected, index: int) -> float:
     return PARABOLA_PART * event.transversality * expected.gaps[index]
 
 
-def _graze_within(expected: Expected, where: float, gap: float, allowed: float) -> NearGraze | None:
-    """Near graze around this time whose distance is within the granted error, if any."""
+def _grazing(expected: Expected, where: float, gap: float, allowed: float) -> Verdict | None:
+    """Verdict on a run that differs near a graze within the granted error; None if there is none."""
     graze = expected.closest_graze(where, gap)
-    return graze if graze is not None and graze.distance <= allowed else None
-
-
-def _grazing(graze: NearGraze, allowed: float) -> Verdict:
+    if graze is None or graze.distance > allowed:
+        return None
     return Verdict(
         "ill-conditioned",
         f"at t = {graze.time:.9g} s the surface is {graze.distance:.1e} away, within an error of {allowed:.1e}",

@@ -22,16 +22,6 @@ ANY = None
 """Used instead of a number of digits: the run must be right, with any number of digits."""
 UNKNOWN = "kind not known"
 """Kind of a reading whose report does not name it."""
-HEADINGS = (
-    ("kind of case", "l"), ("readings", "r"), ("solver", "l"), ("success", "r"), ("time", "r"), ("other package", "l"),
-    ("success", "r"), ("times as long", "r"),
-)  # fmt: skip
-"""Columns of the page, with their alignment."""
-CAPTION = (
-    "Fastest of the solvers that obtain {} in the most readings (or in up to a tenth fewer), and best solver of all "
-    "other packages. Success: number of these readings. Readings: for digits, those with a transition time, of all. "
-    "Times are medians"
-)
 Key = tuple[str, str]
 """Case and reading."""
 
@@ -128,7 +118,9 @@ def choice_levels(rows: Sequence[MatrixRow], solvers: Sequence[str]) -> list[dic
         {
             "digits": level or 0,
             "wanted": words,
-            "caption": CAPTION.format(words),
+            "caption": f"Fastest of the solvers that obtain {words} in the most readings (or in up to a tenth fewer), "
+            "and best solver of all other packages. Success: number of these readings. Readings: for digits, those "
+            "with a transition time, of all. Times are medians",
             "rows": choice_rows(rows, level),
             "groups": [_group(f"For {words}, {kind}", own, level, solvers) for kind, own in groups.items()],
         }
@@ -137,7 +129,7 @@ def choice_levels(rows: Sequence[MatrixRow], solvers: Sequence[str]) -> list[dic
 
 
 def choice_rows(rows: Sequence[MatrixRow], level: int | None) -> list[tuple[str, ...]]:
-    """Return one row per kind of case, with the columns :data:`HEADINGS`."""
+    """Return one row per kind of case, for the first table of the page."""
     made: list[tuple[str, ...]] = []
     for kind, own in by_kind(rows).items():
         every, counted = readings_for(own, ANY), readings_for(own, level)

@@ -129,7 +129,11 @@ def step_summary(rows: Results, lines: Sequence[str]) -> str:
     failing = [(row, kind, reason) for row, kind, reason in rows if kind in ("failure", "error")]
     parts = ["## henon_ref", _solvers(rows).markdown]
     if failing:
-        parts += ["### Failures", _failures(failing[:MOST_ROWS]).markdown]
+        cells = [
+            (code(row.case), code(row.reading), code(row.solver), row.setting, markdown(reason))
+            for row, _, reason in failing[:MOST_ROWS]
+        ]
+        parts += ["### Failures", Table(("case", "reading", "solver", "setting", "reason"), "lllrl", cells).markdown]
     if len(failing) > MOST_ROWS:
         parts.append(f"{len(failing) - MOST_ROWS} more are in `runs.csv`.")
     items = [f"- {markdown(line)}" for line in lines[:MOST_ROWS]]
@@ -146,10 +150,3 @@ def _solvers(rows: Results) -> Table:
         table.append((code(solver), *map(str, counts), digits(best)))
     headings = ("solver", "right", "fail", "fail as expected", "not run or not decidable", "most digits")
     return Table(headings, "lrrrrr", table)
-
-
-def _failures(rows: Results) -> Table:
-    cells = [
-        (code(row.case), code(row.reading), code(row.solver), row.setting, markdown(reason)) for row, _, reason in rows
-    ]
-    return Table(("case", "reading", "solver", "setting", "reason"), "lllrl", cells)

@@ -44,7 +44,11 @@ def solver_table(records: Sequence[Record]) -> Table:
     come first, sorted by time, followed by the solvers that are not right and those that did not run.
     """
     samples, solvers = samples_of(records), by_solver(record.run for record in records)
-    best = {solver: _best(own) for solver, own in solvers.items()}
+    # If no right row has digits (no transitions), the last right row.
+    best = {
+        solver: most_accurate(right(own)) or next((row for row in reversed(own) if row.verdict == "right"), None)
+        for solver, own in solvers.items()
+    }
     walls = {solver: row.wall_s for solver, row in best.items() if row is not None and row.wall_s}
     ranked = sorted(solvers, key=lambda solver: (_rank(best[solver], solvers[solver]), walls.get(solver, 0.0)))
     lines = [
@@ -57,7 +61,7 @@ def solver_table(records: Sequence[Record]) -> Table:
 
 
 def whole_table(whole: Sequence[WholeRow], judged: int) -> Table:
-    """Make the table of solvers over all readings of a case with a truth; ``whole`` is from :func:`.ranking.over_all`.
+    """Make the table of solvers over all readings of a case with a truth; ``whole`` is from :func:`over_all`.
 
     A row shows the setting at which a solver is right in the most readings, and its total time if it is right in all.
     Other settings that are right in equally many readings are listed in the note.
@@ -82,12 +86,6 @@ def _solver_line(
     time = timed(row, samples) if solver in walls else ""
     longer = significant(walls[solver] / min(walls.values())) if solver in walls and len(walls) > 1 else ""
     return code(solver), digits(row.digits), time, longer, row.setting, at, note
-
-
-def _best(rows: Sequence[RunRow]) -> RunRow | None:
-    """Return the most accurate right row of one solver; if no row has digits (no transitions), the last right row."""
-    good = [row for row in rows if row.verdict == "right"]
-    return most_accurate(right(good)) or (good[-1] if good else None)
 
 
 def _rank(best: RunRow | None, rows: Sequence[RunRow]) -> int:
