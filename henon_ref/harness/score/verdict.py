@@ -18,13 +18,12 @@ anything about a surface that has transitions later; or nothing is known of the 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 from henon_ref.harness.score.matching import Matching
 from henon_ref.harness.score.reference import Expected, ReferenceTransition
-from henon_ref.trajectory import Status, Transition
+from henon_ref.trajectory import Trajectory, Transition
 
 Word = Literal["right", "solver defect", "ill-conditioned", "not unique", "not judged"]
 
@@ -53,33 +52,24 @@ def granted_error(expected: Expected, tolerance: float | None) -> float:
     return (FIXED_STEP_TOLERANCE if tolerance is None else tolerance) * expected.scale
 
 
-def verdict(
-    expected: Expected,
-    matching: Matching,
-    found: Sequence[Transition],
-    *,
-    tolerance: float | None,
-    status: Status,
-    ended: float,
-) -> Verdict:
+def verdict(expected: Expected, matching: Matching, run: Trajectory, *, tolerance: float | None) -> Verdict:
     """Verdict on a run that is not right, by its first missed or spurious transition.
 
-    ``found``: the run's transitions that were matched; ``tolerance``: None for a fixed-step run; ``status``, ``ended``:
-    status and end time [s] of the run.
+    ``tolerance``: None for a fixed-step run.
     """
     if expected.nothing_known:
         return Verdict("not judged", "nothing is known of the exact run after its start")
-    allowed = granted_error(expected, tolerance)
+    allowed, ended = granted_error(expected, tolerance), run.end_time
     missed = [expected.transitions[i].time for i in matching.missed[:1]]
-    invented = [found[j].time for j in matching.spurious[:1]]
+    invented = [run.transitions[j].time for j in matching.spurious[:1]]
     where = min(missed + invented, default=None)
     if expected.status == "nonunique" and (where is None or where >= expected.end_time - allowed):
         return Verdict("not unique", f"from t = {expected.end_time:.9g} s on there are several futures")
-    if status == "timeout" and (where is None or (where > ended and not invented)):
+    if run.status == "timeout" and (where is None or (where > ended and not invented)):
         return Verdict("not judged", f"right up to t = {ended:.9g} s, where the time limit stopped it")
     if where is None:
         allowed_time = math.sqrt(END_TOLERANCES * allowed / expected.scale) * (expected.until - expected.start)
-        if status == expected.status == "failed" and abs(ended - expected.end_time) <= allowed_time:
+        if run.status == expected.status == "failed" and abs(ended - expected.end_time) <= allowed_time:
             basis = f"an error of its tolerances moves an end like that by {allowed_time:.1e} s: t = {ended:.9g} s"
             return Verdict("ill-conditioned", basis)
         return Verdict("solver defect", f"every transition is right, the end at t = {ended:.9g} s is not")
@@ -88,12 +78,7 @@ def verdict(
         if fault.word == "solver defect" and where > ended and not invented:
             return Verdict("solver defect", f"right up to its end at t = {ended:.9g} s; then {fault.basis}")
         return fault
-    return spurious_verdict(expected, found[matching.spurious[0]], allowed)
-
-
-def undecided_verdict(event: ReferenceTransition) -> Verdict:
-    """Verdict on a right run that does not decide anything about the surface of this later transition."""
-    return Verdict("not judged", f"nothing is decided of the surface of the {event.kind} at t = {event.time:.9g} s")
+    return spurious_verdict(expected, run.transitions[matching.spurious[0]], allowed)
 
 
 def missed_verdict(expected: Expected, index: int, allowed: float) -> Verdict:
