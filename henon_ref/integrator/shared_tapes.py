@@ -22,7 +22,7 @@ class SharedTapes:
     """Tapes of a system with symbolic parameters, whose values are given in a fixed order."""
 
     def __init__(self, system: FilippovSystem, parameters: tuple[sp.Symbol, ...]) -> None:
-        self._system, self._parameters = system, parameters
+        self.system, self._parameters = system, parameters
         self.mode = lru_cache(maxsize=None)(self._mode)
         self.function = lru_cache(maxsize=None)(self._function)
         self.tape = lru_cache(maxsize=None)(self._tape)
@@ -30,11 +30,11 @@ class SharedTapes:
 
     def in_doubles(self, values: tuple[float, ...]) -> ModeEvaluation:
         """Return the modes in double precision at parameter values."""
-        return ModeEvaluation(self._system, DOUBLES, _InDoubles(self, values))
+        return _InDoubles(self, values)
 
     def in_balls(self, values: tuple[sp.Expr, ...]) -> ModeEvaluation:
         """Return the modes in ball arithmetic of the working precision at exact parameter values."""
-        return ModeEvaluation(self._system, BALLS, _InBalls(self, values))
+        return _InBalls(self, values)
 
     def constants(self, tape: Tape) -> ConstantProgram:
         """Return the program of the constants of one of these tapes."""
@@ -45,7 +45,7 @@ class SharedTapes:
 
     def _mode(self, mode: Mode) -> ModeWithTape | None:
         with one_at_a_time():
-            return mode_with_tape(self._system, mode)
+            return mode_with_tape(self.system, mode)
 
     def _function(self, names: tuple[sp.Symbol, ...], expressions: tuple[sp.Expr, ...]) -> ConstantProgram:
         """Write a program of expressions in time, ``names`` and parameters."""
@@ -58,29 +58,36 @@ class SharedTapes:
             return build_tape(names, (), expressions)
 
 
-class _AtValues:
-    """Tapes of a system at given parameter values (:class:`henon_ref.modes.mode_evaluation.Tapes`)."""
+class _InDoubles(ModeEvaluation):
+    def __init__(self, shared: SharedTapes, values: tuple[float, ...]) -> None:
+        super().__init__(shared.system, DOUBLES)
+        self._tapes, self._values = shared, values
 
-    def __init__(self, shared: SharedTapes, values: tuple[Any, ...]) -> None:
-        self.mode, self._shared, self._values = shared.mode, shared, values
+    def with_tape(self, mode: Mode) -> ModeWithTape | None:
+        return self._tapes.mode(mode)
 
-
-class _InDoubles(_AtValues):
     def constants(self, tape: Tape) -> list[Any]:
-        program = self._shared.constants(tape)
+        program = self._tapes.constants(tape)
         registers = program.registers(np.array([self._values]))[0]
         found: list[float] = registers[program.places, 0].tolist()
         return found
 
     def function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
-        program, values = self._shared.function(tuple(names), tuple(expressions)), self._values
+        program, values = self._tapes.function(tuple(names), tuple(expressions)), self._values
         return lambda *point: program.in_doubles((*point, *values))
 
 
-class _InBalls(_AtValues):
+class _InBalls(ModeEvaluation):
+    def __init__(self, shared: SharedTapes, values: tuple[sp.Expr, ...]) -> None:
+        super().__init__(shared.system, BALLS)
+        self._tapes, self._values = shared, values
+
+    def with_tape(self, mode: Mode) -> ModeWithTape | None:
+        return self._tapes.mode(mode)
+
     def constants(self, tape: Tape) -> list[Any]:
-        return [ball.mid() for ball in self._shared.constants(tape).balls(self._values)]
+        return [ball.mid() for ball in self._tapes.constants(tape).balls(self._values)]
 
     def function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
-        tape = self._shared.tape(tuple(names), tuple(expressions))
+        tape = self._tapes.tape(tuple(names), tuple(expressions))
         return ball_function(tape, self.constants(tape))

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property, lru_cache
 from math import isfinite
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import sympy as sp
 from flint import arb
@@ -34,54 +34,13 @@ KEPT = 1024
 ModeWithTape = tuple[ModeEquations, Tape]
 
 
-class Tapes(Protocol):
-    """Source of the tapes of a system's modes and of their constants in one arithmetic."""
-
-    def mode(self, mode: Mode) -> ModeWithTape | None:
-        """Equations of a mode, and its field and guards as a tape; None if the mode has no equations."""
-
-    def constants(self, tape: Tape) -> list[Any]:
-        """Constants of a tape."""
-
-    def function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
-        """(t, *names) -> values of expressions; raises :data:`NO_VALUE` if one has none."""
-
-
 def mode_with_tape(system: FilippovSystem, mode: Mode) -> ModeWithTape | None:
+    """Return the equations of a mode, and its field and guards as a tape; None if the mode has no equations."""
     try:
         equations = system.equations(mode)
     except ModelError:
         return None
     return equations, build_tape(system.states, equations.field, [g.expression for g in equations.guards])
-
-
-class ExactTapes:
-    """Tapes of a system with constants from its exact numbers; subclasses define ``function``."""
-
-    def __init__(self, system: FilippovSystem, arithmetic: Arithmetic) -> None:
-        self.system, self.arithmetic = system, arithmetic
-
-    def mode(self, mode: Mode) -> ModeWithTape | None:
-        return mode_with_tape(self.system, mode)
-
-    def constants(self, tape: Tape) -> list[Any]:
-        return [self.arithmetic.number(self.system.numeric(c)) for c in tape.constants]
-
-
-class _DoubleTapes(ExactTapes):
-    def function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
-        values, names = [self.system.numeric(e) for e in expressions], [TIME, *names]
-        # The time of lambdify grows with the number of its arguments.
-        used = set().union(*(value.free_symbols for value in values))
-        places = [k for k, name in enumerate(names) if name in used]
-        found: Callable[..., list[Any]] = sp.lambdify([names[k] for k in places], values, "math", cse=True)
-        return lambda *at: found(*(at[k] for k in places))
-
-
-class _BallTapes(ExactTapes):
-    def function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
-        tape = build_tape(tuple(names), (), tuple(expressions))
-        return ball_function(tape, self.constants(tape))
 
 
 def ball_function(tape: Tape, constants: Sequence[arb]) -> Callable[..., list[arb]]:
@@ -95,12 +54,12 @@ def ball_function(tape: Tape, constants: Sequence[arb]) -> Callable[..., list[ar
 
 def in_doubles(system: FilippovSystem) -> ModeEvaluation:
     """Return the evaluation of a system's modes in double precision."""
-    return ModeEvaluation(system, DOUBLES, _DoubleTapes(system, DOUBLES))
+    return ModeEvaluation(system, DOUBLES)
 
 
 def in_balls(system: FilippovSystem) -> ModeEvaluation:
     """Return the evaluation of a system's modes in balls of the working precision."""
-    return ModeEvaluation(system, BALLS, _BallTapes(system, BALLS))
+    return ModeEvaluation(system, BALLS)
 
 
 @lru_cache(maxsize=KEPT)
@@ -125,18 +84,33 @@ def acting_on(system: FilippovSystem, index: int) -> tuple[int, ...]:
 class ModeEvaluation:
     """Evaluation of the modes of one system in one arithmetic.
 
-    Parameters
-    ----------
-    system : FilippovSystem
-    arithmetic : Arithmetic
-    tapes : Tapes
-        With constants of that arithmetic.
+    Constants are computed from the system's exact numbers; a subclass may compute the results of :meth:`with_tape`,
+    :meth:`constants` and :meth:`function` in another way.
     """
 
-    def __init__(self, system: FilippovSystem, arithmetic: Arithmetic, tapes: Tapes) -> None:
-        self.system, self.arithmetic, self._source = system, arithmetic, tapes
-        self.function = tapes.function
+    def __init__(self, system: FilippovSystem, arithmetic: Arithmetic) -> None:
+        self.system, self.arithmetic = system, arithmetic
         self._numbers: dict[tuple[int, tuple[int, ...]], Any] = {}
+
+    def with_tape(self, mode: Mode) -> ModeWithTape | None:
+        """Return :func:`mode_with_tape`."""
+        return mode_with_tape(self.system, mode)
+
+    def constants(self, tape: Tape) -> list[Any]:
+        """Return the constants of a tape."""
+        return [self.arithmetic.number(self.system.numeric(c)) for c in tape.constants]
+
+    def function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
+        """Return (t, *names) -> values of expressions, which raises :data:`NO_VALUE` if one has none."""
+        if self.arithmetic is BALLS:
+            tape = build_tape(tuple(names), (), tuple(expressions))
+            return ball_function(tape, self.constants(tape))
+        values, names = [self.system.numeric(e) for e in expressions], [TIME, *names]
+        # The time of lambdify grows with the number of its arguments.
+        used = set().union(*(value.free_symbols for value in values))
+        places = [k for k, name in enumerate(names) if name in used]
+        found: Callable[..., list[Any]] = sp.lambdify([names[k] for k in places], values, "math", cse=True)
+        return lambda *at: found(*(at[k] for k in places))
 
     def at(self, t: Any, x: Sequence[Any], levels: tuple[float, ...] | None = None) -> TapePoint:
         """Return a point; ``levels``: see :attr:`Doubles.levels`."""
@@ -151,8 +125,8 @@ class ModeEvaluation:
         with one_at_a_time():
             if self._shared is not None:
                 return self._of_shared(mode, *self._shared)
-            made = self._source.mode(mode)
-            return None if made is None else (*made, self._source.constants(made[1]))
+            made = self.with_tape(mode)
+            return None if made is None else (*made, self.constants(made[1]))
 
     def tape(self, mode: Mode) -> tuple[Tape, list[Any]]:
         """Return the tape and constants of a mode; ValueError if it has no equations."""
@@ -179,7 +153,7 @@ class ModeEvaluation:
             key = at, tuple(mode[i] for i in surfaces)
             if key not in self._numbers:
                 alone = replace(shared.tape, constants=(shared.constant(at, mode),))
-                self._numbers[key] = self._source.constants(alone)[0]
+                self._numbers[key] = self.constants(alone)[0]
             numbers.append(self._numbers[key])
         return ModeEquations((), made.own_guards(mode), {}), replace(shared.tape, outputs=own), numbers
 
