@@ -23,8 +23,6 @@ OPERATION, READ, CACHED = 20, 2, 3
 """Characters that an operation costs in addition to its own, that parsing costs for each character of a text, and
 that a cached text costs."""
 _NAME = re.compile(r"[^\W\d]\w*")
-LONGEST_NUMBER = 24
-"""Largest number of characters that a number counts for."""
 _BINDING = {"+": 1, "-": 2, "*": 2, "/": 3, "^": 4}
 """Binding strength of an operation; an operand that binds less closely is put in parentheses."""
 
@@ -60,7 +58,7 @@ class Operation:
         self.kind, self.arguments, self.value, self.offset = kind, arguments, value, offset
         own = (str(value),) if kind == "name" else ()
         self.names: tuple[str, ...] = own or tuple(dict.fromkeys(name for part in arguments for name in part.names))
-        length = min(len(str(value)), LONGEST_NUMBER) if kind == "number" else len(str(value))
+        length = min(len(str(value)), 24) if kind == "number" else len(str(value))
         self.length: int = length + 1 + sum(part.length + 2 for part in arguments)
         self._hash = hash((kind, value, arguments))
 

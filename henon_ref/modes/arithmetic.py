@@ -23,14 +23,10 @@ NO_VALUE = (ZeroDivisionError, ValueError, OverflowError)
 """Exceptions of ``math`` and python-flint for an expression without a finite value."""
 ZERO = 1e-13
 """Relative size below which a derivative counts as zero (doubles cannot resolve a tangency below it)."""
-NOISE = 1e-13
-"""Part of the following coefficients below which a coefficient is rounding noise of a zero."""
 CLEAR = 1e-9
 """Part of the size of its terms above which a value is clearly not zero."""
 ORDER = 8
 """Number of derivatives that are computed before a contact counts as one that never separates."""
-DIGITS = 75
-"""Decimal digits of constants in balls: more than the working precision has."""
 RING = Ring({name: getattr(arb, name) for name in FUNCTIONS}, arb.__pow__)
 
 Leading = tuple[int, int]
@@ -87,7 +83,7 @@ class Balls:
     carries_errors = True
 
     def number(self, exact: sp.Expr) -> arb:
-        return arb(str(sp.N(exact, DIGITS))).mid()
+        return arb(str(sp.N(exact, 75))).mid()  # more digits than the working precision has
 
     def rate(self, states: Sequence[Sequence[arb]], outputs: Sequence[Sequence[arb]]) -> float:
         """1: each coefficient is compared with zero by itself; ValueError if one is not finite."""
@@ -183,9 +179,12 @@ def _growth(series: Sequence[float], first: int) -> float:
 
 
 def _noise(series: Sequence[float], first: int, after: int) -> bool:
-    """Check whether coefficients are negligible against the following two, in units of the growth rate of these."""
+    """Check whether coefficients are rounding noise of zeros: negligible against the following two.
+
+    Both are in units of the growth rate of these two.
+    """
     terms = [abs(c) for c in scaled(series, _growth(series, after) or 1.0)]
-    return 0.0 < max(terms[first:after]) <= NOISE * max(terms[after : after + 2], default=0.0)
+    return 0.0 < max(terms[first:after]) <= 1e-13 * max(terms[after : after + 2], default=0.0)
 
 
 def scaled(series: Sequence[float], rate: float) -> list[float]:

@@ -23,8 +23,6 @@ from henon_ref.taylor.tape import TIME
 Scalar = Callable[..., tuple[float, ...]]
 """``f(t, *x)`` -> one float per expression."""
 
-LONGEST = 2**53
-"""Largest integer up to which all integers are doubles."""
 ARITHMETIC = (ZeroDivisionError, ValueError, OverflowError)
 """Exceptions of ``math`` for an expression without a finite value."""
 
@@ -64,7 +62,7 @@ def with_rounded_constants(expressions: Iterable[sp.Expr]) -> tuple[sp.Expr, ...
 
 
 def _constant(number: sp.Expr) -> sp.Expr:
-    return number if number.is_Integer and abs(number) <= LONGEST else _float(number)
+    return number if number.is_Integer and abs(number) <= 2**53 else _float(number)  # up to 2**53 all are doubles
 
 
 def _float(number: sp.Expr) -> sp.Float:

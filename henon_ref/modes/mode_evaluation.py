@@ -28,9 +28,6 @@ from henon_ref.taylor.tape import TIME, Tape, build_tape
 if TYPE_CHECKING:
     from henon_ref.modes.decoupled_contacts import SwitchedEquations
 
-KEPT = 1024
-"""Size of the cache of normal velocities by surface and mode entries."""
-
 ModeWithTape = tuple[ModeEquations, Tape]
 
 
@@ -62,7 +59,7 @@ def in_balls(system: FilippovSystem) -> ModeEvaluation:
     return ModeEvaluation(system, BALLS)
 
 
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=1024)
 def normal_in(system: FilippovSystem, index: int, entries: Mode) -> sp.Expr:
     """Return dh/dt of a surface: shared by all modes, unless it contains operations that these entries do not use.
 
@@ -74,7 +71,7 @@ def normal_in(system: FilippovSystem, index: int, entries: Mode) -> sp.Expr:
     return own if leaves_out(written, own, signs, {TIME, *system.states}) else written
 
 
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=1024)
 def acting_on(system: FilippovSystem, index: int) -> tuple[int, ...]:
     """Return the surfaces whose signs are in a surface's normal velocity."""
     written = system.normal_velocity(index).free_symbols

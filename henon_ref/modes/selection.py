@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import product
-from typing import Any, Protocol
+from typing import Any
 
 import sympy as sp
 
@@ -43,16 +43,6 @@ from henon_ref.text import listed
 
 PLAIN = 1e-3
 """Smallest rate, as a part of the jump of the surface's rate between its sides, that is clearly not zero."""
-
-
-class ExactStart(Protocol):
-    """Modes of a system at points that may be given by exact numbers."""
-
-    @property
-    def system(self) -> FilippovSystem: ...
-
-    def exactly(self, start: sp.Expr, initial: Sequence[sp.Expr]) -> Point:
-        """Return the point with these exact numbers."""
 
 
 def sign_after(below: float, above: float) -> int | None:
@@ -90,9 +80,13 @@ def signs_at(system: FilippovSystem, start: sp.Expr, initial: Sequence[sp.Expr])
 
 
 def initial_mode(
-    modes: ExactStart, start: sp.Expr, initial: Sequence[sp.Expr], given: Mapping[int, int] | None = None
+    modes: Any, start: sp.Expr, initial: Sequence[sp.Expr], given: Mapping[int, int] | None = None
 ) -> Decision:
-    """Decide the mode at the start from exact numbers; ``given``: prescribed entries of surfaces on which it lies."""
+    """Decide the mode at the start from exact numbers.
+
+    ``modes``: evaluation of the modes of its ``system``, whose ``exactly`` returns the point of exact numbers;
+    ``given``: prescribed entries of surfaces on which the start lies.
+    """
     return mode_by_signs(modes.exactly(start, initial), *signs_at(modes.system, start, initial), given or {})
 
 

@@ -42,8 +42,6 @@ from henon_ref.modes.switched_field import SwitchedField
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import listed
 
-MAX_CORNERS = 16
-"""Largest number of sign combinations at which an expression that is not linear in the signs is evaluated."""
 EXHAUSTIVE = 4
 """Largest number of coupled surfaces of which all principal minors are checked, not only diagonal and determinant."""
 
@@ -54,7 +52,7 @@ def _interpolated(expression: sp.Expr, signs: tuple[sp.Symbol, ...]) -> sp.Expr:
     used = [s for s in signs if s in free]
     if coefficients(expression, used) is not None:
         return expression
-    if 2 ** len(used) > MAX_CORNERS:
+    if len(used) > 4:  # evaluated at all combinations of the signs
         if expression.is_Add:
             return sp.Add(*(_interpolated(term, signs) for term in expression.args))
         raise ModelError(

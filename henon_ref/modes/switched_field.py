@@ -20,8 +20,8 @@ from henon_ref.modes.equations import Guard, along
 from henon_ref.modes.mode import Mode
 from henon_ref.taylor.tape import TIME
 
-DIGITS, AGREE = 40, sp.Float("1e-25")
-"""Digits of sampled values, and relative difference up to which two sampled values agree."""
+AGREE = sp.Float("1e-25")
+"""Relative difference up to which two sampled values agree."""
 Method = TypeVar("Method", bound=Callable[..., Any])
 
 
@@ -141,7 +141,7 @@ class SwitchedField:
         symbols = sorted(set().union(*(e.free_symbols for e in expressions)), key=str)
         numbers = {s: sp.Rational(sp.prime(k + 7), sp.prime(k + 17)) for k, s in enumerate(symbols)}
         numbers |= {TIME: sp.Rational(3, 7), **self.parameters}
-        return [sp.N(put(e, numbers), DIGITS) for e in expressions]
+        return [sp.N(put(e, numbers), 40) for e in expressions]
 
     def held_inside(self, index: int) -> bool:
         """Check whether the hold zone of its override, not the slip fields, decides sticking on a surface."""

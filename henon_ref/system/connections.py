@@ -158,8 +158,6 @@ LAWS = {"coulomb": None, "stribeck": "slope", "stribeck_exp": "velocity"}
 """Friction law -> key that only this law requires. ``stribeck`` is Eq. (2) of Olejnik and Awrejcewicz (2013),
 force/(1 + slope abs(v)). ``stribeck_exp`` is force + (static - force) exp(-abs(v)/velocity), as in Modelica's
 ``MassWithStopAndFriction``."""
-UNITS = {"slope": "s/m, between rotors s/rad", "velocity": "m/s, between rotors rad/s"}
-TIMES = (sp.Rational(1, 3), sp.Rational(7, 5), sp.Rational(29, 11))
 
 
 def _friction(link: Link) -> None:
@@ -191,8 +189,8 @@ def _friction(link: Link) -> None:
 
 def _is_constant(velocity: sp.Expr) -> bool:
     """Check whether a prescribed velocity is constant, by its derivative (an analytic function) at a few times."""
-    rate = sp.diff(velocity, TIME)
-    return all(abs(sp.N(rate.xreplace({TIME: time}), 40)) < sp.Float("1e-30") for time in TIMES)
+    rate, times = sp.diff(velocity, TIME), (sp.Rational(1, 3), sp.Rational(7, 5), sp.Rational(29, 11))
+    return all(abs(sp.N(rate.xreplace({TIME: time}), 40)) < sp.Float("1e-30") for time in times)
 
 
 def _checked_law(link: Link) -> str:
@@ -200,7 +198,8 @@ def _checked_law(link: Link) -> str:
     for name, own in LAWS.items():
         if own is not None and (own in link.values) != (name == law):
             if name == law:
-                raise link.error(f"friction with the law '{law}' requires '{own}' [{UNITS[own]}]")
+                unit = "s/m, between rotors s/rad" if own == "slope" else "m/s, between rotors rad/s"
+                raise link.error(f"friction with the law '{law}' requires '{own}' [{unit}]")
             raise link.error(f"the law '{law}' has no '{own}'; the law '{name}' has", at=own)
     return law
 

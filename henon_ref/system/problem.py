@@ -29,10 +29,6 @@ MODEL_KEYS = ("system", "scene", "sliding", "resets")
 NO_VALUE = (sp.nan, sp.zoo, sp.oo, -sp.oo)
 PARTIAL = (sp.tan, sp.log, sp.asin, sp.acos)
 """Functions with a restricted domain or with poles."""
-KINK_IN_MAP = (
-    "a map must have no kinks and no signs: write the branch that applies when the surface falls (for a speed v, "
-    "which is negative there, write -v for abs(v))"
-)
 
 
 def build_problem(source: Source) -> tuple[Problem, Names]:
@@ -187,7 +183,11 @@ def _resets(source: Source, names: Names, system: FilippovSystem) -> dict[int, R
             if name not in names.states:
                 raise source.unknown(place, f"'{name}' is not a state", "states", names.states)
             if source.has_kinks(place):
-                raise source.error(place, f"in '{name}': {KINK_IN_MAP}")
+                raise source.error(
+                    place,
+                    f"in '{name}': a map must have no kinks and no signs: write the branch that applies when the "
+                    "surface falls (for a speed v, which is negative there, write -v for abs(v))",
+                )
             values[names.states[name]] = names.smooth(source, place)
         if all(x == value for x, value in values.items()):
             raise source.error((*path, "map"), "the map changes no state; leave the reset out", key=True)
