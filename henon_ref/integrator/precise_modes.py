@@ -99,9 +99,7 @@ class PreciseModes:
 
     def guards(self, mode: Mode) -> tuple[Guard, ...]:
         """Return the guards of a mode in the order of :meth:`FilippovSystem.equations`."""
-        found = self.in_balls.equations(mode)
-        assert found is not None
-        return found[0].guards
+        return self.in_balls.guards(mode) or ()
 
     def expand(
         self, mode: Mode, time: arb, state: Sequence[arb], unit: arb

@@ -12,7 +12,7 @@ import sympy as sp
 from henon_ref.integrator.constant_program import ConstantProgram, constant_program
 from henon_ref.modes.arithmetic import BALLS, DOUBLES
 from henon_ref.modes.mode import Mode
-from henon_ref.modes.mode_evaluation import ModeEvaluation, ModeWithTape, ball_function, mode_with_tape
+from henon_ref.modes.mode_evaluation import GuardsAndTape, ModeEvaluation, ball_function, guards_and_tape
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.precision import one_at_a_time
 from henon_ref.taylor.tape import TIME, Tape, build_tape
@@ -43,9 +43,9 @@ class SharedTapes:
                 self._programs[id(tape)] = tape, constant_program(self._parameters, tape.constants)
         return self._programs[id(tape)][1]
 
-    def _mode(self, mode: Mode) -> ModeWithTape | None:
+    def _mode(self, mode: Mode) -> GuardsAndTape | None:
         with one_at_a_time():
-            return mode_with_tape(self.system, mode)
+            return guards_and_tape(self.system, mode)
 
     def _function(self, names: tuple[sp.Symbol, ...], expressions: tuple[sp.Expr, ...]) -> ConstantProgram:
         """Write a program of expressions in time, ``names`` and parameters."""
@@ -63,7 +63,7 @@ class _InDoubles(ModeEvaluation):
         super().__init__(shared.system, DOUBLES)
         self._tapes, self._values = shared, values
 
-    def with_tape(self, mode: Mode) -> ModeWithTape | None:
+    def guards_and_tape(self, mode: Mode) -> GuardsAndTape | None:
         return self._tapes.mode(mode)
 
     def constants(self, tape: Tape) -> list[Any]:
@@ -82,7 +82,7 @@ class _InBalls(ModeEvaluation):
         super().__init__(shared.system, BALLS)
         self._tapes, self._values = shared, values
 
-    def with_tape(self, mode: Mode) -> ModeWithTape | None:
+    def guards_and_tape(self, mode: Mode) -> GuardsAndTape | None:
         return self._tapes.mode(mode)
 
     def constants(self, tape: Tape) -> list[Any]:

@@ -72,10 +72,8 @@ def ended(system: FilippovSystem, mode: Mode, hits: Sequence[Guard], time: str) 
     return None
 
 
-@lru_cache(maxsize=64)
-def _text(expression: sp.Expr) -> str:
-    """Return the expression as text; cached, since printing takes longer than most runs that end there."""
-    return str(expression)
+_text = lru_cache(maxsize=64)(str)
+"""Text of an expression; cached, since printing takes longer than most runs that end there."""
 
 
 def _end(system: FilippovSystem, mode: Mode, guard: Guard) -> str:

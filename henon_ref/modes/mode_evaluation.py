@@ -17,7 +17,7 @@ from flint import arb
 from henon_ref.errors import ModelError
 from henon_ref.expressions.algebra import leaves_out
 from henon_ref.modes.arithmetic import BALLS, DOUBLES, NO_VALUE, ORDER, RING, Arithmetic, Leading
-from henon_ref.modes.equations import Guard, ModeEquations, ModeTape
+from henon_ref.modes.equations import Guard, ModeTape
 from henon_ref.modes.mode import Mode, replaced
 from henon_ref.modes.switched_field import kept
 from henon_ref.modes.system import FilippovSystem
@@ -28,16 +28,16 @@ from henon_ref.taylor.tape import TIME, Tape, build_tape
 if TYPE_CHECKING:
     from henon_ref.modes.decoupled_contacts import SwitchedEquations
 
-ModeWithTape = tuple[ModeEquations, Tape]
+GuardsAndTape = tuple[tuple[Guard, ...], Tape]
 
 
-def mode_with_tape(system: FilippovSystem, mode: Mode) -> ModeWithTape | None:
-    """Return the equations of a mode, and its field and guards as a tape; None if the mode has no equations."""
+def guards_and_tape(system: FilippovSystem, mode: Mode) -> GuardsAndTape | None:
+    """Return the guards of a mode, and its field and guards as a tape; None if the mode has no equations."""
     try:
         equations = system.equations(mode)
     except ModelError:
         return None
-    return equations, build_tape(system.states, equations.field, [g.expression for g in equations.guards])
+    return equations.guards, build_tape(system.states, equations.field, [g.expression for g in equations.guards])
 
 
 def ball_function(tape: Tape, constants: Sequence[arb]) -> Callable[..., list[arb]]:
@@ -81,17 +81,16 @@ def acting_on(system: FilippovSystem, index: int) -> tuple[int, ...]:
 class ModeEvaluation:
     """Evaluation of the modes of one system in one arithmetic.
 
-    Constants are computed from the system's exact numbers; a subclass may compute the results of :meth:`with_tape`,
-    :meth:`constants` and :meth:`function` in another way.
+    Constants are computed from the system's exact numbers; a subclass may compute the results of
+    :meth:`guards_and_tape`, :meth:`constants` and :meth:`function` in another way.
     """
 
     def __init__(self, system: FilippovSystem, arithmetic: Arithmetic) -> None:
         self.system, self.arithmetic = system, arithmetic
         self._numbers: dict[tuple[int, tuple[int, ...]], Any] = {}
 
-    def with_tape(self, mode: Mode) -> ModeWithTape | None:
-        """Return :func:`mode_with_tape`."""
-        return mode_with_tape(self.system, mode)
+    def guards_and_tape(self, mode: Mode) -> GuardsAndTape | None:
+        return guards_and_tape(self.system, mode)
 
     def constants(self, tape: Tape) -> list[Any]:
         """Return the constants of a tape."""
@@ -117,17 +116,22 @@ class ModeEvaluation:
         return self.at(self.arithmetic.number(start), [self.arithmetic.number(v) for v in initial])
 
     @kept
-    def equations(self, mode: Mode) -> tuple[ModeEquations, Tape, list[Any]] | None:
-        """Return the equations, tape and constants of a mode; None if it has no equations."""
+    def _made(self, mode: Mode) -> tuple[tuple[Guard, ...], Tape, list[Any]] | None:
+        """Return the guards, tape and constants of a mode; None if it has no equations."""
         with one_at_a_time():
             if self._shared is not None:
                 return self._of_shared(mode, *self._shared)
-            made = self.with_tape(mode)
+            made = self.guards_and_tape(mode)
             return None if made is None else (*made, self.constants(made[1]))
+
+    def guards(self, mode: Mode) -> tuple[Guard, ...] | None:
+        """Return the guards of a mode; None if it has no equations."""
+        made = self._made(mode)
+        return None if made is None else made[0]
 
     def tape(self, mode: Mode) -> tuple[Tape, list[Any]]:
         """Return the tape and constants of a mode; ValueError if it has no equations."""
-        made = self.equations(mode)
+        made = self._made(mode)
         if made is None:
             raise ValueError("the mode has no equations")
         return made[1], made[2]
@@ -142,8 +146,8 @@ class ModeEvaluation:
 
     def _of_shared(
         self, mode: Mode, made: SwitchedEquations, shared: ModeTape
-    ) -> tuple[ModeEquations, Tape, list[Any]]:
-        """Return a mode's equations, its part of the shared tape, and its constants, each computed once."""
+    ) -> tuple[tuple[Guard, ...], Tape, list[Any]]:
+        """Return a mode's guards, its part of the shared tape, and its constants, each computed once."""
         own = tuple(shared.tape.outputs[row] for row in made.rows(mode))
         numbers = []
         for at, surfaces in enumerate(shared.owners):
@@ -152,7 +156,7 @@ class ModeEvaluation:
                 alone = replace(shared.tape, constants=(shared.constant(at, mode),))
                 self._numbers[key] = self.constants(alone)[0]
             numbers.append(self._numbers[key])
-        return ModeEquations((), made.own_guards(mode), {}), replace(shared.tape, outputs=own), numbers
+        return made.own_guards(mode), replace(shared.tape, outputs=own), numbers
 
     @kept
     def of_states_and_signs(self, expressions: tuple[sp.Expr, ...]) -> Callable[..., list[Any]]:
@@ -189,11 +193,10 @@ class TapePoint:
         return expand(*self._modes.tape(mode), self._t, self._x, order, self.arithmetic.ring)
 
     def guards(self, mode: Mode) -> tuple[Guard, ...] | None:
-        made = self._modes.equations(mode)
-        if made is None:
-            return None
-        self.series(mode)
-        return made[0].guards
+        guards = self._modes.guards(mode)
+        if guards is not None:
+            self.series(mode)
+        return guards
 
     @kept
     def series(self, mode: Mode) -> tuple[list[list[Any]], float]:

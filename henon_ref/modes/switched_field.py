@@ -119,13 +119,10 @@ class SwitchedField:
         """Signs of the surfaces in slip, as a substitution."""
         return {self.signs[i]: sp.Integer(s) for i, s in enumerate(mode) if s}
 
+    @kept
     def normal_velocity(self, index: int) -> sp.Expr:
         """dh_i/dt along f, in time, states, signs and parameters."""
-        return self._normal[index]
-
-    @cached_property
-    def _normal(self) -> tuple[sp.Expr, ...]:
-        return tuple(along(h, self.states, self.field) for h in self.surfaces)
+        return along(self.surfaces[index], self.states, self.field)
 
     def constant_slope(self, surface: sp.Expr, state: sp.Symbol) -> sp.Expr | None:
         """Return the factor of a state in a surface if it is constant (no time, no states) and not zero; else None."""

@@ -137,7 +137,7 @@ class FilippovSystem(SwitchedField):
         sliding = frozenset(i for i, s in enumerate(mode) if s == 0)
         shared = self.shared_equations(sliding)
         slip, own = self.slip_signs(mode), self.equations(mode)
-        beside = [(normal, s) for normal, s, entry in zip(self._normal, self.signs, mode, strict=True) if entry]
+        beside = [(self.normal_velocity(i), self.signs[i]) for i, entry in enumerate(mode) if entry]
         speeds = [speed for normal, s in beside for speed in (normal, normal.xreplace({s: -s}))]
         pairs = zip((*shared.of_signs, *speeds), (*own.of_signs, *(e.xreplace(slip) for e in speeds)), strict=True)
         alone = bool(self.unused_kinks(mode)) or any(leaves_out(*pair, slip, {TIME, *self.states}) for pair in pairs)
@@ -231,7 +231,7 @@ class FilippovSystem(SwitchedField):
             for k, rate in enumerate(self.field)
         )
         resting = self.resting & surfaces
-        velocities = tuple(self._normal[i] if i in resting else h for i, h in enumerate(self.surfaces))
+        velocities = tuple(self.normal_velocity(i) if i in resting else h for i, h in enumerate(self.surfaces))
         return SwitchedField(self.states, self.signs, velocities, rates, self.parameters)
 
     @property

@@ -61,7 +61,10 @@ def _written_model(source: Source) -> tuple[FilippovSystem, Names]:
         system = scene.system()
     else:
         system, names = _system(source)
-    overrides = _overrides(source, names)
+    overrides = {
+        _plain_surface(source, names, ("sliding", sign), "a sliding mode"): _override(source, sign, names)
+        for sign in source.keys(("sliding",))
+    }
     for i in overrides.keys() & system.resets.keys():
         message = f"'{system.sign_names[i]}' is a hard stop; its sliding mode (a body at rest) cannot be replaced"
         raise source.error(("sliding", system.sign_names[i]), message, key=True)
@@ -142,15 +145,6 @@ def _check_names(source: Source, states: list[str], signs: list[str], parameters
             if problem:
                 raise source.error(path, problem, key=True)
             seen[name] = kind
-
-
-def _overrides(source: Source, names: Names) -> dict[int, SlidingOverride]:
-    """Return the sliding modes that the case overrides, by the index of their surface."""
-    overrides = {}
-    for sign in source.keys(("sliding",)):
-        index = _plain_surface(source, names, ("sliding", sign), "a sliding mode")
-        overrides[index] = _override(source, sign, names)
-    return overrides
 
 
 def _plain_surface(source: Source, names: Names, path: tuple[str, str], what: str) -> int:
