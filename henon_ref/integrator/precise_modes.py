@@ -14,11 +14,9 @@ from henon_ref.integrator.pairs import Pair
 from henon_ref.jit.processor_time import compiling
 from henon_ref.kernel.shared import EPS
 from henon_ref.modes.arithmetic import RING
-from henon_ref.modes.decision import Decision
 from henon_ref.modes.equations import Guard, gradient
 from henon_ref.modes.mode import Mode
-from henon_ref.modes.mode_evaluation import ModeEvaluation
-from henon_ref.modes.selection import mode_by_signs
+from henon_ref.modes.mode_evaluation import ModeEvaluation, TapePoint
 from henon_ref.precision import working_precision
 from henon_ref.roots.multiprecision import BITS
 from henon_ref.taylor.series import expand
@@ -88,14 +86,9 @@ class PreciseModes:
         """Return the sign; 0 if the ball contains zero."""
         return 0 if value.contains(0) else 1 if value > 0 else -1
 
-    def decide(self, t: arb, x: Sequence[arb], surfaces: Sequence[int], valid: Sequence[int]) -> Decision:
-        """Decide the mode after a jump, in double precision."""
-        at = self.in_doubles.at(float(t), [float(value) for value in x])
-        return mode_by_signs(at, surfaces, valid, where="after the reset")
-
-    def text(self, t: arb) -> str:
-        """Format a time for messages."""
-        return f"{float(t):.17g}"
+    def at(self, t: arb, x: Sequence[arb]) -> TapePoint:
+        """Return the point, in double precision, at which the mode after a jump is decided."""
+        return self.in_doubles.at(float(t), [float(value) for value in x])
 
     def guards(self, mode: Mode) -> tuple[Guard, ...]:
         """Return the guards of a mode in the order of :meth:`FilippovSystem.equations`."""

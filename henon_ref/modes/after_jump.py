@@ -18,6 +18,7 @@ from henon_ref.modes.decision import Decision
 from henon_ref.modes.equations import Guard, gradient
 from henon_ref.modes.mode import Mode, replaced
 from henon_ref.modes.resets import Impact, impact_of, time_to_rest, turning_in_flight
+from henon_ref.modes.selection import mode_by_signs
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.text import listed
 
@@ -66,7 +67,7 @@ def after_jump(
     try:
         end = Cascade(system, numbers, mode, t).end(x, hit, surfaces)
     except NO_VALUE:
-        return AfterJump(_not_finite(numbers, t), x)
+        return AfterJump(_not_finite(numbers, t, x), x)
     if isinstance(end, Decision):
         return AfterJump(end, x)
     return replace(_Rule(system, numbers, mode, end, t).after(most), applied=end.applied)
@@ -76,8 +77,8 @@ def _refused(reason: str) -> Decision:
     return Decision("none", None, reason)
 
 
-def _not_finite(numbers: Numbers, t: Any) -> Decision:
-    return _refused(f"the state after the reset at t = {numbers.text(t)} is not finite")
+def _not_finite(numbers: Numbers, t: Any, x: Sequence[Any]) -> Decision:
+    return _refused(f"the state after the reset at t = {numbers.at(t, x).when} is not finite")
 
 
 def without_speed(impact: Impact, numbers: Numbers, t: Any, x: Sequence[Any]) -> list[Any]:
@@ -102,11 +103,11 @@ class _Rule:
         try:
             valid = [numbers.sign(value) for value in numbers.values(system.valid, t, after)]
         except NO_VALUE:
-            return AfterJump(_not_finite(numbers, t), after)
+            return AfterJump(_not_finite(numbers, t, after), after)
         on = tuple(i for i, side in enumerate(sides) if side == 0)
         for i, rate in self.rates.items():
             sides[i] = -1 if rate.sign < 0 else 1
-        decision = numbers.decide(t, after, sides, valid)
+        decision = self._decided(after, sides, valid)
         if decision.mode is None or not self.rates:
             return AfterJump(decision, after, on=on)
         try:
@@ -114,7 +115,11 @@ class _Rule:
             beside = self._accumulating(found.rest.mode, most) if self.several and found.rest else []
             return self._no_rest(beside[:1], SEVERAL) if beside else found
         except NO_VALUE:
-            return AfterJump(_refused(f"a derivative after t = {numbers.text(t)} is not finite"), after)
+            return AfterJump(_refused(f"a derivative after t = {numbers.at(t, after).when} is not finite"), after)
+
+    def _decided(self, x: Sequence[Any], sides: Sequence[int], valid: Sequence[int]) -> Decision:
+        """Decide the mode at a state at which surfaces and ``valid`` expressions have these signs."""
+        return mode_by_signs(self.numbers.at(self.t, x), sides, valid, where="after the reset")
 
     def _followed(self, decision: Decision, on: tuple[int, ...], most: Any, valid: Sequence[int]) -> AfterJump:
         assert decision.mode is not None
@@ -137,7 +142,7 @@ class _Rule:
             if rate.sign == 0 and len(system.together(i, on)) > 1:  # contacts may come to rest with the body
                 sides[i] = 0
         if 0 in (sides[i] for i in self.rates):
-            decision = numbers.decide(self.t, after, sides, valid)
+            decision = self._decided(after, sides, valid)
             stays = () if decision.mode is None else tuple(i for i in self.rates if decision.mode[i] == 0)
             rest = None
             if stays and decision.mode is not None:
@@ -167,8 +172,8 @@ class _Rule:
         return found
 
     def _no_rest(self, surfaces: Iterable[int], why: str) -> AfterJump:
-        names, at = listed([self.system.sign_names[i] for i in surfaces]), self.numbers.text(self.t)
-        reason = f"impacts on {names} accumulate after t = {at}, and no rest is derived: {why}"
+        names, at = listed([self.system.sign_names[i] for i in surfaces]), self.numbers.at(self.t, self.state)
+        reason = f"impacts on {names} accumulate after t = {at.when}, and no rest is derived: {why}"
         return AfterJump(_refused(reason), self.state)
 
     def _turned(self, index: int, mode: Mode) -> list[int]:
@@ -198,7 +203,7 @@ class _Rule:
         if not undecided:
             return Decision("unique", stuck)
         still = [0 if i in times or i in undecided else side for i, side in enumerate(sides)]
-        return self.numbers.decide(self.t, x, still, valid)
+        return self._decided(x, still, valid)
 
     def _refusal(
         self,

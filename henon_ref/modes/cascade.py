@@ -19,6 +19,7 @@ from typing import Any, Protocol
 
 import sympy as sp
 
+from henon_ref.modes.arithmetic import Point
 from henon_ref.modes.decision import Decision
 from henon_ref.modes.equations import gradient
 from henon_ref.modes.mode import Mode
@@ -44,14 +45,11 @@ class Numbers(Protocol):
     def sign(self, value: Any) -> int:
         """Sign of a value; 0 if it cannot be distinguished from zero."""
 
-    def text(self, t: Any) -> str:
-        """Time as messages name it."""
-
     def guard_series(self, mode: Mode, t: Any, x: Sequence[Any]) -> Sequence[Sequence[Any]]:
         """Taylor coefficients in time of a mode's guards."""
 
-    def decide(self, t: Any, x: Sequence[Any], surfaces: Sequence[int], valid: Sequence[int]) -> Decision:
-        """Decide the mode at a point at which surfaces and ``valid`` expressions have these signs."""
+    def at(self, t: Any, x: Sequence[Any]) -> Point:
+        """Point at which modes are decided, and which names the time in messages."""
 
 
 @dataclass(frozen=True)
@@ -120,7 +118,8 @@ class Cascade:
         while self._endless or (made[-1].due and not any(self._alike(made[-1], other) for other in known)):
             if self._endless or self._count >= MOST:
                 names = listed([self._system.sign_names[i] for i in sorted(made[-1].fired)])
-                reason = f"more than {MOST} maps at one instant, t = {self._numbers.text(self._t)}: resets of {names}"
+                when = self._numbers.at(self._t, made[-1].state).when
+                reason = f"more than {MOST} maps at one instant, t = {when}: resets of {names}"
                 return Decision("none", None, reason)
             made.append(self._after(made[-1], self._next(made[-1])[0]))
         return made
@@ -152,8 +151,8 @@ class Cascade:
         impacts = [impact_of(self._system, i) for i in either]
         bodies = all(impact is not None and not impact.refusal for impact in impacts)
         what = "impacts at one instant that share a body" if bodies else "resets at one instant whose order matters"
-        reason = f"the future is not unique at t = {self._numbers.text(self._t)}: {what}: {names}"
-        return Decision("nonunique", None, reason)
+        when = self._numbers.at(self._t, other.state).when
+        return Decision("nonunique", None, f"the future is not unique at t = {when}: {what}: {names}")
 
     def _after(self, now: Instant, index: int) -> Instant:
         self._count += 1
