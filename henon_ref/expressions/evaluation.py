@@ -192,14 +192,7 @@ def _delicate(operation: Operation, signs: Collection[str]) -> list[tuple[Operat
 class Walk:
     """Evaluation of operations to exact SymPy, for given meanings of the names.
 
-    Parameters
-    ----------
-    names : mapping
-        Name -> real symbol or exact number.
-    work : Work
-        Cache of the values of parts.
-    kinked : bool
-        Whether ``abs`` and the other functions with kinks become symbols of signs (as in a field).
+    ``kinked``: whether ``abs`` and the other functions with kinks become symbols of signs (as in a field).
     """
 
     def __init__(self, names: Mapping[str, sp.Expr], work: Work, *, kinked: bool) -> None:

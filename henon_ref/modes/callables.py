@@ -142,14 +142,8 @@ def interpreted(symbols: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) ->
 class Jacobian:
     """df/dx by SymPy; only entries that are not identically zero are evaluated.
 
-    Parameters
-    ----------
-    states, field : sequences of Symbol and Expr
-        Unknowns, and the functions of them to differentiate.
-    switches : sequence of Symbol
-        Further symbols of the field, whose values :meth:`at` sets.
-    function : callable
-        Makes ``f(t, x)`` of symbols and expressions, as :func:`interpreted` does.
+    ``switches``: further symbols of the field, whose values :meth:`at` sets; ``function`` makes ``f(t, x)`` of symbols
+    and expressions, as :func:`interpreted` does.
     """
 
     def __init__(
