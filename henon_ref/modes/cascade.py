@@ -48,7 +48,7 @@ class Numbers(Protocol):
         """Taylor coefficients in time of a mode's guards."""
 
     def at(self, t: Any, x: Sequence[Any]) -> Any:
-        """Point (:class:`henon_ref.modes.arithmetic.Point`) at which modes are decided, and whose ``when`` messages name."""
+        """:class:`~henon_ref.modes.arithmetic.Point` at which modes are decided; messages contain its ``when``."""
 
 
 @dataclass(frozen=True)
