@@ -18,6 +18,7 @@ from functools import lru_cache
 from typing import Any, Protocol
 
 import sympy as sp
+from sympy.utilities.iterables import connected_components
 
 from henon_ref.modes.decision import Decision
 from henon_ref.modes.equations import gradient
@@ -244,15 +245,11 @@ def acting_groups(system: FilippovSystem) -> tuple[int, ...]:
 
     Two resets act on each other if the map of one moves a state on which the surface, rate or map of the other depends.
     """
-    groups = list(range(len(system.surfaces)))
-    touched = {i: _touched(system, i) for i in sorted(system.resets)}
-    for i in touched:
-        moved = {system.states[k] for k in jump_of(system, i).moved}
-        for j, own in touched.items():
-            if moved & own:
-                first, last = sorted((groups[i], groups[j]))
-                groups = [first if group == last else group for group in groups]
-    return tuple(groups)
+    touched = {i: _touched(system, i) for i in system.resets}
+    moved = {i: {system.states[k] for k in jump_of(system, i).moved} for i in system.resets}
+    edges = [(i, j) for i in moved for j in touched if moved[i] & touched[j]]
+    lowest = {i: min(part) for part in connected_components((list(touched), edges)) for i in part}
+    return tuple(lowest.get(i, i) for i in range(len(system.surfaces)))
 
 
 def _touched(system: FilippovSystem, index: int) -> set[sp.Basic]:

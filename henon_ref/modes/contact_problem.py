@@ -16,11 +16,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
+from sympy.utilities.iterables import connected_components
 
 from henon_ref.errors import ModelError
 from henon_ref.expressions.bounds import put
@@ -226,9 +228,6 @@ def _together(system: FilippovSystem, group: tuple[int, ...]) -> tuple[list[froz
     """Return the contacts, by place, in each expression; and an evaluation number of each contact."""
     contacts = {system.signs[i]: k for k, i in enumerate(group)}
     own = [frozenset(contacts[s] for s in e.free_symbols if s in contacts) for e in _written(system, group)]
-    parts: list[frozenset[int]] = []
-    for few in own:
-        joined = [part for part in parts if part & few]
-        parts = [part for part in parts if not part & few] + [few.union(*joined)]
+    parts = connected_components((range(len(group)), [pair for few in own for pair in pairwise(sorted(few))]))
     places = {k: place for part in parts for place, k in enumerate(sorted(part))}
-    return own, [places.get(k, 0) for k in range(len(group))]
+    return own, [places[k] for k in range(len(group))]

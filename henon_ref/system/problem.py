@@ -232,17 +232,15 @@ def _check_start(source: Source, problem: Problem) -> None:
         with source.at(("initial",)):
             source.work.charge(size(expression, MAX_SIZE), 0)
         try:
-            value = put(problem.system.numeric(expression), _start(problem))
+            value = _at_start(problem, expression)
         except ModelError as error:
             raise source.error(("initial",), f"{what} has no value at the start: {error}", key=True) from error
-        if (value.has(*NO_VALUE) or value.is_real is False) and not _unused_at_start(problem, expression):
-            raise source.error(("initial",), f"{what} has no finite real value at the start", key=True)
-
-
-def _unused_at_start(problem: Problem, surface: sp.Expr) -> bool:
-    """Check whether an expression is a kink of a branch that is not in use at the start."""
-    system = problem.system
-    return surface in system.surfaces and system.surfaces.index(surface) in system.unused_kinks(_sides(problem))
+        if not (value.has(*NO_VALUE) or value.is_real is False):
+            continue
+        surfaces = problem.system.surfaces
+        if expression in surfaces and surfaces.index(expression) in problem.system.unused_kinks(_sides(problem)):
+            continue  # a kink of a branch that is not in use at the start
+        raise source.error(("initial",), f"{what} has no finite real value at the start", key=True)
 
 
 def with_open_kinks(problem: Problem) -> Problem:
@@ -268,9 +266,8 @@ def _without_value(problem: Problem, expression: sp.Expr) -> bool:
     powers = [p for p in expression.atoms(sp.Pow) if _may_fail(p)]
     if not powers and not expression.has(*PARTIAL):
         return False
-    at, numeric = _start(problem), problem.system.numeric
-    value = put(numeric(expression), at)
-    ends = (put(numeric(p.base), at) == 0 for p in powers if not p.exp.is_Integer and p.base.free_symbols)
+    value = _at_start(problem, expression)
+    ends = (_at_start(problem, p.base) == 0 for p in powers if not p.exp.is_Integer and p.base.free_symbols)
     return value.has(*NO_VALUE) or value.is_real is False or any(ends)
 
 
@@ -301,8 +298,9 @@ def _may_fail(power: sp.Pow) -> bool:
     return not (power.exp.is_Integer and power.exp.is_positive)
 
 
-def _start(problem: Problem) -> dict[sp.Symbol, sp.Expr]:
-    return {TIME: problem.start, **dict(zip(problem.system.states, problem.initial, strict=True))}
+def _at_start(problem: Problem, expression: sp.Expr) -> sp.Expr:
+    start = {TIME: problem.start, **dict(zip(problem.system.states, problem.initial, strict=True))}
+    return put(problem.system.numeric(expression), start)
 
 
 def _initial_mode(source: Source, problem: Problem) -> dict[int, int]:
@@ -327,5 +325,5 @@ def _initial_mode(source: Source, problem: Problem) -> dict[int, int]:
 
 
 def _side_at_start(problem: Problem, expression: sp.Expr) -> int:
-    value = put(problem.system.numeric(expression), _start(problem))
+    value = _at_start(problem, expression)
     return 0 if value.has(*NO_VALUE) else exact_sign(value)
