@@ -15,10 +15,8 @@ from flint import arb
 from henon_ref.errors import ModelError
 from henon_ref.harness.truth.multiprecision import series
 from henon_ref.modes.arithmetic import BALLS, Leading
-from henon_ref.modes.decision import Decision
 from henon_ref.modes.equations import Guard
 from henon_ref.modes.mode import Mode, replaced
-from henon_ref.modes.selection import mode_by_signs
 from henon_ref.modes.system import FilippovSystem
 
 ORDERS = (1, 3, series.ORDER)
@@ -76,14 +74,6 @@ class SeriesEvaluation:
         """Sign of a value; 0 if its ball contains zero."""
         return series.sign(value)
 
-    def decide(self, t: arb, x: Sequence[arb], surfaces: Sequence[int], valid: Sequence[int]) -> Decision:
-        """Select the mode at a point, given the signs of the surfaces and of the ``valid`` expressions."""
-        return mode_by_signs(self.at(t, x), surfaces, valid, where="after the reset")
-
-    def text(self, t: arb) -> str:
-        """Time as written in messages."""
-        return str(t.str(17, radius=False))
-
 
 class Point:
     """See :class:`henon_ref.modes.arithmetic.Point`."""
@@ -99,7 +89,7 @@ class Point:
     @property
     def when(self) -> str:
         """Time as written in messages."""
-        return self._modes.text(self.time)
+        return str(self.time.str(17, radius=False))
 
     def series(self, mode: Mode, order: int) -> list[list[arb]]:
         """Taylor coefficients of a mode's guards; ZeroDivisionError or ValueError if they are not finite."""
