@@ -101,7 +101,7 @@ class Judge:
         smooth: int | None = None,
     ) -> None:
         self.model, self.box, self.on, self.identities = model, list(box), on, identities
-        self.values = dict(zip(model.symbols, box, strict=True))
+        self.values = model.at(box)
         self.smooth = smooth
         """Surface that was just released, so that its normal velocity is exactly zero."""
 

@@ -37,16 +37,16 @@ def initial_entry(model: SystemModel, problem: Problem) -> tuple[Entry, tuple[in
     """
     system = problem.system
     numbers = [system.numeric(e) for e in (problem.start, *problem.initial)]
-    at = Identities(dict(zip(model.symbols, numbers, strict=True)))
+    at = Identities(model.at(numbers))
     box = [enclose(e) for e in numbers]
     for expression in system.valid:
-        if enclose(system.numeric(expression), dict(zip(model.symbols, box, strict=True))) < 0:
+        if enclose(system.numeric(expression), model.at(box)) < 0:
             raise EndedError(f"the model does not hold at the start: {expression} < 0", "invalid")
     mode: list[int] = []
     on: list[int] = []
     without_value: list[int] = []
     for i, h in enumerate(model.surfaces):
-        value = enclose(h, dict(zip(model.symbols, box, strict=True)))
+        value = enclose(h, model.at(box))
         sign = 1 if i in system.kinks and not value.is_finite() else sign_of(value)
         if sign == 0:
             if not at.vanishes(h):
@@ -69,7 +69,7 @@ def initial_entry(model: SystemModel, problem: Problem) -> tuple[Entry, tuple[in
         speed = sp.Integer(0) if impact is None else system.numeric(impact.speed)
         if at.vanishes(speed):
             continue
-        mode[i] = sign_of(enclose(speed, dict(zip(model.symbols, box, strict=True))))
+        mode[i] = sign_of(enclose(speed, model.at(box)))
         if mode[i] == 0:
             raise UndecidedError(f"whether the start leaves {system.sign_names[i]} cannot be decided", "start")
         refuse_into_surface(model, mode, (i,), box)
@@ -137,7 +137,7 @@ def entry_after_jump(model: SystemModel, box: Sequence[arb], sides: Sequence[int
     speeds : mapping
         h' of those surfaces of which a map has changed h'; exactly 0 after an impact without rebound.
     """
-    system, at = model.system, dict(zip(model.symbols, box, strict=True))
+    system, at = model.system, model.at(box)
     for expression in system.valid:
         value = enclose(system.numeric(expression), at)
         if value < 0:

@@ -128,6 +128,10 @@ class SystemModel:
         self._modes: dict[Mode, ModeModel] = {}
         self._solved: dict[tuple[int, ...], list[SolvedState]] = {}
 
+    def at(self, box: Sequence[arb]) -> dict[sp.Symbol, arb]:
+        """Values of the symbols at a point or over a box in (t, x)."""
+        return dict(zip(self.symbols, box, strict=True))
+
     def mode(self, mode: Mode) -> ModeModel:
         """Return the cached model of a mode; raise ModelError if the mode has no equations."""
         if mode not in self._modes:

@@ -19,6 +19,7 @@ from flint import acb, arb, arb_mat
 
 from henon_ref.enclosure.consistency import EndedError
 from henon_ref.enclosure.enclosure import UNIT_BALL, UndecidedError
+from henon_ref.enclosure.lohner import diagonal
 from henon_ref.enclosure.return_map import Guess, OrbitError, OrbitEvent, ReturnMap
 from henon_ref.enclosure.run import certify
 from henon_ref.modes.mode import Mode
@@ -145,7 +146,7 @@ class _Search:
                 break
             inverse = slope.mid().inv().mid()
             away = arb_mat(size, 1, [b - p for b, p in zip(box, point, strict=True)])
-            moved = (_unit(size) - inverse * slope) * away - inverse * arb_mat(size, 1, residual)
+            moved = (diagonal([1] * size) - inverse * slope) * away - inverse * arb_mat(size, 1, residual)
             krawczyk = [p + moved[i, 0] for i, p in enumerate(point)]
             if all(b.contains_interior(k) for b, k in zip(box, krawczyk, strict=True)):
                 return self._describe(krawczyk, box)
@@ -158,7 +159,7 @@ class _Search:
         floor = arb(2) ** -(self.bits - SPARE_BITS // 2)
         half = [abs(c) * INFLATION + floor * (1 + abs(p)) for c, p in zip(correction, point, strict=True)]
         box = [p + h.upper() * UNIT_BALL for p, h in zip(point, half, strict=True)]
-        return box, _unit(len(box)) - self.returned(box, self.bits, sharp=True).derivative
+        return box, diagonal([1] * len(box)) - self.returned(box, self.bits, sharp=True).derivative
 
     def _refuse_singular(self, point: Sequence[arb], correction: Sequence[arb]) -> None:
         """Raise OrbitError if the derivative of x - P(x) is singular near a point that the map hardly moves."""
@@ -177,7 +178,7 @@ class _Search:
                 made = self.returned(point, bits, sharp=False)
                 residual = arb_mat(len(point), 1, [p - q for p, q in zip(point, made.end, strict=True)])
                 try:
-                    step = (_unit(len(point)) - made.derivative).mid().solve(residual.mid())
+                    step = (diagonal([1] * len(point)) - made.derivative).mid().solve(residual.mid())
                 except ZeroDivisionError:
                     raise OrbitError(SINGULAR) from None
                 correction = [step[i, 0].mid() for i in range(len(point))]
@@ -207,10 +208,6 @@ class _Search:
             bits=self.bits,
             seconds=0.0,
         )
-
-
-def _unit(size: int) -> arb_mat:
-    return arb_mat(size, size, [int(i == j) for i in range(size) for j in range(size)])
 
 
 def _eigenvalues(matrix: arb_mat) -> tuple[acb, ...]:

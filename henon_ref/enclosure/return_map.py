@@ -18,8 +18,8 @@ from flint import arb, arb_mat
 
 from henon_ref.enclosure.balls import enclose, proves_zero
 from henon_ref.enclosure.consistency import Entry
-from henon_ref.enclosure.fallen_guard import Hit
-from henon_ref.enclosure.flow import Precision, ValidatedFlow
+from henon_ref.enclosure.event import Hit
+from henon_ref.enclosure.flow import ValidatedFlow
 from henon_ref.enclosure.lohner import PointSet
 from henon_ref.enclosure.model import SystemModel, solve_for_states
 from henon_ref.errors import HenonRefError
@@ -126,8 +126,7 @@ class ReturnMap:
         ``sharp``: the derivative is accurate to all digits, not only enough to propagate a radius.
         """
         state = self._state(free)
-        precision = Precision.of(bits, sharp_tangent=sharp)
-        flow = ValidatedFlow(self.model, PointSet.box([self.time, *state]), self._entry(), precision)
+        flow = ValidatedFlow(self.model, PointSet.box([self.time, *state]), self._entry(), bits, sharp=sharp)
         begin = flow.points.hull()
         events: list[Hit] = []
         period = self.guess.period
@@ -166,12 +165,12 @@ class ReturnMap:
         for i, value in zip(self.free, free, strict=True):
             state[i] = value
         for solved in reversed(self.solved):
-            state[solved.index] = enclose(solved.value, dict(zip(self.model.symbols, (self.time, *state), strict=True)))
+            state[solved.index] = enclose(solved.value, self.model.at((self.time, *state)))
         return state
 
     def _derivative(self, whole: arb_mat, at: Sequence[arb]) -> arb_mat:
         """Derivative in free coordinates, by the chain rule through the solved states."""
-        values = dict(zip(self.model.symbols, at, strict=True))
+        values = self.model.at(at)
         columns: list[list[arb]] = []
         for i in self.free:
             column = [arb(int(k == i + 1)) for k in range(len(at))]

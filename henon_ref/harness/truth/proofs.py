@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from sys import float_info
-from typing import TYPE_CHECKING
+from time import perf_counter
 
 import flint
 from flint import arb
 
-from henon_ref.enclosure.run import CertifiedRun, Ended, certify
+from henon_ref.enclosure.run import Ended, Progress, certify
 from henon_ref.harness.truth.multiprecision.numbers import GUARD_BITS, ball_text, in_digits, written_radius
 from henon_ref.harness.truth.reference import Route
 from henon_ref.modes.problem import Problem
 from henon_ref.precision import working_precision
 from henon_ref.trajectory import Status
-
-if TYPE_CHECKING:
-    from henon_ref.harness.truth.multiprecision.run import Progress
 
 RADIUS = 1e-30
 """Required radius of every transition time, as a part of the run's length and at most this many seconds."""
@@ -36,38 +33,27 @@ def prove(problem: Problem, *, seconds: float | None = None, progress: Progress 
     seconds : float, optional
         Time limit.
     progress : callable, optional
-        Called with the part that is done, 0 to 1.
 
     Returns
     -------
     Route
         ``undecided`` is the reason why the proof stopped before the end, if it did.
     """
-    start, span = float(problem.start), float(problem.until - problem.start)
-
-    def report(time: float, _count: int) -> None:
-        if progress is not None:
-            progress((time - start) / span)
-
-    run = certify(problem, radius=max(RADIUS * min(1.0, span), float_info.min), deadline=seconds, progress=report)
+    begun, span = perf_counter(), float(problem.until - problem.start)
+    run = certify(problem, radius=max(RADIUS * min(1.0, span), float_info.min), deadline=seconds, progress=progress)
     with working_precision(run.bits + GUARD_BITS):
-        return _route(run)
-
-
-def _route(run: CertifiedRun) -> Route:
-    complete = run.ended in _STATUS
-    radius = _radius(run.time)
-    return Route(
-        method=f"ball arithmetic, python-flint {flint.__version__}",
-        bits=(run.bits,),
-        seconds=run.seconds,
-        status=_STATUS.get(run.ended, "failed"),
-        reason=run.reason,
-        end_digits=ball_text(run.time, radius),
-        end_radius=radius,
-        transitions=tuple(in_digits(t, _radius(t.time), _radius(*t.state), proven=True) for t in run.transitions),
-        undecided="" if complete else run.reason,
-    )
+        radius = _radius(run.time)
+        return Route(
+            method=f"ball arithmetic, python-flint {flint.__version__}",
+            bits=(run.bits,),
+            seconds=perf_counter() - begun,
+            status=_STATUS.get(run.ended, "failed"),
+            reason=run.reason,
+            end_digits=ball_text(run.time, radius),
+            end_radius=radius,
+            transitions=tuple(in_digits(t, _radius(t.time), _radius(*t.state), proven=True) for t in run.transitions),
+            undecided="" if run.ended in _STATUS else run.reason,
+        )
 
 
 def _radius(*balls: arb) -> float:
