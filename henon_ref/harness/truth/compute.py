@@ -188,10 +188,9 @@ def compute(
         If the routes, or a route and a closed form, contradict each other.
     """
     # Imported here: these libraries take half a second, which reading a stored truth does not need.
-    from henon_ref.harness.truth.closed_forms import with_closed_forms
     from henon_ref.harness.truth.conditioning import conditioning
     from henon_ref.harness.truth.multiprecision.numbers import with_short_state
-    from henon_ref.harness.truth.proofs import prove
+    from henon_ref.harness.truth.proofs import prove, with_closed_forms
 
     problem, seconds, computed = reading.problem, proof_seconds, None
     if heyoka_installed():
