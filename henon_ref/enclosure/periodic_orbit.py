@@ -14,16 +14,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil, inf, log2
 
-import sympy as sp
 from flint import acb, arb, arb_mat
 
 from henon_ref.enclosure.consistency import EndedError
 from henon_ref.enclosure.enclosure import UNIT_BALL, UndecidedError
 from henon_ref.enclosure.lohner import diagonal
 from henon_ref.enclosure.return_map import Guess, OrbitError, OrbitEvent, ReturnMap
-from henon_ref.enclosure.run import certify
 from henon_ref.modes.mode import Mode
-from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.precision import working_precision
 
@@ -31,8 +28,6 @@ NEWTON_STEPS = 12
 """Largest number of Newton steps; the correct digits double per step, so five suffice from eight digits."""
 SPARE_BITS = 56
 """Working precision beyond the requested radius, for the error growth of one evaluation of the return map."""
-SETTLED_RADIUS = 1e-8
-"""Radius of the certified run towards the orbit, accurate enough to start Newton's method."""
 FIRST_BITS = 80
 """Precision of the first Newton steps, whose points are less accurate than it."""
 BOXES = 4
@@ -100,41 +95,20 @@ def find_periodic_orbit(system: FilippovSystem, guess: Guess, *, radius: float =
     bits = ceil(-log2(radius)) + SPARE_BITS
     try:
         with working_precision(bits):
-            found = _Search(returned, bits).prove()
+            found = _Search(returned, bits, begun).prove()
             worst = max(float(b.rad()) for b in (*found.state, found.period, *found.derivative.entries()))
     except (UndecidedError, EndedError) as stop:
         raise OrbitError(f"the return map near the guess is not smooth or not provable: {stop.reason}") from stop
     if not worst <= radius:
         raise OrbitError(f"the orbit is proven only to a radius of {worst:.3g}; request a smaller radius")
-    return PeriodicOrbit(**{**found.__dict__, "seconds": clock.monotonic() - begun})
-
-
-def settled_guess(problem: Problem, *, period: sp.Expr | None = None, events: int | None = None) -> Guess:
-    """Return a guess from the end of a run: the state at the horizon, or with ``events`` after the last event.
-
-    Parameters
-    ----------
-    problem : Problem
-        Its run is certified to a low accuracy; the orbit starts at the horizon.
-    period, events
-        As in :class:`Guess`.
-    """
-    run = certify(problem, radius=SETTLED_RADIUS)
-    if run.status != "certified" or run.mode is None:
-        raise OrbitError(f"the run towards the orbit is not provable: {run.reason}")
-    if events is None:
-        return Guess(problem.until, tuple(float(c) for c in run.state), run.mode, period=period)
-    last = run.transitions[-1]
-    tangent = last.kind == "release" and last.surface not in problem.system.overrides
-    state = tuple(float(c) for c in last.state)
-    return Guess(problem.start, state, last.to_mode, events=events, surface=last.surface, tangent=tangent)
+    return found
 
 
 class _Search:
     """Newton's method on the return map, followed by Krawczyk's test on a box (at the working precision)."""
 
-    def __init__(self, returned: ReturnMap, bits: int) -> None:
-        self.returned, self.guess, self.bits = returned, returned.guess, bits
+    def __init__(self, returned: ReturnMap, bits: int, begun: float) -> None:
+        self.returned, self.guess, self.bits, self.begun = returned, returned.guess, bits, begun
 
     def prove(self) -> PeriodicOrbit:
         size = len(self.returned.free)
@@ -206,7 +180,7 @@ class _Search:
             dimension=len(self.returned.free),
             unique_in=tuple(box),
             bits=self.bits,
-            seconds=0.0,
+            seconds=clock.monotonic() - self.begun,
         )
 
 
