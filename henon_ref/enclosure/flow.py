@@ -207,7 +207,7 @@ class ValidatedFlow:
         if self._accumulating is not None:
             raise UndecidedError("another event occurs near the limit of accumulating impacts", "mode")
         box = tuple(self.points.hull())
-        entry, _ = entry_after(self.model, box, before, guard)
+        entry = entry_after(self.model, box, before, guard)
         self.enter(entry)
         return Hit(guard, before, entry.mode, box, rate)
 

@@ -25,8 +25,8 @@ from henon_ref.modes.problem import Problem
 from henon_ref.modes.resets import impact_of, into_surface
 
 
-def initial_entry(model: SystemModel, problem: Problem) -> tuple[Entry, tuple[int, ...]]:
-    """Select the mode at the start; also return the surfaces that the start is on.
+def initial_entry(model: SystemModel, problem: Problem) -> Entry:
+    """Select the mode at the start.
 
     Raises
     ------
@@ -78,9 +78,9 @@ def initial_entry(model: SystemModel, problem: Problem) -> tuple[Entry, tuple[in
     if open_ones:
         entry = judge.unique(tuple(mode), open_ones)
         refuse_into_surface(model, entry.mode, open_ones, box)
-        return entry, tuple(on)
+        return entry
     refusal = "the mode given for the start is not kept by its own field"
-    return judge.fixed(tuple(mode), refusal, attracting=False), tuple(on)
+    return judge.fixed(tuple(mode), refusal, attracting=False)
 
 
 def refuse_into_surface(model: SystemModel, mode: Sequence[int], on: Sequence[int], box: Sequence[arb]) -> None:
@@ -90,8 +90,8 @@ def refuse_into_surface(model: SystemModel, mode: Sequence[int], on: Sequence[in
             raise EndedError(into_surface(model.system.sign_names[i], box[0].str(17, radius=False)), "invalid")
 
 
-def entry_after(model: SystemModel, box: Sequence[arb], mode: Mode, hit: Guard) -> tuple[Entry, tuple[int, ...]]:
-    """Select the mode after one guard fell through zero; also return the surfaces that the state is exactly on.
+def entry_after(model: SystemModel, box: Sequence[arb], mode: Mode, hit: Guard) -> Entry:
+    """Select the mode after one guard fell through zero.
 
     Parameters
     ----------
@@ -115,13 +115,13 @@ def entry_after(model: SystemModel, box: Sequence[arb], mode: Mode, hit: Guard) 
         released_by = [hit.expression] if hit.kind == "release" else []
         judge = Judge(model, box, on, _identities(model, [i for i in on if i not in moving], moving, *released_by))
         if hit.kind == "surface" and system.rests(hit.index):  # reached from the side on which no body can rest
-            return judge.fixed(replaced(mode, hit.index, hit.to_sign), "the surface is not left"), on
-        return judge.unique(mode, tuple(sorted(system.in_play([hit.index], on))), slipped_by(system, [hit])), on
+            return judge.fixed(replaced(mode, hit.index, hit.to_sign), "the surface is not left")
+        return judge.unique(mode, tuple(sorted(system.in_play([hit.index], on))), slipped_by(system, [hit]))
     released = replaced(mode, hit.index, hit.to_sign)
     identities = _identities(model, on, (), hit.expression)
     smooth = None if hit.index in system.overrides else hit.index
     judge = Judge(model, box, on, identities, smooth)
-    return judge.fixed(released, f"the release into {mode_text(released, system.sign_names)} leads back at once"), on
+    return judge.fixed(released, f"the release into {mode_text(released, system.sign_names)} leads back at once")
 
 
 def entry_after_jump(model: SystemModel, box: Sequence[arb], sides: Sequence[int], speeds: Mapping[int, arb]) -> Entry:

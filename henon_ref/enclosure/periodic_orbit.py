@@ -9,7 +9,6 @@ starts in a stick is the fixed point of a scalar map.
 
 from __future__ import annotations
 
-import time as clock
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil, inf, log2
@@ -63,7 +62,6 @@ class PeriodicOrbit:
     unique_in: tuple[arb, ...]
     """Box of free coordinates that contains no other fixed point."""
     bits: int
-    seconds: float
 
     def durations(self, mode: Mode) -> list[arb]:
         """Durations of the visits to a mode [s], ordered by entry time; the last visit may include the start."""
@@ -90,12 +88,11 @@ def find_periodic_orbit(system: FilippovSystem, guess: Guess, *, radius: float =
     OrbitError
         If Newton's method does not converge, or no box is proven to contain a fixed point.
     """
-    begun = clock.monotonic()
     returned = ReturnMap(system, guess)
     bits = ceil(-log2(radius)) + SPARE_BITS
     try:
         with working_precision(bits):
-            found = _Search(returned, bits, begun).prove()
+            found = _Search(returned, bits).prove()
             worst = max(float(b.rad()) for b in (*found.state, found.period, *found.derivative.entries()))
     except (UndecidedError, EndedError) as stop:
         raise OrbitError(f"the return map near the guess is not smooth or not provable: {stop.reason}") from stop
@@ -107,8 +104,8 @@ def find_periodic_orbit(system: FilippovSystem, guess: Guess, *, radius: float =
 class _Search:
     """Newton's method on the return map, followed by Krawczyk's test on a box (at the working precision)."""
 
-    def __init__(self, returned: ReturnMap, bits: int, begun: float) -> None:
-        self.returned, self.guess, self.bits, self.begun = returned, returned.guess, bits, begun
+    def __init__(self, returned: ReturnMap, bits: int) -> None:
+        self.returned, self.guess, self.bits = returned, returned.guess, bits
 
     def prove(self) -> PeriodicOrbit:
         size = len(self.returned.free)
@@ -180,7 +177,6 @@ class _Search:
             dimension=len(self.returned.free),
             unique_in=tuple(box),
             bits=self.bits,
-            seconds=clock.monotonic() - self.begun,
         )
 
 

@@ -59,11 +59,6 @@ class Guess:
     reset: bool = False
     """With ``events``: the start is just after the surface has reset the state, possibly to a state off the surface."""
 
-    def lies_on(self, system: FilippovSystem) -> int | None:
-        """Return the surface that the start is on because of its event."""
-        leads_off = self.reset and self.surface is not None and impact_of(system, self.surface) is None
-        return None if leads_off else self.surface
-
 
 @dataclass(frozen=True)
 class OrbitEvent:
@@ -104,7 +99,9 @@ class ReturnMap:
         self.model, self.guess = SystemModel(system), guess
         _check_repeats(system, guess)
         on = {i for i, s in enumerate(guess.mode) if s == 0}
-        self.section = guess.lies_on(system)
+        leads_off = guess.reset and guess.surface is not None and impact_of(system, guess.surface) is None
+        self.section = None if leads_off else guess.surface
+        """The surface that the start is on because of its event."""
         if self.section is not None:
             on.add(self.section)
         rests = [impact_of(system, i) for i in sorted(on) if guess.mode[i] == 0 and system.rests(i)]

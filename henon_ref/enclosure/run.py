@@ -156,7 +156,7 @@ class _Attempt:
 
     def run(self) -> CertifiedRun:
         try:
-            entry, _ = initial_entry(self.model, self.problem)
+            entry = initial_entry(self.model, self.problem)
             length = abs(self.horizon - self.start[0])
             unit = 2.0 ** max(-1000, min(0, round(log2(max(float(length.upper()), 1e-300)))))
             points, span = PointSet.box(self.start), float(length.mid())

@@ -15,6 +15,7 @@ import sympy as sp
 from flint import arb
 
 from henon_ref.enclosure.balls import enclose
+from henon_ref.modes.switched_field import kept
 from henon_ref.taylor.rules import (
     ARGUMENT,
     RULES,
@@ -57,13 +58,11 @@ class Program:
         self.outputs = tuple(self._place[i] for i in tape.outputs)
         places = {o.args[0]: i for i, o in enumerate(self.operations) if o.op == "state"}
         self.states = tuple(places[i] for i in range(len(self.field)))
-        self._numbers: dict[int, list[arb]] = {}
 
+    @kept
     def numbers(self, bits: int) -> list[arb]:
         """Constants at a precision, which must be the working precision."""
-        if bits not in self._numbers:
-            self._numbers[bits] = [enclose(e) for e in self.expressions]
-        return self._numbers[bits]
+        return [enclose(e) for e in self.expressions]
 
     def _add(self, op: str, *args: int, constants: tuple[int, ...] = (), degree: int = INFINITE) -> int:
         self.operations.append(Node(op, args, constants, degree))

@@ -44,6 +44,7 @@ from henon_ref.modes.equations import Guard
 from henon_ref.modes.mode import Mode, replaced
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.resets import impact_of, jump_of, turning_in_flight
+from henon_ref.modes.switched_field import kept
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 
@@ -141,9 +142,6 @@ class _Variations:
 
     def __init__(self, system: FilippovSystem) -> None:
         self.system = system
-        self._compiled: dict[Mode | None, tuple[Callable[..., Any], Callable[..., Any], csr_array]] = {}
-        """By mode; by None if all modes share their equations."""
-        self._maps: dict[int, Callable[..., Any]] = {}
         self._shared = system.shared
 
     def derivative(self, mode: Mode, begin: float, state: Vector, end: float, landed: Vector) -> tuple[Vector, Vector]:
@@ -154,7 +152,7 @@ class _Variations:
         n, length = len(state), end - begin
         if not length > 0:
             return np.eye(n), state
-        (_, flow, jacobian), switches = self._functions(mode), self._switches(mode)
+        (_, flow, jacobian), switches = self._functions(self._key(mode)), self._switches(mode)
 
         def rates(passed: float, values: Vector) -> Vector:
             field, entries = flow(np.float64(begin + passed), *values[:n], *switches)
@@ -240,13 +238,16 @@ class _Variations:
         n = len(state)
         drift, matrix = np.zeros(n), np.eye(n)
         for surface in surfaces:
-            if surface not in self._maps:
-                values = [self.system.numeric(value) for value in jump_of(self.system, surface).states]
-                slopes = [[sp.diff(value, x) for x in (TIME, *self.system.states)] for value in values]
-                self._maps[surface] = sp.lambdify([TIME, *self.system.states], [values, slopes], np)
-            after, found = (np.array(part, dtype=float) for part in self._maps[surface](time, *state))
+            after, found = (np.array(part, dtype=float) for part in self._jump(surface)(time, *state))
             drift, matrix, state = found[:, 1:] @ drift + found[:, 0], found[:, 1:] @ matrix, after
         return drift, matrix
+
+    @kept
+    def _jump(self, surface: int) -> Callable[..., Any]:
+        """Function of (t, states): the state after a jump, and its derivatives by time and states."""
+        values = [self.system.numeric(value) for value in jump_of(self.system, surface).states]
+        slopes = [[sp.diff(value, x) for x in (TIME, *self.system.states)] for value in values]
+        return sp.lambdify([TIME, *self.system.states], [values, slopes], np)
 
     def projector(self, mode: Mode, time: float, state: Vector) -> Vector:
         """Projection onto the directions that keep the state on the sliding surfaces."""
@@ -267,7 +268,7 @@ class _Variations:
     def at(self, mode: Mode, time: float, state: Vector) -> tuple[Vector, Vector, Vector, Vector]:
         """Field, and values, gradients and rates along the field of all guards."""
         with np.errstate(all="ignore"):
-            found = self._functions(mode)[0](np.float64(time), *state, *self._switches(mode))
+            found = self._functions(self._key(mode))[0](np.float64(time), *state, *self._switches(mode))
         field, values, gradients, drift = (np.array(part, dtype=float) for part in found)
         gradients = gradients.reshape(len(values), len(state))
         rates = drift + gradients @ field
@@ -276,32 +277,35 @@ class _Variations:
         kept = np.array(self._shared.rows(mode))
         return field, values[kept], gradients[kept], rates[kept]
 
-    def _functions(self, mode: Mode) -> tuple[Callable[..., Any], Callable[..., Any], csr_array]:
+    def _key(self, mode: Mode) -> Mode | None:
+        """None if all modes share their equations."""
+        return mode if self._shared is None else None
+
+    @kept
+    def _functions(self, key: Mode | None) -> tuple[Callable[..., Any], Callable[..., Any], csr_array]:
         """Functions of (t, states, switches) of a mode.
 
         The first gives the field, and values, gradients and derivatives by time of the guards; the second the field
         and the entries of its Jacobian, whose places are those of the third. Entries that are identically zero are
         left out: each body of a long chain acts on its neighbours alone.
         """
-        key = mode if self._shared is None else None
-        if key not in self._compiled:
-            system, states = self.system, self.system.states
-            if self._shared is None:
-                equations = system.equations(mode)
-                written, ends = equations.field, tuple(g.expression for g in equations.guards)
-            else:
-                written, ends = self._shared.field, self._shared.outputs
-            field, guards = [system.numeric(f) for f in written], [system.numeric(g) for g in ends]
-            gradients = [[sp.diff(g, x) if g.has(x) else sp.S.Zero for x in states] for g in guards]
-            entries = {(i, j): sp.diff(f, x) for i, f in enumerate(field) for j, x in enumerate(states) if f.has(x)}
-            places = np.array(list(entries), dtype=np.intp).reshape(-1, 2).T
-            symbols = [TIME, *states, *(() if self._shared is None else self._shared.owner)]
-            self._compiled[key] = (
-                sp.lambdify(symbols, [field, guards, gradients, [sp.diff(g, TIME) for g in guards]], np, cse=True),
-                sp.lambdify(symbols, [field, list(entries.values())], np, cse=True),
-                csr_array((np.ones(len(entries)), places), shape=(len(field), len(field))),
-            )
-        return self._compiled[key]
+        system, states, symbols = self.system, self.system.states, [TIME, *self.system.states]
+        if key is None:
+            assert self._shared is not None
+            written, ends = self._shared.field, self._shared.outputs
+            symbols += list(self._shared.owner)
+        else:
+            equations = system.equations(key)
+            written, ends = equations.field, tuple(g.expression for g in equations.guards)
+        field, guards = [system.numeric(f) for f in written], [system.numeric(g) for g in ends]
+        gradients = [[sp.diff(g, x) if g.has(x) else sp.S.Zero for x in states] for g in guards]
+        entries = {(i, j): sp.diff(f, x) for i, f in enumerate(field) for j, x in enumerate(states) if f.has(x)}
+        places = np.array(list(entries), dtype=np.intp).reshape(-1, 2).T
+        return (
+            sp.lambdify(symbols, [field, guards, gradients, [sp.diff(g, TIME) for g in guards]], np, cse=True),
+            sp.lambdify(symbols, [field, list(entries.values())], np, cse=True),
+            csr_array((np.ones(len(entries)), places), shape=(len(field), len(field))),
+        )
 
     def _switches(self, mode: Mode) -> list[float]:
         """Values of the switches that select a mode in equations shared by all modes."""
