@@ -19,13 +19,14 @@ from flint import arb, arb_mat, ctx
 
 from henon_ref.enclosure.balls import enclose, proves_zero, sign_of
 from henon_ref.enclosure.enclosure import UndecidedError
-from henon_ref.enclosure.model import ModeModel, SystemModel, solve_for_states
+from henon_ref.enclosure.model import ModeModel, SystemModel
 from henon_ref.errors import ModelError
 from henon_ref.expressions.algebra import up_to_a_number
 from henon_ref.modes.contact_problem import Accelerations, ContactProblem, Row, Settled, independent_of
 from henon_ref.modes.equations import Guard, Refusal
 from henon_ref.modes.held_groups import Broken, Numbers, by_groups, decide_groups, order_of
 from henon_ref.modes.mode import Mode, mode_text, replaced
+from henon_ref.modes.resets import settled_state
 
 ORDER = 6
 """Highest derivative examined for the sign of a guard."""
@@ -62,11 +63,10 @@ class Identities:
         values: dict[sp.Symbol, sp.Expr] = {}
         unsolved: list[sp.Expr] = []
         for zero in zeros:
-            solved = solve_for_states([_substituted(zero, values)], states)
-            if solved:
-                values[states[solved[0].index]] = solved[0].value
-            else:
-                unsolved.append(_substituted(zero, values))
+            zero = _substituted(zero, values)
+            solved = settled_state(zero, states)
+            values |= solved
+            unsolved += [] if solved else [zero]
         return cls(values, tuple(unsolved))
 
     def vanishes(self, expression: sp.Expr) -> bool:
