@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from henon_ref.casefile.case import Reading
 from henon_ref.figures import style
-from henon_ref.figures.description import describe
 from henon_ref.modes.latex import latex
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.system import FilippovSystem
@@ -143,7 +142,7 @@ def draw_portrait(reading: Reading, motion: Motion, pair: tuple[int, int] | None
         axes.set_title(title, pad=24)
         labels = [label for label, _ in plane.pieces(motion.modes)]
         pieces = "; ".join(f"{labels.count(label)} of {label}" for label in sorted(set(labels)))
-        describe(
+        style.describe(
             figure,
             title,
             f"{system.states[plane.x].name} across, {system.states[plane.y].name} upward. Pieces: {pieces}."

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.figures import style
-from henon_ref.figures.description import describe
 from henon_ref.system.assembly import Connection, Scene
 from henon_ref.system.bodies import Body
 
@@ -46,7 +45,7 @@ def draw_scene(scene: Scene) -> Figure | None:
         schematic(axes, scene)
         axes.set_title(TITLE, x=0.02)
         listed = "; ".join(connection.label for connection in scene.connections)
-        describe(figure, TITLE, f"Bodies: {', '.join(scene.bodies)}. Connections: {listed}.")
+        style.describe(figure, TITLE, f"Bodies: {', '.join(scene.bodies)}. Connections: {listed}.")
         return figure
 
 
