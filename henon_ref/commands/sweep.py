@@ -63,17 +63,16 @@ def main(
 
     if not quiet:
         status_line.show(f"reading {file}")
-    sweep, around = load_sweep(file), context.obj or _nothing
-    folder, ended = out / sweep.name, Counter[str]()
+    plan, around = load_sweep(file), context.obj or _nothing
+    folder, ended = out / plan.name, Counter[str]()
     with around(folder), _cluster(dask) as executor:
         status_line.clear()
-        place = SweepFolder(folder, sweep.plan)
-        further = (PAGE, FIGURES) if plot else (PAGE,)
-        place.begin(resume=resume, name=sweep.name, title=sweep.title, source=sweep.source, further=further)
-        for _, tables in done(sweep.plan, place, jobs=jobs or processors(), executor=executor, quiet=quiet):
+        place = SweepFolder(folder, plan)
+        place.begin(resume=resume, further=(PAGE, FIGURES) if plot else (PAGE,))
+        for _, tables in done(plan, place, jobs=jobs or processors(), executor=executor, quiet=quiet):
             ended.update(tables.points["status"].tolist())
         counts = ", ".join(f"{count} {status}" for status, count in sorted(ended.items()))
-        print(f"{folder}: {len(sweep.plan.points)} points, {counts}")
+        print(f"{folder}: {len(plan.points)} points, {counts}")
         if plot:
             _draw(place)
     return DONE

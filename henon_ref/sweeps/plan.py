@@ -46,6 +46,10 @@ class Plan:
     """Number of points of a chunk; a multiple of the length of a chain."""
     tables: dict[str, tuple[str, ...]]
     """Name of each table -> its columns; the table of points first."""
+    name: str = "sweep"
+    """Name, title and source of the sweep file."""
+    title: str = "A sweep from Python"
+    source: str | None = None
 
     @cached_property
     def chunks(self) -> tuple[range, ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import replace
 from decimal import Decimal
 from functools import partial
 from pathlib import Path
@@ -80,18 +80,8 @@ CASE_KEYS = ("schema", "name", "title", "source", "system", "scene", "sliding", 
 POINT_KINDS = ("grid", "table", "random", "continuation")
 
 
-@dataclass(frozen=True)
-class SweepFile:
-    """Plan of a sweep, with the name, title and source of its file."""
-
-    name: str
-    title: str
-    source: str | None
-    plan: Plan
-
-
-def load_sweep(path: str | Path) -> SweepFile:
-    """Read a sweep file; a fault raises CaseError with file, line and column."""
+def load_sweep(path: str | Path) -> Plan:
+    """Read a sweep file into a plan; a fault raises CaseError with file, line and column."""
     tree = read_yaml(path, "sweep file")
     whole = Source(tree, str(path))
     form = read_form(SweepForm, whole)
@@ -121,7 +111,7 @@ def load_sweep(path: str | Path) -> SweepFile:
             max_steps=form.max_steps,
         ),
     )
-    return SweepFile(form.name, form.title, form.source, plan)
+    return replace(plan, name=form.name, title=form.title, source=form.source)
 
 
 def _placed(source: Source, path: KeyPath, make: Callable[[], T], *, key: bool = False) -> T:

@@ -59,8 +59,8 @@ def test_a_point_of_a_sweep_ends_failed(mode: dict[str, int] | None, points: str
 
 def test_a_sweep_file_has_it_too(tmp_path: Path) -> None:
     hr.sweep(oscillator(), {"x": 1, "v": 0}, until=1e6, max_steps=7, grid={"w": [1, 2]}, jobs=1, out=tmp_path / "out")
-    read = load_sweep(tmp_path / "out" / "sweep.yaml")
-    assert read.plan.work.max_steps == 7
+    plan = load_sweep(tmp_path / "out" / "sweep.yaml")
+    assert plan.work.max_steps == 7
     text = (tmp_path / "out" / "sweep.yaml").read_text().replace("max_steps: 7", "max_steps: 0")
     (tmp_path / "bad.yaml").write_text(text)
     with pytest.raises(HenonRefError, match="max_steps"):
