@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from operator import itemgetter
 from pathlib import Path
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
@@ -35,7 +35,8 @@ FASTER = 8
 """Largest factor by which the number of chunks grows from one task to the next."""
 PERIOD = 0.2
 """Interval between two updates of the progress line [s]."""
-KEPT_NOWHERE = "but lost, since no folder (out=) was given"
+Advance = Callable[[int, bool], None]
+"""Callback: number of points that are finished, and whether they were finished before."""
 
 
 class SweepTable(pd.DataFrame):
@@ -202,7 +203,9 @@ def _run(
                     yield number, tables
     except EndedError as error:
         there = f"{count} of {len(plan.chunks)} chunks are finished"
-        where = f"and stored in {folder.path}; --resume (resume=True) continues from them" if folder else KEPT_NOWHERE
+        where = "but lost, since no folder (out=) was given"
+        if folder is not None:
+            where = f"and stored in {folder.path}; --resume (resume=True) continues from them"
         raise EndedError(f"{error}; {there} {where}") from error
     for words in refused:
         _LOG.warning("%s", words)
@@ -236,18 +239,12 @@ class _Groups(Iterator[list[int]]):
         return group
 
 
-class Advance(Protocol):
-    """Callback: number of points that are finished, and whether they were finished before."""
-
-    def __call__(self, points: int, kept: bool, /) -> None: ...
-
-
 @contextmanager
 def progress(total: int, *, quiet: bool = False) -> Iterator[Advance]:
     """Show finished points, runs per second and the time left, in a terminal or a notebook (where it remains)."""
     line, began, drawn, done, run = Line(), time.monotonic(), 0.0, 0, 0
 
-    def advance(points: int, kept: bool, /) -> None:
+    def advance(points: int, kept: bool) -> None:
         nonlocal done, run, drawn
         done, run, now = done + points, run + (0 if kept else points), time.monotonic()
         if now - drawn > PERIOD and not quiet:
