@@ -39,7 +39,6 @@ from henon_ref.system.problem import build_problem
 from henon_ref.system.source import Path as KeyPath
 from henon_ref.system.source import Source
 from henon_ref.system.tree import MappingNode, Node, ScalarNode, SequenceNode, child
-from henon_ref.text import did_you_mean, listed
 
 
 def _size(value: Any) -> int:
@@ -91,26 +90,11 @@ def load_sweep(path: str | Path) -> Plan:
     check_model(source, case)
     problem, _ = build_problem(source)
     check_surfaces(source, case, problem)
-    system = System.from_tree(source.tree)
+    system = System.from_source(source)
     points = _points(whole, system, Path(path).parent)
     observations = [_observation(whole, system, float(problem.until), k) for k in range(len(form.observe))]
-    initial = {name: source.text(("initial", name)) for name in system.state}
-    plan = _placed(
-        whole,
-        ("points",),
-        lambda: planned(
-            system,
-            initial,
-            until=source.text(("until",)),
-            grid=points,
-            observe=observations,
-            rtol=form.rtol,
-            chunk=form.chunk,
-            start=source.text(("initial", "t")) if "t" in source.keys(("initial",)) else 0,
-            mode=dict(form.initial.mode) or None,
-            max_steps=form.max_steps,
-        ),
-    )
+    make = partial(planned, system, rtol=form.rtol, chunk=form.chunk, max_steps=form.max_steps)
+    plan = _placed(whole, ("points",), lambda: make(grid=points, observe=observations))
     return replace(plan, name=form.name, title=form.title, source=form.source)
 
 
@@ -128,9 +112,7 @@ def _points(source: Source, system: System, folder: Path) -> Points:
     (kind,) = source.keys(("points",))
     path: KeyPath = ("points", kind)
     if kind not in POINT_KINDS:
-        raise source.error(
-            path, f"unknown kind '{kind}'{did_you_mean(kind, POINT_KINDS)}; allowed: {listed(POINT_KINDS)}", key=True
-        )
+        raise source.unknown(path, f"unknown kind '{kind}'", "allowed", POINT_KINDS)
     node = child(source.tree, path)
     if kind == "table":
         if not isinstance(node, ScalarNode) or not isinstance(node.value, str):
@@ -177,17 +159,17 @@ def _check_keys(source: Source, system: System, path: KeyPath) -> None:
 def _known(source: Source, path: KeyPath, allowed: tuple[str, ...]) -> None:
     for name in source.keys(path):
         if name not in allowed:
-            known = f"allowed: {listed(allowed)}" if allowed else "it has no keys"
-            message = f"unknown key '{name}' in '{path[-1]}'{did_you_mean(name, allowed)}; {known}"
-            raise source.error((*path, name), message, key=True)
+            message, place = f"unknown key '{name}' in '{path[-1]}'", (*path, name)
+            if not allowed:
+                raise source.error(place, f"{message}; it has no keys", key=True)
+            raise source.unknown(place, message, "allowed", allowed)
 
 
 def _observation(source: Source, system: System, until: float, k: int) -> Observation:
     (kind,) = source.keys(("observe", k))
     path: KeyPath = ("observe", k, kind)
     if kind not in KINDS:
-        message = f"unknown observation '{kind}'{did_you_mean(kind, KINDS)}; allowed: {listed(KINDS)}"
-        raise source.error(path, message, key=True)
+        raise source.unknown(path, f"unknown observation '{kind}'", "allowed", KINDS)
     node = child(source.tree, path)
     nothing = isinstance(node, ScalarNode) and node.value is None
     if not nothing and not isinstance(node, MappingNode):
