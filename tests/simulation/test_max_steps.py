@@ -82,5 +82,5 @@ def test_without_one_it_is_a_hundred_million() -> None:
     assert np.isfinite(run.y).all()
     from henon_ref.simulation.launch import launch
 
-    made = launch(oscillator(), {"x": 1, "v": 0}, 1, 0, 1e-10, None, None, None, 10**8)
-    assert made.start.scalars.most_steps == 10**8
+    _, begin = launch(oscillator(), {"x": 1, "v": 0}, 1, 0, 1e-10, None, None, None, 10**8)
+    assert begin.scalars.most_steps == 10**8
