@@ -21,8 +21,8 @@ from henon_ref.integrator.records import transition_dtype
 from henon_ref.integrator.start import MOST_STEPS
 from henon_ref.modes.kinks import HiddenKinks
 from henon_ref.modes.mode import Mode, mode_text
-from henon_ref.simulation.dependent_parameters import Number, following
 from henon_ref.simulation.launch import integrator_of
+from henon_ref.simulation.quick_start import Number, following
 from henon_ref.simulation.system import System
 from henon_ref.sweeps.table_files import Columns, Vector
 from henon_ref.system.python_values import as_given, python_number
