@@ -27,9 +27,6 @@ if TYPE_CHECKING:
     from henon_ref.sweeps.sweep import SweepTable
 
 app = application()
-KEPT = "finished chunks are kept, --resume continues from them"
-PATIENCE = 10
-"""Largest time to wait for a cluster [s]."""
 Around = Callable[[Path], AbstractContextManager[None]]
 """Context around the writing of a sweep's folder: takes a lock, and afterwards writes the page."""
 
@@ -83,7 +80,8 @@ def program(arguments: Sequence[str] | None = None, around: Around | None = None
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):  # as in the workers
         os.environ.setdefault(name, "1")
     act = lambda: int(parsed(app, arguments, name="sweep", obj=around))  # noqa: E731
-    return exit_status(act, name="sweep", arguments=arguments, kept=KEPT)
+    kept = "finished chunks are kept, --resume continues from them"
+    return exit_status(act, name="sweep", arguments=arguments, kept=kept)
 
 
 def _nothing(folder: Path) -> AbstractContextManager[None]:
@@ -101,7 +99,7 @@ def _cluster(address: str | None) -> Iterator[Any]:
     except ImportError:
         raise CaseError("--dask needs the package distributed: pip install 'henon-ref[dask]'") from None
     try:
-        client = Client(address, timeout=PATIENCE)
+        client = Client(address, timeout=10)
     except (OSError, ValueError) as error:  # not an address, or the scheduler does not answer
         raise CaseError(f"no Dask scheduler answers at {address}: {error}") from None
     try:

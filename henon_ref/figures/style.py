@@ -246,9 +246,6 @@ def with_description(svg: str, title: str, description: str) -> str:
     return re.sub(r"<svg\b([^>]*)>", lambda found: f"{head}{found.group(1)}>\n{elements}", svg, count=1)
 
 
-_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-
-
 def power_of_ten(value: float) -> str:
     """Return a power of ten as text.
 
@@ -258,7 +255,8 @@ def power_of_ten(value: float) -> str:
     ('10⁻¹²', '1')
     """
     exponent = round(math.log10(value)) if value > 0 else 0
-    return "1" if exponent == 0 else "10" + str(exponent).translate(_SUPERSCRIPT)
+    superscript = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+    return "1" if exponent == 0 else "10" + str(exponent).translate(superscript)
 
 
 def time_text(seconds: float) -> str:

@@ -23,8 +23,6 @@ from henon_ref.simulation.system import System
 from henon_ref.terminal import notice_if_slow
 from henon_ref.trajectory import Counts, Status, Trajectory
 
-MOST_PREPARED = 32
-"""Largest number of cached tolerances of one system."""
 KEPT = 64
 """Largest number of cached compiled systems and orders; the least recently used one is dropped."""
 
@@ -95,8 +93,8 @@ def launch(
 
 
 def _prepared(system: System, tolerance: float) -> QuickStart | None:
-    """Prepare the starts of later runs at a tolerance."""
-    if len(system.prepared) >= MOST_PREPARED:
+    """Prepare the starts of later runs at a tolerance, at up to 32 tolerances."""
+    if len(system.prepared) >= 32:
         system.prepared.clear()
     error = local_error(tolerance)
     made = system.prepared[tolerance] = QuickStart.of(system, integrator_of(system, error), error)

@@ -30,8 +30,6 @@ from henon_ref.kernel.shared import kernel
 from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.system import System
 
-KEPT = 64
-"""Number of cached sets of parameters, and of their values."""
 CLEARLY = 1e-9
 """A condition on the parameters above this value holds, whatever the rounding."""
 
@@ -98,7 +96,7 @@ class QuickStart:
         self._floats = {symbol.name: float(value) for symbol, value in self._own.items()}
         # The argument of a kink may lie at the edge of its domain, which decides whether its sign is open.
         self._in_kinks = bool(system.model.kinks) and not programs.start.is_rational
-        self._changes, self._constants = lru_cache(KEPT)(self._changes_of), lru_cache(KEPT)(self._made)
+        self._changes, self._constants = lru_cache(64)(self._changes_of), lru_cache(64)(self._made)
 
     @classmethod
     def of(cls, system: System, integrator: Integrator, tolerance: float) -> QuickStart | None:

@@ -32,8 +32,6 @@ from henon_ref.taylor.tape import TIME
 OK = "the run reached its horizon"
 POINTS = "points"
 """Name of the table with one row for each point."""
-KEPT_SWEEPS, KEPT_EXPRESSIONS = 8, 256
-"""Numbers of sweeps, and of compiled expressions, that a worker caches."""
 Places = NDArray[np.int64]
 
 
@@ -49,7 +47,7 @@ class Tables:
     """Messages for the points that have no run."""
 
 
-@lru_cache(maxsize=KEPT_SWEEPS)
+@lru_cache(maxsize=8)
 def _unpickled(work: bytes) -> Work:
     made: Work = pickle.loads(work)
     return made
@@ -178,7 +176,7 @@ def _values(expression: sp.Expr, point: Mapping[str, Vector], count: int) -> Vec
     return np.broadcast_to(np.asarray(function(*(point[name] for name in names)), dtype=np.float64), count)
 
 
-@lru_cache(maxsize=KEPT_EXPRESSIONS)
+@lru_cache(maxsize=256)
 def _function(expression: sp.Expr) -> tuple[list[str], Callable[..., Any]]:
     """Return the names in an expression, and the expression as a function of arrays of their values."""
     symbols = sorted(expression.free_symbols, key=lambda s: s.name)

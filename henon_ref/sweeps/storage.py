@@ -40,7 +40,6 @@ PAGE = "index.html"
 KEY = "henon_ref_sweep"
 """Key of the manifest with the names that belong to the sweep."""
 KEPT = "finished chunks are kept: --resume (resume=True) continues from them"
-OTHER = "holds a different sweep, or different chunks; remove it, or choose another folder"
 
 
 @dataclass(frozen=True)
@@ -108,7 +107,8 @@ class SweepFolder:
             if before is None and self.path.exists() and any(f.name[0] != "." for f in self.path.iterdir()):
                 raise CaseError("this folder has files, but no sweep; choose another folder", file=str(self.path))
             if resume and before is not None and before.content != own.content:
-                raise CaseError(f"this folder {OTHER}", file=str(self.path))
+                other = "this folder holds a different sweep, or different chunks; remove it, or choose another folder"
+                raise CaseError(other, file=str(self.path))
             self._check_free(own, before)
             if before is not None and not resume:
                 self._remove(before)

@@ -31,8 +31,6 @@ MOST_WARNINGS = 5
 """Largest number of warnings about points without a run."""
 TASK_SECONDS = 0.1
 """Intended processor time of a task [s]; short chunks are combined, because each task has an overhead."""
-FASTER = 8
-"""Largest factor by which the number of chunks grows from one task to the next."""
 PERIOD = 0.2
 """Interval between two updates of the progress line [s]."""
 Advance = Callable[[int, bool], None]
@@ -227,7 +225,7 @@ class _Groups(Iterator[list[int]]):
 
     def took(self, count: int, seconds: float) -> None:
         """Record the processor time of a number of chunks [s]."""
-        wanted = int(count * min(TASK_SECONDS / max(seconds, 1e-9), FASTER))
+        wanted = int(count * min(TASK_SECONDS / max(seconds, 1e-9), 8))  # at most 8 times as many
         self._size = min(max(wanted, 1), self._most)
 
     def __next__(self) -> list[int]:
