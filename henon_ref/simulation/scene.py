@@ -258,9 +258,7 @@ class Scene:
             raise ArgumentError(
                 f"the run has the states {listed(run.system.state)}; wanted a run of this scene's system"
             )
-        if times is None:
-            times = np.linspace(run.start_time, run.trajectory.end_time, 100)
-        motion = run.motion_at(times)
+        motion = run.motion_at(np.linspace(run.start_time, run.trajectory.end_time, 100) if times is None else times)
         return animated(self._axes(scene) if ax is None else ax, scene, run.system.model, motion, fps)
 
     def _drawable(self) -> Any:

@@ -14,7 +14,6 @@ from typing import Annotated, Any, TypeVar
 from henon_ref.casefile.case import check_model, check_surfaces
 from henon_ref.casefile.form import NONE, Form, Scalar, Size, read_form
 from henon_ref.casefile.schema import (
-    CaseForm,
     CaseName,
     Expression,
     InitialForm,
@@ -81,20 +80,16 @@ POINT_KINDS = ("grid", "table", "random", "continuation")
 
 def load_sweep(path: str | Path) -> Plan:
     """Read a sweep file into a plan; a fault raises CaseError with file, line and column."""
-    tree = read_yaml(path, "sweep file")
-    whole = Source(tree, str(path))
-    form = read_form(SweepForm, whole)
-    common = {key: tree.entries[key] for key in CASE_KEYS if key in tree.entries}
-    source = Source(MappingNode(tree.place, common, tree.keys, tree.size), str(path))
-    case = read_form(CaseForm, source)
-    check_model(source, case)
+    source = Source(read_yaml(path, "sweep file"), str(path))
+    form = read_form(SweepForm, source)
+    check_model(source)
     problem, _ = build_problem(source)
-    check_surfaces(source, case, problem)
+    check_surfaces(source, problem)
     system = System.from_source(source)
-    points = _points(whole, system, Path(path).parent)
-    observations = [_observation(whole, system, float(problem.until), k) for k in range(len(form.observe))]
+    points = _points(source, system, Path(path).parent)
+    observations = [_observation(source, system, float(problem.until), k) for k in range(len(form.observe))]
     make = partial(planned, system, rtol=form.rtol, chunk=form.chunk, max_steps=form.max_steps)
-    plan = _placed(whole, ("points",), lambda: make(grid=points, observe=observations))
+    plan = _placed(source, ("points",), lambda: make(grid=points, observe=observations))
     return replace(plan, name=form.name, title=form.title, source=form.source)
 
 
