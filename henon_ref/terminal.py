@@ -94,7 +94,7 @@ class Line:
             self._write(f"{_ERASED if self.shown else ''}{message(words)[:room]}")
             self.shown = True
 
-    def end(self, words: str = "") -> None:
+    def clear(self, words: str = "") -> None:
         """Erase the line, or replace it by a final text."""
         if words:
             self.show(words)

@@ -254,6 +254,6 @@ def progress(total: int, *, quiet: bool = False) -> Iterator[Advance]:
     try:
         yield advance
     finally:
-        line.end()
+        line.clear()
     if in_notebook() and not quiet:
         line.show(f"{done:,} of {total:,} points in {time.monotonic() - began:.1f} s")
