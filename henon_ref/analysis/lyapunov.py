@@ -218,10 +218,3 @@ def floquet_multipliers(
     multipliers = multipliers[np.argsort(-np.abs(multipliers), kind="stable")]
     multipliers[rank:] = 0.0
     return multipliers
-
-
-def floquet_exponents(multipliers: NDArray[np.complex128], period: float) -> NDArray[np.float64]:
-    """Return the Lyapunov exponents of a periodic orbit, ln abs(multiplier) / period [1/s]; ``-inf`` for 0."""
-    size = np.abs(multipliers)
-    with np.errstate(divide="ignore"):
-        return np.log(size) / period
