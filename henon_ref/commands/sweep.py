@@ -60,7 +60,7 @@ def main(
 
     if not quiet:
         status_line.show(f"reading {file}")
-    plan, around = load_sweep(file), context.obj or _nothing
+    plan, around = load_sweep(file), context.obj or nullcontext
     folder, ended = out / plan.name, Counter[str]()
     with around(folder), _cluster(dask) as executor:
         status_line.clear()
@@ -82,10 +82,6 @@ def program(arguments: Sequence[str] | None = None, around: Around | None = None
     act = lambda: int(parsed(app, arguments, name="sweep", obj=around))  # noqa: E731
     kept = "finished chunks are kept, --resume continues from them"
     return exit_status(act, name="sweep", arguments=arguments, kept=kept)
-
-
-def _nothing(folder: Path) -> AbstractContextManager[None]:
-    return nullcontext()
 
 
 @contextmanager

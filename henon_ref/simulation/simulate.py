@@ -14,7 +14,6 @@ from typing import Any
 from henon_ref.integrator.run import Run
 from henon_ref.integrator.start import MOST_STEPS
 from henon_ref.simulation.calls import explained
-from henon_ref.simulation.dense_output import STEPS
 from henon_ref.simulation.launch import Outcome, ended, launch
 from henon_ref.simulation.solution import Solution
 from henon_ref.simulation.system import System
@@ -79,7 +78,7 @@ def simulate(
     [[2.0, 'stick', 1.0]]
     """
     integrator, begin = launch(system, initial, until, start, rtol, parameters, mode, stop, max_steps)
-    run = Run(integrator, begin, dense=STEPS if dense_output else 0)
+    run = Run(integrator, begin, dense=256 if dense_output else 0)  # steps in one block of memory
     trajectory = ended(run.to_horizon(), begin, system, stop)
     return Solution(system, parameters, begin.time[0], begin.x, trajectory, run.steps if dense_output else None)
 
