@@ -20,12 +20,8 @@ PATIENCE = 1.0
 
 @contextmanager
 def notice_if_slow(work: str) -> Iterator[None]:
-    """Print on standard error (in a notebook: standard output) what is being done, if it takes more than a second.
-
-    Parameters
-    ----------
-    work : str
-        As in ``compiling the system``.
+    """Print on standard error (in a notebook: standard output) what is being done, such as ``compiling the system``, if
+    it takes more than a second.
     """
     if not is_watched():
         yield

@@ -122,12 +122,8 @@ class Saltation:
         """Saltation matrix of a transition, shape (n, n).
 
         A touch (``graze``) has the identity: the limit from the side that misses the surface. From the other side the
-        flow is not differentiable there.
-
-        Raises
-        ------
-        UnsupportedError
-            If several surfaces change at one instant by independent conditions: only directional derivatives exist.
+        flow is not differentiable there. UnsupportedError if several surfaces change at one instant by independent
+        conditions: only directional derivatives exist.
         """
         before, after = transition.from_mode, transition.to_mode
         changed = [i for i, (a, b) in enumerate(zip(before, after, strict=True)) if a != b]
@@ -147,10 +143,7 @@ class Saltation:
     def of_jump(self, jumped: Jumped, after: Mode) -> Matrix:
         """Saltation matrix of a jump of the state into the mode ``after``, shape (n, n).
 
-        Raises
-        ------
-        UnsupportedError
-            If several surfaces that reset the state are reached at one instant.
+        UnsupportedError if several surfaces that reset the state are reached at one instant.
         """
         t, (first, *others) = jumped.time, jumped.surfaces
         reached = [i for i in {*others} - {first} if self._is_on(i, jumped)]

@@ -233,10 +233,7 @@ def _visibility(curvature: sp.Expr, side: int) -> Visibility:
 def _real_roots(expression: sp.Expr, z: sp.Symbol) -> list[sp.Expr]:
     """Return the real roots, without multiplicity; cubics in trigonometric form, without complex numbers.
 
-    Raises
-    ------
-    ModelError
-        If the expression is too long for a closed form.
+    ModelError if the expression is too long for a closed form.
     """
     roots: list[sp.Expr] = []
     for factor, _ in sp.factor_list(_numerator(expression, z))[1]:

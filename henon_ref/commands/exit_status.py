@@ -33,18 +33,10 @@ USAGE_ERROR: Any = typer.BadParameter.__base__
 
 
 def exit_status(act: Callable[[], int], *, name: str, arguments: Sequence[str] | None, kept: str = "") -> int:
-    """Run a command and return its exit status.
+    """Run a command and return its exit status: that which ``act`` returns, if there is no error.
 
-    Parameters
-    ----------
-    act : callable
-        Returns the exit status if there is no error.
-    name : str
-        Name of the command, for the log.
-    arguments : sequence of str, optional
-        Arguments of the command, for the log; None: those of the process.
-    kept : str
-        Addition to the message of an interruption or a crash: results that are kept.
+    ``name`` and ``arguments`` (None: those of the process) are written to the log. ``kept`` is added to the message of
+    an interruption or a crash: results that are kept.
     """
     with _output():
         try:

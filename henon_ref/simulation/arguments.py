@@ -61,13 +61,7 @@ def problem_of(
 ) -> tuple[System, Problem]:
     """Return the system of a run and its initial-value problem in exact numbers.
 
-    The arguments are those of :func:`henon_ref.simulate`.
-
-    Raises
-    ------
-    ArgumentError
-        If a state is missing or unknown, a number is not finite, a parameter is unknown, the horizon is not later than
-        the start, or a mode names an unknown surface or contradicts the start.
+    The arguments are those of :func:`henon_ref.simulate`; ArgumentError if one of them is invalid.
     """
     initial, until, start, mode = start_of(system, initial, until, start, mode)
     if parameters:

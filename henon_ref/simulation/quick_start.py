@@ -49,10 +49,7 @@ def following(system: System, moved: frozenset[str]) -> dict[str, sp.Expr]:
 class Number:
     """Expression in parameters, evaluated exactly at the printed decimal numbers of their doubles.
 
-    Raises
-    ------
-    ModelError
-        If no program evaluates a function in it.
+    ModelError if no program evaluates a function in it.
     """
 
     def __init__(self, expression: sp.Expr) -> None:

@@ -54,18 +54,11 @@ def _unpickled(work: bytes) -> Work:
 
 
 def execute(work: bytes, first: int, values: Vector, size: int) -> tuple[list[Tables], float]:
-    """Run consecutive chunks; return the observations of each, and the processor time used [s].
+    """Run consecutive chunks of ``size`` points (the last may have fewer); return the observations of each, and the
+    processor time used [s].
 
-    Parameters
-    ----------
-    work : bytes
-        Pickled :class:`Work`, equal for all chunks of a sweep.
-    first : int
-        Index of the first point.
-    values : ndarray, shape (K, k)
-        Values of the points.
-    size : int
-        Number of points of a chunk; the last chunk may have fewer.
+    ``work`` is pickled, and equal for all chunks of a sweep; ``first`` is the index of the first point; ``values`` has
+    the shape (K, k).
     """
     began = thread_time()
     runs = run_chunk(_unpickled(work), values, first)
@@ -119,14 +112,10 @@ def run_chunk(work: Work, values: Vector, first: int = 0) -> Runs:
 
 
 def refusals(runs: Runs) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return why each of K points has no run, as text (None if it has one), and its open kinks.
+    """Return why each of K points has no run, as text (None if it has one), and its open kinks
+    (:class:`henon_ref.modes.system.FilippovSystem`), two arrays of shape (K,).
 
     Points that are not clearly valid in doubles are checked in exact numbers, as by :func:`henon_ref.simulate`.
-    Returns
-    -------
-    reasons : ndarray of str or None, shape (K,)
-    open_kinks : ndarray of frozenset, shape (K,)
-        See :class:`henon_ref.modes.system.FilippovSystem`.
     """
     system, count = runs.system, len(runs)
     start, until = runs.times[:, :, 0].T

@@ -139,14 +139,7 @@ class _Bounds(NamedTuple):
 
 
 class AlongSteps:
-    """Evaluation of an expression along the steps of runs.
-
-    Parameters
-    ----------
-    states : sequence of Symbol
-    expression : Expr
-        In time, states and parameters.
-    """
+    """Evaluation of an expression in time, states and parameters along the steps of runs."""
 
     def __init__(self, states: Sequence[sp.Symbol], expression: sp.Expr) -> None:
         self._tape = build_tape(states, (), [expression])

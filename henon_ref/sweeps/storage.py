@@ -85,20 +85,11 @@ class SweepFolder:
         self.path, self.plan = path, plan
 
     def begin(self, *, resume: bool, further: Sequence[str] = (PAGE,)) -> None:
-        """Create the folder, and write the manifest and the sweep file.
+        """Create the folder, and write the manifest and the sweep file; ``further`` files are written at the end.
 
-        Parameters
-        ----------
-        resume : bool
-            Whether to keep finished chunks; else the files of an earlier sweep are removed.
-        further : sequence of str
-            Names of files that are written once the sweep is finished.
-
-        Raises
-        ------
-        CaseError
-            If the folder has files but no sweep, or (to resume) a different sweep; if a name is taken by a file that
-            is not the sweep's; or if it cannot be written. Only in the last case may something have been changed.
+        Files of an earlier sweep are removed, unless it is resumed. CaseError if the folder has files but no sweep, or
+        (to resume) a different sweep; if a name is taken by a file that is not the sweep's; or if it cannot be written.
+        Only in the last case may something have been changed.
         """
         files = _files(self.plan)
         own = Owned(self.plan.content, len(self.plan.chunks), tuple(self.plan.tables), (*sorted(files), *further))

@@ -163,10 +163,7 @@ def done(
 ) -> Iterator[tuple[int, Tables]]:
     """Run the unfinished chunks, write them, show the progress, and yield each chunk's number and tables.
 
-    Raises
-    ------
-    HenonRefError
-        If the workers or the executor end; the message gives the finished chunks and how to resume.
+    If the workers or the executor end, the message of the HenonRefError gives the finished chunks and how to resume.
     """
     with progress(len(plan.points), quiet=quiet) as advance:
         before = set()
@@ -210,14 +207,9 @@ def _run(
 
 
 class _Groups(Iterator[list[int]]):
-    """Iterator over groups of chunk numbers, one for each task; the faster the chunks, the larger the groups.
+    """Iterator over groups of up to ``most`` consecutive chunk numbers, one for each task.
 
-    Parameters
-    ----------
-    numbers : sequence of int
-        Numbers of chunks in order; a group has consecutive numbers only.
-    most : int
-        Largest size of a group.
+    The faster the chunks, the larger the groups.
     """
 
     def __init__(self, numbers: Sequence[int], most: int) -> None:

@@ -45,13 +45,7 @@ class Observation:
     """Name in a sweep file."""
 
     def check(self, system: System) -> None:
-        """Check, before anything runs, that the observation is possible for a system.
-
-        Raises
-        ------
-        ArgumentError
-            If it is not.
-        """
+        """Raise ArgumentError, before anything runs, if the observation is impossible for a system."""
 
     def sections(self, system: System) -> Sequence[sp.Expr]:
         """Return expressions whose zeros must be located."""
