@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.figures import style
-from henon_ref.figures.description import describe
+from henon_ref.figures.style import describe
 from henon_ref.harness.figures.labels import label_column
 from henon_ref.harness.rows import RunRow, number
 from henon_ref.harness.score.reference import HALF_ULP, Expected

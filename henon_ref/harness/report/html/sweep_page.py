@@ -55,8 +55,7 @@ def write_sweep_page(folder: Path) -> Path | None:
     if sweep_content.rows_of(folder) > sweep_content.MOST_READ:
         _LOG.warning("%s has no page: it has more than %d points", folder, sweep_content.MOST_READ)
         return None
-    sweep = load_sweep(folder / SWEEP_FILE)
-    plan, table = sweep.plan, sweep_content.read_table(folder)
+    plan, table = load_sweep(folder / SWEEP_FILE), sweep_content.read_table(folder)
     number = table.pop("point").to_numpy()
     swept = list(plan.points.names)
     kept = sweep_content.kept_points(plan, sweep_content.bytes_a_point(dict(table.dtypes), swept))
@@ -77,7 +76,7 @@ def write_sweep_page(folder: Path) -> Path | None:
     shown = table.iloc[order]
     data: dict[str, Any] = {
         "format": 1,
-        "name": sweep.name,
+        "name": plan.name,
         "count": len(table),
         "points": sweep_content.packed_numbers(kept, "<i4"),
         "swept": [one_line(name) for name in swept],
@@ -96,8 +95,8 @@ def write_sweep_page(folder: Path) -> Path | None:
         "sweep.html",
         SCRIPTS,
         data,
-        title=one_line(sweep.title),
-        origin=one_line(sweep.source or ""),
+        title=one_line(plan.title),
+        origin=one_line(plan.source or ""),
         summary=one_line(f"{len(table):,} points over {', '.join(swept)}; relative tolerance {rtol}."),
         drawn=_drawn(len(table), len(kept)),
         has_case=case is not None,
