@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.figures import style
-from henon_ref.figures.description import describe
+from henon_ref.figures.style import describe
 from henon_ref.harness.rows import RunRow, TransitionRow, number
 from henon_ref.harness.score.reference import Expected
 from henon_ref.text import one_line

@@ -12,9 +12,8 @@ import pytest
 import sympy as sp
 
 from henon_ref.casefile.case import Reading, load_case
-from henon_ref.figures.description import description_of
 from henon_ref.figures.motion import Motion, axes_of_portrait, draw_portrait, motion_of
-from henon_ref.figures.style import image
+from henon_ref.figures.style import description_of, image
 from henon_ref.figures.time_series import draw_modes
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.run_jobs import sample_times

@@ -53,8 +53,7 @@ def write_sweep_page(folder: Path) -> Path | None:
     if rows_of(folder) > MOST_READ:
         _LOG.warning("%s has no page: it has more than %d points", folder, MOST_READ)
         return None
-    sweep = load_sweep(folder / SWEEP_FILE)
-    plan, table = sweep.plan, read_table(folder)
+    plan, table = load_sweep(folder / SWEEP_FILE), read_table(folder)
     number = table.pop("point").to_numpy()
     swept = list(plan.points.names)
     kept = kept_points(plan, bytes_a_point(dict(table.dtypes), swept))
@@ -70,7 +69,7 @@ def write_sweep_page(folder: Path) -> Path | None:
     shown = table.iloc[order]
     data: dict[str, Any] = {
         "format": 1,
-        "name": sweep.name,
+        "name": plan.name,
         "count": len(table),
         "points": packed_numbers(kept, "<i4"),
         "swept": [one_line(name) for name in swept],
@@ -92,8 +91,8 @@ def write_sweep_page(folder: Path) -> Path | None:
         "sweep.html",
         ("page.js", "sweep.js"),
         data,
-        title=one_line(sweep.title),
-        origin=one_line(sweep.source or ""),
+        title=one_line(plan.title),
+        origin=one_line(plan.source or ""),
         summary=one_line(f"{len(table):,} points over {', '.join(swept)}; relative tolerance {rtol}."),
         drawn=drawn,
         has_case=case is not None,

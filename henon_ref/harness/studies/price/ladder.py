@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from henon_ref.casefile.case import Case
 from henon_ref.figures import style
-from henon_ref.figures.description import describe
+from henon_ref.figures.style import describe
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.campaign.progress import Observer
