@@ -32,12 +32,11 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.baselines.adapter import Adapter
-from henon_ref.baselines.library import LIMIT, Library, Stop
+from henon_ref.baselines.library import LIMIT, Library, Stop, Work
 from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
 from henon_ref.baselines.restart import LEAST, Restart
 from henon_ref.baselines.scipy_ivp import scouting
 from henon_ref.baselines.smooth_mode import SmoothMode
-from henon_ref.baselines.work import Work
 from henon_ref.modes.callables import ARITHMETIC
 from henon_ref.modes.equations import along
 from henon_ref.taylor.tape import TIME
@@ -61,7 +60,7 @@ class _Mode(SmoothMode):
         method = library.solver.method
         self._stages = STAGES if method == "Dopri8" else 0
         source, values = mode_source(model)
-        self._solve = _compiled(library.module, method, library.restart == "none", source)
+        self._solve = _compiled(library.module, method, library.solver.restart == "none", source)
         self._numbers = np.array(values, dtype=float)
         self._tolerances = np.array([library.rtol, library.atol])
 

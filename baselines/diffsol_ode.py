@@ -25,11 +25,10 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.baselines.adapter import Adapter
-from henon_ref.baselines.library import LIMIT, Library, Stop
+from henon_ref.baselines.library import LIMIT, Library, Stop, Work
 from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
 from henon_ref.baselines.restart import LIFT, Restart
 from henon_ref.baselines.smooth_mode import SmoothMode
-from henon_ref.baselines.work import Work
 from henon_ref.errors import UnsupportedError
 from henon_ref.expressions.traversal import Rules, Walk, fold, fraction
 from henon_ref.modes.callables import ARITHMETIC, rounded

@@ -1,6 +1,6 @@
 """Driver of all libraries: it handles events, selects modes, restarts the library and ends the run.
 
-A library integrates one smooth mode until a guard stops it (:class:`.library.Flow`). The driver does everything else,
+A library integrates one smooth mode until a guard stops it (:data:`.library.Advance`). The driver does everything else,
 in the same way for all libraries. At an event the driver
 
 1. adds the guards that fell through zero at the same time (within the library's own location error);
@@ -23,12 +23,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.baselines.library import Library, Stop
+from henon_ref.baselines.library import DeadlinePassed, Library, Stop, Work
 from henon_ref.baselines.mode_functions import EPSILON
 from henon_ref.baselines.mode_table import ModeEntry, ModeTable
 from henon_ref.baselines.record import Record, ended
 from henon_ref.baselines.restart import MARGIN, Fresh, after_noise, low_flight
-from henon_ref.baselines.work import DeadlinePassed, Work
 from henon_ref.errors import ModelError, UnsupportedError
 from henon_ref.modes.callables import ARITHMETIC
 from henon_ref.modes.mode import Mode
@@ -100,7 +99,7 @@ class Driver:
         """Run from the start to the horizon."""
         self.work.start()
         library = self.library
-        record = Record(self.work, self.problem, library.landing, library.errors[1], self.sample_times)
+        record = Record(self.work, self.problem, library.solver.landing, library.errors[1], self.sample_times)
         if self.decision.mode is None or self._first is None:
             nowhere = (0,) * len(self.problem.system.surfaces)
             return record.finish(self.decision.ending, self.start, self.initial, nowhere, self.decision.reason)
@@ -122,7 +121,7 @@ class Driver:
                 self.work.check()
                 stop = Stop("event", t, low, x, falls) if falls else None
                 stop = stop or (self._low_flight(entry, fresh, t, x) if jumps else None)
-                stop = stop or entry.flow.advance(t, low, x, until, fresh, wanted)
+                stop = stop or entry.advance(t, low, x, until, fresh, wanted)
             except DeadlinePassed:
                 return record.finish("timeout", t, x, mode, f"stopped after {self.work.deadline:g} s")
             if sampling:

@@ -29,11 +29,10 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.baselines.adapter import Adapter
-from henon_ref.baselines.library import LIMIT, Library, Stop
+from henon_ref.baselines.library import LIMIT, Library, Stop, Work
 from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
 from henon_ref.baselines.restart import LEAST, LIFT, SPAN, Fresh, Restart, dips, lift, quiet_until
 from henon_ref.baselines.scipy_ivp import scouting
-from henon_ref.baselines.work import Work
 from henon_ref.errors import UnsupportedError
 from henon_ref.expressions.grammar import ELEMENTARY
 from henon_ref.expressions.traversal import Rules, Walk, fold, fraction
@@ -133,7 +132,7 @@ class _Mode:
         fresh: Sequence[Fresh],
         wanted: NDArray[np.float64] | None,
     ) -> Stop:
-        """See :class:`henon_ref.baselines.library.Flow`."""
+        """See :data:`henon_ref.baselines.library.Advance`."""
         if fresh and self._policy == "event-free-step":
             return self._event_free_step(t, low, x, until, fresh)
         lifted = [item for item in fresh if item[0] in self._slots] if self._policy == "offset" else []

@@ -13,11 +13,10 @@ from typing import NamedTuple
 
 import sympy as sp
 
-from henon_ref.baselines.library import Flow, Library
+from henon_ref.baselines.library import Advance, Library, Work
 from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
 from henon_ref.baselines.restart import Fresh
 from henon_ref.baselines.surface_functions import projected, surface
-from henon_ref.baselines.work import Work
 from henon_ref.jit.processor_time import compiling
 from henon_ref.modes.after_jump import after_jump, without_speed
 from henon_ref.modes.arithmetic import CLEAR
@@ -73,8 +72,8 @@ Exit = Callable[[float, Sequence[float]], Followed | None]
 class ModeEntry:
     """One mode: its functions, the library prepared for it, and its ordinary exits."""
 
-    def __init__(self, model: ModeFunctions, flow: Flow) -> None:
-        self.model, self.flow, self.several = model, flow, len(model.guards) > 1
+    def __init__(self, model: ModeFunctions, advance: Advance) -> None:
+        self.model, self.advance, self.several = model, advance, len(model.guards) > 1
         self._exits: dict[int, Exit | None] = {}
         if self.several:
             model.rates  # noqa: B018  (made on first access)
@@ -179,7 +178,8 @@ class ModeTable:
                 if key not in self._models:
                     self._models[key] = ModeFunctions(self.system, mode, self.in_doubles, idle)
                 model = self._models[key]
-                self._entries[key] = ModeEntry(model, self._library.flow(model, self._work, self._horizon))
+                flow = self._library.flow(model, self._work, self._horizon)
+                self._entries[key] = ModeEntry(model, flow.advance)
         return self._entries[key]
 
     @property

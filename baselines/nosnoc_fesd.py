@@ -33,11 +33,10 @@ from threadpoolctl import threadpool_limits
 
 from henon_ref.baselines.adapter import LibrarySolver, RunOptions
 from henon_ref.baselines.driver import Driver
-from henon_ref.baselines.library import LIMIT
+from henon_ref.baselines.library import LIMIT, DeadlinePassed, Work
 from henon_ref.baselines.record import Record
 from henon_ref.baselines.scipy_ivp import RK45
 from henon_ref.baselines.sundials import ADAMS
-from henon_ref.baselines.work import DeadlinePassed, Work
 from henon_ref.errors import UnsupportedError
 from henon_ref.expressions.grammar import FUNCTIONS
 from henon_ref.modes.callables import rounded

@@ -10,10 +10,9 @@ from typing import overload
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.baselines.library import LIMIT, Stop
+from henon_ref.baselines.library import LIMIT, Stop, Work
 from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
 from henon_ref.baselines.restart import MARGIN
-from henon_ref.baselines.work import Work
 from henon_ref.modes.callables import ARITHMETIC, Scalar
 from henon_ref.modes.mode import Mode, transition_kind
 from henon_ref.modes.problem import Problem

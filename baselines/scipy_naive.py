@@ -30,10 +30,9 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from henon_ref.baselines.adapter import LibrarySolver, RunOptions
-from henon_ref.baselines.library import LIMIT
+from henon_ref.baselines.library import LIMIT, DeadlinePassed, Work
 from henon_ref.baselines.mode_functions import EPSILON
 from henon_ref.baselines.record import blown_up
-from henon_ref.baselines.work import DeadlinePassed, Work
 from henon_ref.errors import UnsupportedError
 from henon_ref.modes.callables import ARITHMETIC, Jacobian, Scalar, scalar
 from henon_ref.modes.mode import Mode, replaced, transition_kind

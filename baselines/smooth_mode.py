@@ -1,7 +1,6 @@
 """Base class of a library's integration of one smooth mode; a subclass implements one method.
 
-The driver handles modes, sliding and events. heyoka's mode does not call Python and has its own
-:class:`henon_ref.baselines.library.Flow`.
+The driver handles modes, sliding and events. heyoka's mode does not call Python and is not a subclass.
 """
 
 from __future__ import annotations
@@ -15,11 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.baselines.library import LIMIT, Library, Stop
+from henon_ref.baselines.library import LIMIT, Library, Stalled, Stop, Work
 from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
 from henon_ref.baselines.numba_callbacks import Callbacks
 from henon_ref.baselines.restart import Fresh, GatedGuards, Watcher
-from henon_ref.baselines.work import Stalled, Work
 from henon_ref.errors import ContractError
 from henon_ref.modes.callables import ARITHMETIC, Jacobian
 
@@ -56,7 +54,7 @@ class SmoothMode(ABC):
         self.library, self.model, self.work, self.horizon = library, model, work, horizon
         self.states = len(model.states)
         """Number n of states."""
-        self.gates = GatedGuards(model, library.restart, library.errors)
+        self.gates = GatedGuards(model, library.solver.restart, library.errors)
         """Guards under the restart policy; their ``watchers`` are the library's event functions."""
         self.last = LastSeen(self.states, work.count_event)
         """Event function that falls through zero if the state diverges; it follows the guards."""
@@ -139,7 +137,7 @@ class SmoothMode(ABC):
         fresh: Sequence[Fresh],
         wanted: NDArray[np.float64] | None,
     ) -> Stop:
-        """Set the guards and call :meth:`integrate`; the driver calls this (:class:`.library.Flow`)."""
+        """Set the guards and call :meth:`integrate`; the driver calls this (:data:`.library.Advance`)."""
         self.gates.open(t, x, fresh, self.horizon)
         self.last.start(t, tuple(x))
         self.wanted = wanted

@@ -37,12 +37,11 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.baselines.adapter import Adapter
-from henon_ref.baselines.library import Library, Stop
+from henon_ref.baselines.library import Library, Stalled, Stop, Work
 from henon_ref.baselines.mode_functions import ModeFunctions
 from henon_ref.baselines.numba_callbacks import Callbacks, compiled, jacobian, njit
 from henon_ref.baselines.restart import Restart, Watcher
 from henon_ref.baselines.smooth_mode import SmoothMode, counted_field
-from henon_ref.baselines.work import Stalled, Work
 from henon_ref.modes.callables import ARITHMETIC, scalar
 from henon_ref.modes.equations import Guard
 

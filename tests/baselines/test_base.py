@@ -11,11 +11,10 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.baselines.adapter import Adapter, ModeSolver
-from henon_ref.baselines.library import Stop
+from henon_ref.baselines.library import Stop, Work
 from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
 from henon_ref.baselines.restart import STOPPED
 from henon_ref.baselines.smooth_mode import SmoothMode
-from henon_ref.baselines.work import Work
 from henon_ref.errors import ContractError, UnavailableError, UnsupportedError
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem
