@@ -9,7 +9,6 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import partial
 from importlib import import_module
 from typing import Any, ClassVar
 
@@ -17,14 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.baselines.driver import Driver
-from henon_ref.baselines.library import Library, Work
+from henon_ref.baselines.library import Library, Times, Work
 from henon_ref.baselines.mode_functions import EPSILON
 from henon_ref.baselines.restart import STOPPED, Restart
 from henon_ref.baselines.smooth_mode import SmoothMode
 from henon_ref.errors import UnavailableError, UnsupportedError
 from henon_ref.modes.problem import Problem
 from henon_ref.solver import Run
-from henon_ref.trajectory import Trajectory, without_hidden_kinks
+from henon_ref.trajectory import without_hidden_kinks
 from henon_ref.workers.machine import library_versions
 
 SCOUTING = 1e-6
@@ -71,17 +70,10 @@ class LibrarySolver(ABC):
         """
         if step is not None or rtol is None:
             raise UnsupportedError(f"{self.name} chooses its own steps: give rtol (and atol), not step")
-        return self.prepared(problem, rtol, rtol if atol is None else atol, sample_times, deadline)
+        return self.prepared(problem, rtol, rtol if atol is None else atol, Work(deadline), sample_times)
 
     @abstractmethod
-    def prepared(
-        self,
-        problem: Problem,
-        rtol: float,
-        atol: float,
-        sample_times: NDArray[np.float64] | None,
-        deadline: float | None,
-    ) -> Run:
+    def prepared(self, problem: Problem, rtol: float, atol: float, work: Work, times: Times) -> Run:
         """Return a run of the problem at these tolerances; called by :meth:`prepare`."""
 
     def load(self) -> Any:
@@ -137,20 +129,13 @@ class Adapter(LibrarySolver):
     warm_up: ClassVar[bool] = False
     """Whether to run once while preparing, because the first run of a mode compiles it."""
 
-    def prepared(
-        self,
-        problem: Problem,
-        rtol: float,
-        atol: float,
-        sample_times: NDArray[np.float64] | None,
-        deadline: float | None,
-    ) -> Run:
+    def prepared(self, problem: Problem, rtol: float, atol: float, work: Work, times: Times) -> Run:
         """Prepare every mode (lambdify, compile)."""
-        driver = Driver(problem, self.library(rtol, atol), Work(deadline), sample_times if self.samples else None)
+        driver = Driver(problem, self.library(rtol, atol), work, times if self.samples else None)
         driver.compile()
         if self.warm_up:
             driver.run()
-        return partial(_visible, driver) if problem.system.kinks else driver.run
+        return lambda: without_hidden_kinks(driver.run(), problem.system)
 
     def library(self, rtol: float, atol: float) -> Library:
         """Return the library at these tolerances, for the driver."""
@@ -166,10 +151,6 @@ class Adapter(LibrarySolver):
     def loosened(self, rtol: float, atol: float) -> Library:
         """Return the library at loose tolerances, for the run that finds the visited modes."""
         return self.library(max(rtol, SCOUTING), max(atol, SCOUTING))
-
-
-def _visible(driver: Driver) -> Trajectory:
-    return without_hidden_kinks(driver.run(), driver.problem.system)
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,8 @@ from henon_ref.baselines.restart import Fresh
 from henon_ref.jit.processor_time import Deadline
 from henon_ref.trajectory import Counts
 
+Times = NDArray[np.float64] | None
+"""Increasing sample times [s], for figures; None if no samples are requested."""
 LIMIT = 1e100
 """A run with a larger state component has diverged. A smaller bound could be wrong in some units."""
 
@@ -88,11 +90,11 @@ class Stop(NamedTuple):
     """States at the sample times up to ``t``, shape (k, n)."""
 
 
-Advance = Callable[[float, float, Sequence[float], float, Sequence[Fresh], NDArray[np.float64] | None], Stop]
+Advance = Callable[[float, float, Sequence[float], float, Sequence[Fresh], Times], Stop]
 """A library prepared for one mode: ``advance(t, low, x, until, fresh, wanted)`` integrates from the time t + low, where
 ``low`` is the rounding remainder, and the state x to the first guard that falls through zero, or to ``until`` > t. The
-restart policy applies only to the guards ``fresh``, which start at zero. ``wanted`` are increasing sample times > t, or
-None; a library without sampling ignores them. After the deadline it raises :class:`DeadlinePassed`."""
+restart policy applies only to the guards ``fresh``, which start at zero. ``wanted`` are sample times > t; a library
+without sampling ignores them. After the deadline it raises :class:`DeadlinePassed`."""
 
 
 class Library(NamedTuple):

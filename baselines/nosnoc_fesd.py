@@ -31,9 +31,9 @@ import sympy as sp
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from henon_ref.baselines.adapter import LibrarySolver, RunOptions
+from henon_ref.baselines.adapter import LibrarySolver
 from henon_ref.baselines.driver import Driver
-from henon_ref.baselines.library import LIMIT, DeadlinePassed, Work
+from henon_ref.baselines.library import LIMIT, DeadlinePassed, Times, Work
 from henon_ref.baselines.record import Record
 from henon_ref.baselines.scipy_ivp import RK45
 from henon_ref.baselines.sundials import ADAMS
@@ -77,7 +77,7 @@ class Nosnoc(LibrarySolver):
     distribution = module = "nosnoc"
     extra = "peers"
 
-    def prepared(self, problem: Problem, options: RunOptions) -> Run:
+    def prepared(self, problem: Problem, rtol: float, atol: float, work: Work, times: Times) -> Run:
         """Build the nonlinear program."""
         system = problem.system
         for beyond, words in (
@@ -90,22 +90,22 @@ class Nosnoc(LibrarySolver):
         if not 1 <= len(system.surfaces) <= MOST_SURFACES:
             raise UnsupportedError(f"the adapter supports 1 to {MOST_SURFACES} surfaces, not {len(system.surfaces)}")
         self.loaded()
-        return _Simulation(problem, options.rtol, self.landing, options.deadline).run
+        return _Simulation(problem, rtol, self.landing, work).run
 
 
 class _Simulation:
     """One problem prepared for repeated runs."""
 
-    def __init__(self, problem: Problem, rtol: float, landing: str, deadline: float | None) -> None:
+    def __init__(self, problem: Problem, rtol: float, landing: str, work: Work) -> None:
         import casadi
         import nosnoc
 
         self.problem, self.landing = problem, landing
         self.nearest = sqrt(_complementarity(rtol))
-        self.work = Work(deadline)
+        self.work = work
         self.start, self.until = float(problem.start), float(problem.until)
         self.success = nosnoc.Status.SUCCESS
-        self.steps = _control_steps(problem, deadline)
+        self.steps = _control_steps(problem, work.deadline)
         self.length = (self.until - self.start) / self.steps
         self.clocked = any(e.has(TIME) for e in (*problem.system.field, *problem.system.surfaces))
         initial = [float(v) for v in problem.initial]

@@ -22,22 +22,21 @@ import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from henon_ref.baselines.adapter import LibrarySolver, RunOptions
-from henon_ref.baselines.library import LIMIT, DeadlinePassed, Work
+from henon_ref.baselines.adapter import LibrarySolver
+from henon_ref.baselines.library import LIMIT, DeadlinePassed, Stalled, Times, Work
 from henon_ref.baselines.mode_functions import EPSILON
 from henon_ref.baselines.record import blown_up
 from henon_ref.errors import UnsupportedError
 from henon_ref.modes.callables import ARITHMETIC, Jacobian, Scalar, scalar
 from henon_ref.modes.mode import Mode, replaced, transition_kind
 from henon_ref.modes.problem import Problem
-from henon_ref.modes.system import FilippovSystem
 from henon_ref.solver import Run
 from henon_ref.trajectory import Status, Trajectory, Transition
 
@@ -59,10 +58,6 @@ Dense = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """Dense output of a step: maps k times to (n, k) states."""
 
 
-class BudgetSpent(Exception):  # noqa: N818  (not an error: it leaves SciPy's loop)
-    """Raised in the right-hand side when the budget of evaluations is used up."""
-
-
 @dataclass(frozen=True)
 class ScipyNaive(LibrarySolver):
     """One field for the whole run, in SciPy, without events.
@@ -79,7 +74,7 @@ class ScipyNaive(LibrarySolver):
     distribution = "SciPy"
     module = "scipy.integrate"
 
-    def prepared(self, problem: Problem, options: RunOptions) -> Run:
+    def prepared(self, problem: Problem, rtol: float, atol: float, work: Work, times: Times) -> Run:
         """Lambdify the field."""
         if problem.system.resets:
             raise UnsupportedError(f"{self.name} has no events and does not support jumps of the state")
@@ -87,10 +82,7 @@ class ScipyNaive(LibrarySolver):
             raise UnsupportedError(f"{self.name} has the sign 0 on a surface, so it cannot begin there on a given side")
         if problem.system.overrides:
             raise UnsupportedError(f"{self.name} has no sliding mode that a 'sliding' override could replace")
-        method = getattr(self.loaded(), self.method)
-        return _Naive(
-            self, problem, method, max(options.rtol, 100.0 * EPSILON), options.atol, Work(options.deadline)
-        ).run
+        return _Naive(self, problem, max(rtol, 100.0 * EPSILON), atol, work).run
 
 
 def _sgn(value: float) -> float:
@@ -100,19 +92,21 @@ def _sgn(value: float) -> float:
 class _Naive:
     """One problem prepared for repeated runs."""
 
-    def __init__(
-        self, solver: ScipyNaive, problem: Problem, method: Callable[..., Any], rtol: float, atol: float, work: Work
-    ) -> None:
+    def __init__(self, solver: ScipyNaive, problem: Problem, rtol: float, atol: float, work: Work) -> None:
         system = problem.system
-        self.system, self.method, self.work, self.budget = system, method, work, solver.budget
+        self.method, self.work, self.budget = getattr(solver.loaded(), solver.method), work, solver.budget
         self.start, self.until = float(problem.start), float(problem.until)
         self.initial = tuple(float(v) for v in problem.initial)
         self.options: dict[str, Any] = {"rtol": rtol, "atol": atol}
         smooth = solver.sign == "tanh"
         eps = WIDTH * atol if smooth else atol + rtol
         self.width = BAND[solver.sign] * eps
-        field = _without_signs(system, solver.sign, eps)
-        self.surfaces = [scalar(system.states, [system.numeric(h)]) for h in system.surfaces]
+        # The field with every sign symbol replaced by a function of its surface.
+        surfaces = [system.numeric(h) for h in system.surfaces]
+        sign = (lambda h: sp.tanh(h / sp.Float(eps))) if smooth else sp.Function("sgn")
+        written = dict(zip(system.signs, map(sign, surfaces), strict=True))
+        field = [system.numeric(f).xreplace(written) for f in system.field]
+        self.surfaces = [scalar(system.states, [h]) for h in surfaces]
         self.valid = [scalar(system.states, [system.numeric(e)]) for e in system.valid]
         self.field = scalar(system.states, field, functions={"sgn": _sgn})
         if smooth:
@@ -121,7 +115,7 @@ class _Naive:
     def _rhs(self, t: float, x: NDArray[np.float64]) -> tuple[float, ...]:
         self.work.count_rhs()
         if self.budget is not None and self.work.rhs > self.budget:
-            raise BudgetSpent
+            raise Stalled(f"the budget of {self.budget} right-hand sides was spent by t = {self.t:.17g}")
         try:
             return self.field(t, *x.tolist())
         except ARITHMETIC:
@@ -131,9 +125,9 @@ class _Naive:
         """Run from the start to the horizon."""
         self.work.start()
         bands = [Band(h, self.width, self.start, self.initial) for h in self.surfaces]
-        seen: list[tuple[float, tuple[float, ...]]] = [(self.start, self.initial)]
-        status, reason = self._march(seen, bands)
-        t, x = seen[0]
+        self.t, self.x = self.start, self.initial
+        status, reason = self._march(bands)
+        t, x = self.t, self.x
         if status == "failed" and blown_up(self.field, self.initial, t, x):
             status, reason = "diverged", f"the state blows up at t = {t:.17g}: {reason}"
         for band in bands:
@@ -141,8 +135,8 @@ class _Naive:
         transitions, mode = joined(bands)
         return Trajectory(status, transitions, t, x, mode, reason, self.work.counts)
 
-    def _march(self, seen: list[tuple[float, tuple[float, ...]]], bands: Sequence[Band]) -> tuple[Status, str]:
-        """Step to the horizon; at the end of the run ``seen[0]`` is the last accepted point."""
+    def _march(self, bands: Sequence[Band]) -> tuple[Status, str]:
+        """Step to the horizon; (self.t, self.x) is the last accepted point."""
         if self.until - self.start <= 2.0 * EPSILON * abs(self.until):
             return "ok", ""
         with warnings.catch_warnings(record=True) as caught, np.errstate(all="ignore"):
@@ -158,20 +152,18 @@ class _Naive:
                     if not np.isfinite(solver.y).all():
                         return "failed", f"the state is not finite after t = {t_old:.17g}"
                     if np.abs(solver.y).max() > LIMIT:
-                        seen[0] = (t, tuple(solver.y.tolist()))
+                        self.t, self.x = t, tuple(solver.y.tolist())
                         return "diverged", f"the state passed {LIMIT:g} at t = {t:.17g}"
                     ended = self._left_model(t_old, t, dense)
                     t = t if ended is None else ended
-                    seen[0] = (t, tuple(dense(np.array([t]))[:, 0].tolist()))
+                    self.t, self.x = t, tuple(dense(np.array([t]))[:, 0].tolist())
                     for band in bands:
                         band.step(t_old, t, dense)
                     if ended is not None:
                         return "invalid", f"the model ends: an expression of 'valid' fell to 0 at t = {t:.17g}"
             except DeadlinePassed:
                 return "timeout", f"stopped after {self.work.deadline:g} s"
-            except BudgetSpent:
-                return "failed", f"the budget of {self.budget} right-hand sides was spent by t = {seen[0][0]:.17g}"
-            except (ValueError, np.linalg.LinAlgError) as error:
+            except (Stalled, ValueError, np.linalg.LinAlgError) as error:
                 return "failed", str(error)
         return "ok", ""
 
@@ -188,18 +180,7 @@ class _Naive:
         return min(ends, default=None)
 
 
-def _without_signs(system: FilippovSystem, sign: Literal["tanh", "sign"], eps: float) -> list[sp.Expr]:
-    """Return the field with every sign symbol replaced by a function of its surface."""
-    sgn = sp.Function("sgn")
-    written = {
-        s: sp.tanh(system.numeric(h) / sp.Float(eps)) if sign == "tanh" else sgn(system.numeric(h))
-        for s, h in zip(system.signs, system.surfaces, strict=True)
-    }
-    return [system.numeric(f).xreplace(written) for f in system.field]
-
-
-@dataclass(frozen=True)
-class _Point:
+class _Point(NamedTuple):
     """Time and state at which a surface meets an edge of its band or its root."""
 
     t: float
@@ -254,14 +235,14 @@ class Band:
         slope = (value - old) / (t - t_old) if t > t_old else 0.0
         if (old < 0.0) != (value < 0.0) and old != 0.0:
             self._root = partial(self._locate, t_old, t, 0.0, slope, dense)
-        for level in self._levels(old, value):
-            self._pass(self._locate(t_old, t, level, slope, dense), level, 1 if slope > 0 else -1)
+        edges = [edge for edge in (-self._width, self._width) if min(old, value) < edge <= max(old, value)]
+        for edge in edges if value > old else edges[::-1]:
+            point = self._locate(t_old, t, edge, slope, dense)
+            if (slope > 0) == (edge > 0):
+                self._leave(point, 1 if edge > 0 else -1)
+            else:
+                self._entered, self._region = point, 0
         self._last = (t, value)
-
-    def _levels(self, old: float, value: float) -> list[float]:
-        """Edges of the band between two values, in the order in which they are passed."""
-        met = [edge for edge in (-self._width, self._width) if min(old, value) < edge <= max(old, value)]
-        return met if value > old else met[::-1]
 
     def _locate(self, t_old: float, t: float, level: float, slope: float, dense: Dense) -> _Point:
         def above(time: float) -> float:
@@ -270,14 +251,6 @@ class Band:
         low, high = above(t_old), above(t)
         time = t if low * high > 0.0 else float(brentq(above, t_old, t, xtol=1e-300, rtol=1e-15))
         return _Point(time, tuple(dense(np.array([time]))[:, 0].tolist()), slope)
-
-    def _pass(self, point: _Point, level: float, direction: int) -> None:
-        """Process the passing of an edge of the band, upwards or downwards."""
-        side = 1 if level > 0 else -1
-        if direction == side:
-            self._leave(point, side)
-        else:
-            self._entered, self._region = point, 0
 
     def _leave(self, point: _Point, side: int) -> None:
         entered, self._region = self._entered, side
