@@ -25,8 +25,7 @@ from numpy.typing import NDArray
 
 from henon_ref.baselines.adapter import SCOUTING, Adapter
 from henon_ref.baselines.library import Library, Stop, Work
-from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
-from henon_ref.baselines.numba_callbacks import Callbacks
+from henon_ref.baselines.mode_functions import EPSILON, Callbacks, ModeFunctions
 from henon_ref.baselines.restart import Restart
 from henon_ref.baselines.smooth_mode import SmoothMode, counted_field
 

@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.baselines.library import LIMIT, Library, Stalled, Stop, Work
-from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
-from henon_ref.baselines.numba_callbacks import Callbacks
+from henon_ref.baselines.mode_functions import EPSILON, Callbacks, ModeFunctions
 from henon_ref.baselines.restart import Fresh, GatedGuards, Watcher
 from henon_ref.errors import ContractError
 from henon_ref.modes.callables import ARITHMETIC, Jacobian

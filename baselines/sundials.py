@@ -39,8 +39,7 @@ from numpy.typing import NDArray
 
 from henon_ref.baselines.adapter import Adapter
 from henon_ref.baselines.library import Library, Stalled, Stop, Work
-from henon_ref.baselines.mode_functions import ModeFunctions
-from henon_ref.baselines.numba_callbacks import Callbacks, Fill, compiled, jacobian, njit
+from henon_ref.baselines.mode_functions import Callbacks, Fill, ModeFunctions, compiled, jacobian, njit
 from henon_ref.baselines.restart import Restart, Watcher
 from henon_ref.baselines.smooth_mode import SmoothMode, counted_field
 from henon_ref.modes.callables import ARITHMETIC, Scalar, scalar
@@ -168,12 +167,12 @@ class _IdaMode(_SundialsMode):
         field, conditions = _convex(model, sliding) if sliding else (model.field_expressions, ())
         copies = tuple(sp.Dummy(f"g{k}", real=True) for k in seen)
         unknowns, right = (*system.states, *copies, *(system.signs[i] for i in sliding)), (*field, *swings, *conditions)
-        self._unknowns, self._differential = len(unknowns), self.states + len(seen)
-        """Number of unknowns, and of those that have a time derivative."""
+        self._unknowns = len(unknowns)
+        self._differential = self.states + len(seen)
+        """Number of unknowns that have a time derivative."""
         started = [*guards, *signs, *model.field_expressions, *swings, *(model.along(e) for e in signs)]
         if model.common is not None and not sliding:  # the equations common to all modes, without signs and copies
-            values, self._start, slopes = model.field, model.field, model.jacobian(callbacks)
-            self.function = self._residual(values)
+            self._start, slopes, self.function = model.field, model.jacobian(callbacks), self._residual(model.field)
         else:
             self._start, slopes = scalar(system.states, started), jacobian(unknowns, right, callbacks)
             if callbacks == "numba":
