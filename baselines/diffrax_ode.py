@@ -73,7 +73,7 @@ class _Mode(SmoothMode):
                 solved = self._run(t, x, until, signs)
             except RuntimeError as error:  # raised by compiled code, with a traceback in its text
                 return self.failed(f"diffrax: {_message(error)}")
-            self.last.value(solved.t, solved.x)
+            self.divergence(solved.t, solved.x)
             risen = [k for k in solved.fallen if signs[k] < 0]
             if risen:
                 signs[risen] = 1.0
@@ -91,7 +91,7 @@ class _Mode(SmoothMode):
 
         A minimum that starts negative cannot fall through zero, so that the roots of all guards would be lost.
         """
-        lifts = self.gates.lifts
+        lifts = self.lifts
         for k, guard in enumerate(self.model.guards):
             if lifts[k] > 0.0 and not guard.rising_only and (value := self._value(k, t, x)) <= 0.0:
                 lifts[k] += LEAST - 2.0 * value
@@ -100,19 +100,19 @@ class _Mode(SmoothMode):
         """Return -1 for a guard that must rise before it counts (its negative is watched until then), 1 otherwise."""
         signs = np.ones(len(self.model.guards) + 1)
         for k, guard in enumerate(self.model.guards):
-            if guard.rising_only and (t <= self.gates.quiet[k] or self._value(k, t, x) <= 0.0):
+            if guard.rising_only and (t <= self.quiet[k] or self._value(k, t, x) <= 0.0):
                 signs[k] = -1.0
         return signs
 
     def _value(self, k: int, t: float, x: NDArray[np.float64]) -> float:
         try:
-            return self.model.guard[k](t, *x[: self.states].tolist())[0] + self.gates.lifts[k]
+            return self.model.guard[k](t, *x[: self.states].tolist())[0] + self.lifts[k]
         except ARITHMETIC:
             return -1.0
 
     def _run(self, t: float, x: NDArray[np.float64], until: float, signs: NDArray[np.float64]) -> SimpleNamespace:
-        gates, n, count = self.gates, len(x), len(self.model.guards)
-        watch = np.array([signs[:-1], gates.lifts, gates.quiet])
+        n, count = len(x), len(self.model.guards)
+        watch = np.array([signs[:-1], self.lifts, self.quiet])
         packed, result = self._solve(float(t), x, float(until), self._numbers, watch, self._tolerances)
         row = np.asarray(packed)
         steps, tried = int(row[-2]), int(row[-1])

@@ -66,16 +66,16 @@ class _Mode(SmoothMode):
                 times, rows = self._solve(t, x, until)
             except RuntimeError as error:
                 time = re.search(r" at time = ([-+.e\d]+)", str(error))
-                self.last.value(float(time[1]) if time else t, x)
+                self.divergence(float(time[1]) if time else t, x)
                 return self.failed(f"diffsol: {error}")
             steps = times.size - 1
             self.work.steps += steps
             self.work.rhs += self._stages * steps
             self.work.events += steps * (len(self.model.guards) + 1)
             finite = np.flatnonzero(np.isfinite(rows).all(axis=1))[-1]
-            self.last.value(float(times[finite]), rows[finite])
+            self.divergence(float(times[finite]), rows[finite])
             if finite < steps:
-                return self.failed(f"the state is not finite after t = {self.last.t:.17g}")
+                return self.failed(f"the state is not finite after t = {self.last[0]:.17g}")
             t, x = float(times[-1]), rows[-1]
             if t >= until:
                 return self.stopped(t, x)
@@ -86,7 +86,7 @@ class _Mode(SmoothMode):
 
     def _solve(self, t: float, x: NDArray[np.float64], until: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return times, shape (k,), and unknowns, shape (k, N), of the steps from (t, x)."""
-        lifts, quiet = self.gates.lifts, np.maximum(self.gates.quiet, -1e300)
+        lifts, quiet = self.lifts, np.maximum(self.quiet, -1e300)
         self._ode.rtol, self._ode.atol = self._tolerances
         self._ode.options.min_timestep = min(SHORTEST, EPSILON * abs(until))
         self._ode.t0 = t
@@ -99,23 +99,23 @@ class _Mode(SmoothMode):
 
         A guard that rose is lifted, so that the continued run does not stop at the same root.
         """
-        model, gates, state = self.model, self.gates, x[: self.states].tolist()
+        model, lifts, state = self.model, self.lifts, x[: self.states].tolist()
         try:
             rates = model.rates(t, *state)
         except ARITHMETIC:
             return [len(model.guards)], False
         aside = [
-            (abs(rates[2 * k] + gates.lifts[k]) / (abs(rates[2 * k + 1]) + 1e-300), k)
+            (abs(rates[2 * k] + lifts[k]) / (abs(rates[2 * k + 1]) + 1e-300), k)
             for k in range(len(model.guards))
-            if t > gates.quiet[k]
+            if t > self.quiet[k]
         ]
         if not aside or sum(map(abs, state)) >= 0.5e100:
             return [len(model.guards)], False
         k = min(aside)[1]
-        value, rate = rates[2 * k] + gates.lifts[k], rates[2 * k + 1]
-        if rate <= 0.0 or gates.policy == "none":
+        value, rate = rates[2 * k] + lifts[k], rates[2 * k + 1]
+        if rate <= 0.0 or self.root_direction == 0:
             return [k], False
-        gates.lifts[k] += 2.0 * abs(value) + LIFT * EPSILON * model.size(k, t, state, 1.0, 0.0)
+        lifts[k] += 2.0 * abs(value) + LIFT * EPSILON * model.size(k, t, state, 1.0, 0.0)
         return [], True
 
 

@@ -24,19 +24,13 @@ rounding. The driver computes them without the library.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Literal
-
-import numpy as np
-from numpy.typing import NDArray
 
 from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
 from henon_ref.modes.callables import ARITHMETIC
 
 Restart = Literal["event-free-step", "offset", "direction", "none"]
-
-Watcher = Callable[[float, NDArray[np.float64]], float]
-"""A guard as an event function ``g(t, x)`` of a library."""
 
 LIFT = 8.0
 """Lift of a guard under ``offset``, in units of the rounding of its terms."""
@@ -113,70 +107,6 @@ def quiet_until(
         step = min([longest, *whiles])
         ends.append(t + max(step, 4.0 * EPSILON * abs(t)))
     return ends
-
-
-class GatedGuards:
-    """Event functions of one mode under a restart policy; :meth:`open` sets them at the start of the mode.
-
-    ``errors`` are the relative and absolute error of the state after the library's first steps: rounding for an
-    explicit method, a part of the tolerances for a method with a nonlinear solver.
-    """
-
-    def __init__(self, model: ModeFunctions, policy: Restart, errors: tuple[float, float]) -> None:
-        self.model, self.policy, self.errors = model, policy, errors
-        count = len(model.guards)
-        self.quiet = [-np.inf] * count
-        """Time up to which the event function of each guard returns :attr:`resting`."""
-        self.lifts = [0.0] * count
-        self.resting = [-1.0 if g.rising_only else 1.0 for g in model.guards]
-
-    @property
-    def direction(self) -> int:
-        """Direction of the roots that count: -1 (falling) or 0 (either)."""
-        return 0 if self.policy == "none" else -1
-
-    def open(self, t: float, x: Sequence[float], fresh: Sequence[Fresh], horizon: float) -> None:
-        """Set quiet intervals and lifts for a start of the mode at (t, x)."""
-        count = len(self.quiet)
-        self.quiet[:] = [-np.inf] * count
-        self.lifts[:] = [0.0] * count
-        if not fresh:
-            return
-        if self.policy == "offset":
-            for item in fresh:
-                self.lifts[item[0]] = lift(self.model, item, t, x, horizon)
-        elif self.policy == "event-free-step":
-            levels = [self._level(guard, speed, t, x, horizon) for guard, speed, _ in fresh]
-            ends = quiet_until(self.model, fresh, t, x, levels, LONGEST * horizon)
-            for (guard, *_), end in zip(fresh, ends, strict=True):
-                self.quiet[guard] = end
-
-    def _level(self, guard: int, speed: float, t: float, x: Sequence[float], horizon: float) -> float:
-        return self.model.size(guard, t, x, *self.errors) + EPSILON * speed * SPAN * horizon
-
-    def watcher(self, k: int, count: Callable[[], None], value: Watcher | None = None) -> Watcher:
-        """Return the event function of guard ``k``; it calls ``count`` at every evaluation.
-
-        ``value`` replaces the mode's own ``g(t, x)`` by another function with the same roots.
-        """
-        quiet, lifts, resting = self.quiet, self.lifts, self.resting[k]
-        guard, n = self.model.guard[k], len(self.model.states)
-        plain = value or (lambda t, x: guard(t, *x[:n].tolist())[0])
-
-        def watched(t: float, x: NDArray[np.float64]) -> float:
-            count()
-            if t <= quiet[k]:
-                return resting
-            try:
-                return plain(t, x) + lifts[k]
-            except ARITHMETIC:
-                return np.nan
-
-        return watched
-
-    def watchers(self, count: Callable[[], None]) -> list[Watcher]:
-        """Return the event functions of all guards."""
-        return [self.watcher(k, count) for k in range(len(self.quiet))]
 
 
 def low_flight(

@@ -27,7 +27,7 @@ from henon_ref.baselines.adapter import SCOUTING, Adapter
 from henon_ref.baselines.library import Library, Stop, Work
 from henon_ref.baselines.mode_functions import EPSILON, Callbacks, ModeFunctions
 from henon_ref.baselines.restart import Restart
-from henon_ref.baselines.smooth_mode import SmoothMode, counted_field
+from henon_ref.baselines.smooth_mode import SmoothMode
 
 IMPLICIT = ("Radau", "BDF", "LSODA")
 
@@ -38,12 +38,11 @@ class _Mode(SmoothMode):
     def __init__(self, library: Library, model: ModeFunctions, work: Work, horizon: float) -> None:
         super().__init__(library, model, work, horizon)
         own: ScipyIvp = library.solver
-        self._rhs, self._root_tolerance = counted_field(model, own.callbacks, work), own.root_tolerance
+        self._rhs, self._root_tolerance = self.counted_field(own.callbacks), own.root_tolerance
         self._options: dict[str, Any] = {"method": own.method, "rtol": library.rtol, "atol": library.atol}
         if own.method in IMPLICIT:
             self._options["jac"] = model.jacobian(own.callbacks)
-        guards = self.gates.watchers(work.count_event)
-        self._events = [*(_event(g, self.gates.direction) for g in guards), _event(self.last.value, -1)]
+        self._events = [*(_event(g, self.root_direction) for g in self.watchers), _event(self.divergence, -1)]
 
     def integrate(self, t: float, x: NDArray[np.float64], until: float) -> Stop:
         """See :class:`henon_ref.baselines.smooth_mode.SmoothMode`."""

@@ -40,8 +40,8 @@ from numpy.typing import NDArray
 from henon_ref.baselines.adapter import Adapter
 from henon_ref.baselines.library import Library, Stalled, Stop, Work
 from henon_ref.baselines.mode_functions import Callbacks, Fill, ModeFunctions, compiled, jacobian, njit
-from henon_ref.baselines.restart import Restart, Watcher
-from henon_ref.baselines.smooth_mode import SmoothMode, counted_field
+from henon_ref.baselines.restart import Restart
+from henon_ref.baselines.smooth_mode import SmoothMode, Watcher
 from henon_ref.modes.callables import ARITHMETIC, Scalar, scalar
 from henon_ref.modes.equations import Guard
 
@@ -59,16 +59,16 @@ class _SundialsMode(SmoothMode):
 
     def connect(self, jacfn: Callable[..., None], watchers: Sequence[Watcher], dae: bool = False, **more: Any) -> None:
         """Set the options and ``more``. All events are terminal; the last event is the guard against divergence."""
-        last, count, direction = self.last, len(watchers), self.gates.direction
+        divergence, count = self.divergence, len(watchers)
 
         def of_ode(t: float, x: NDArray[np.float64], out: NDArray[np.float64]) -> None:
             for k, watcher in enumerate(watchers):
                 out[k] = watcher(t, x)
-            out[count] = last.value(t, x)
+            out[count] = divergence(t, x)
 
         eventsfn: Any = (lambda t, y, yp, out: of_ode(t, y, out)) if dae else of_ode
         # scikit-sundae reads both attributes of the function.
-        eventsfn.terminal, eventsfn.direction = [True] * (count + 1), [direction] * count + [-1]
+        eventsfn.terminal, eventsfn.direction = [True] * (count + 1), [self.root_direction] * count + [-1]
         # max_num_steps counts steps between outputs; this value has no effect: only the deadline bounds a run.
         self.options = {
             "rtol": self.rtol, "atol": self.atol, "jacfn": jacfn, "max_num_steps": 1_000_000,
@@ -113,27 +113,27 @@ class _CvodeMode(_SundialsMode):
     def __init__(self, library: Library, model: ModeFunctions, work: Work, horizon: float) -> None:
         super().__init__(library, model, work, horizon)
         own: Sundials = library.solver
-        self.function, jacobian = _filling_field(model, own.callbacks, work), model.jacobian(own.callbacks)
+        self.function, jacobian = _filling_field(self, own.callbacks), model.jacobian(own.callbacks)
 
         def jacfn(t: float, x: NDArray[np.float64], xp: NDArray[np.float64], out: NDArray[np.float64]) -> None:
             jacobian.fill(t, x, out)
 
-        self.connect(jacfn, self.gates.watchers(work.count_event), method=own.method)
+        self.connect(jacfn, self.watchers, method=own.method)
 
     def start(self, t: float, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
         return (x,)
 
 
-def _filling_field(model: ModeFunctions, callbacks: Callbacks, work: Work) -> Callable[..., None]:
+def _filling_field(mode: SmoothMode, callbacks: Callbacks) -> Callable[..., None]:
     """Return ``rhs(t, x, out)``, which writes the time derivatives of a mode's unknowns into the library's array.
 
     A compiled function is passed directly: the library counts its calls, and the event function checks the deadline.
     """
     if callbacks == "numba":
-        fill, whole = model.compiled_derivatives()
+        fill, whole = mode.model.compiled_derivatives()
         if whole:
-            return _ready(fill, len(model.unknowns))
-    field = counted_field(model, callbacks, work)
+            return _ready(fill, len(mode.model.unknowns))
+    field = mode.counted_field(callbacks)
 
     def rhs(t: float, x: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         out[:] = field(t, x)
@@ -196,11 +196,11 @@ class _IdaMode(_SundialsMode):
 
     def _watcher(self, k: int) -> Watcher:
         """Return the event function of guard k; a stick ends when its unknown s_i reaches -1 or +1."""
-        guard, count = self.model.guards[k], self.work.count_event
+        guard = self.model.guards[k]
         if not self._by_sign(guard):
-            return self.gates.watcher(k, count)
+            return self.watcher(k)
         at, side = self._differential + self._sliding.index(guard.index), guard.to_sign
-        return self.gates.watcher(k, count, lambda t, y: 1.0 - side * float(y[at]))
+        return self.watcher(k, lambda t, y: 1.0 - side * float(y[at]))
 
     def start(self, t: float, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
         """Return the unknowns of the residual and their time derivatives."""

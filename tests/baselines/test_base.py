@@ -29,7 +29,7 @@ class _Flow(SmoothMode):
         begin, rates = x, np.array(self.model.field(t, *x.tolist()))
         self.work.steps += 1
         roots = {}
-        for k, guard in enumerate([*self.gates.watchers(self.work.count_event), self.last.value]):
+        for k, guard in enumerate([*self.watchers, self.divergence]):
             first, last = guard(t, begin), guard(until, begin + (until - t) * rates)
             if last < 0.0 < first:
                 roots[k] = t + (until - t) * first / (first - last)
@@ -68,7 +68,7 @@ def test_tolerances_below_the_librarys_limit_are_raised_to_it() -> None:
 def test_a_state_that_is_not_finite_is_a_failure_where_it_was_last_finite() -> None:
     grows = FilippovSystem((X,), (S,), (X - 3,), (sp.Integer(1),))
     flow = _Flow(Lines("lines").library(1e-9, 1e-9), ModeFunctions(grows, (-1,)), Work(None), 1.0)
-    flow.last.start(0.5, (1.0,))
+    flow.last = 0.5, (1.0,)
     stop = flow.stopped(1.0, (np.inf,), None)
     assert (stop.status, stop.t, stop.x) == ("failed", 0.5, (1.0,))
 
