@@ -206,7 +206,7 @@ class ModeFunctions:
         fill, n = self.common.compiled_field, len(self.states)
         point = np.array([0.0] * n + list(self.switches))
 
-        def divergence(t: float, x: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+        def bound(t: float, x: NDArray[np.float64], out: NDArray[np.float64]) -> None:
             point[:n] = x
             fill(t, point, out)
 

@@ -121,16 +121,11 @@ class _Printer(StrPrinter):
     def _print_Symbol(self, expr: sp.Expr) -> str:  # noqa: N802
         return spelled(expr.name)
 
-    def _print_Float(self, expr: sp.Expr) -> str:  # noqa: N802  (names of SymPy's methods)
+    def _double(self, expr: sp.Expr) -> str:
         return repr(float(expr))
 
-    def _print_Integer(self, expr: sp.Expr) -> str:  # noqa: N802
-        return repr(float(expr))
-
-    def _print_Rational(self, expr: sp.Expr) -> str:  # noqa: N802
-        return repr(float(expr))
-
-    _print_Zero = _print_Integer  # noqa: N815  (replaces StrPrinter's method)
+    # These replace SymPy's methods of their names.
+    _print_Float = _print_Integer = _print_Rational = _print_Zero = _double  # noqa: N815
 
     def _print_Mul(self, expr: sp.Expr) -> str:  # noqa: N802
         above: list[sp.Expr] = []
