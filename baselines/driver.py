@@ -28,6 +28,7 @@ from henon_ref.baselines.mode_functions import EPSILON
 from henon_ref.baselines.mode_table import ModeEntry, ModeTable
 from henon_ref.baselines.record import Record, ended
 from henon_ref.baselines.restart import MARGIN, Fresh, after_noise, low_flight
+from henon_ref.baselines.surface_functions import projected
 from henon_ref.errors import ModelError, UnsupportedError
 from henon_ref.modes.callables import ARITHMETIC
 from henon_ref.modes.mode import Mode
@@ -138,7 +139,7 @@ class Driver:
             noise = self._noise(entry, hits[0], fresh, t - begun, t, x) if jumps and len(hits) == 1 else None
             if noise is not None:
                 guard = entry.model.guards[hits[0]]
-                x, drift = self.table.on_surface(guard.index, t, x)
+                x, drift = projected(self.problem.system, [guard.index], t, x)
                 left = after_noise(entry.model, hits[0], t, x, self.library.accuracy, until) if drift <= noise else None
                 if left is None:
                     reason = f"a root of {guard.expression} is found where its surface is being left"
@@ -150,30 +151,24 @@ class Driver:
                 record.drift = max(record.drift, self.table.drift(entry, t, x))
                 return record.finish("ok", t, x, mode)
             take = entry.exit(hits[0]) if len(hits) == 1 else None
-            followed = take(t, x) if take is not None else None
-            rest = None
-            touched: Sequence[int] = ()
-            applied: Sequence[tuple[int, Sequence[float]]] = ()
-            if followed is None:
-                after = self.table.decided(entry, hits, t, x)
-                if after.mode is None:
-                    return record.finish(after.status, t, x, mode, record.explained(after.status, after.reason))
-                followed, touched = (after.mode, after.x, after.fresh, after.drift), after.touched
-                applied, rest = after.applied, after.rest
-            before, (after_mode, x, starting, drift) = entry, followed
-            if drift > record.drift:
-                record.drift = drift
-            record.event(t, low, x, mode, after_mode, touched, applied)
-            if rest is not None:
-                bouncing, (after_mode, t, x), low = after_mode, rest, 0.0
+            after = (take(t, x) if take is not None else None) or self.table.decided(entry, hits, t, x)
+            if after.mode is None:
+                return record.finish(after.status, t, x, mode, record.explained(after.status, after.reason))
+            if after.drift > record.drift:
+                record.drift = after.drift
+            record.event(t, low, after.x, mode, after.mode, after.touched, after.applied)
+            mode, x, applied = after.mode, after.x, after.applied
+            if after.rest is not None:
+                bouncing, (mode, t, x), low = mode, after.rest, 0.0
                 if t > until:
-                    return record.finish("ok", until, x, after_mode)
-                record.event(t, low, x, bouncing, after_mode, ())
+                    return record.finish("ok", until, x, mode)
+                record.event(t, low, x, bouncing, mode, ())
             reason = record.accumulated(resting=bool(applied) and all(self.table.system.rests(i) for i, _ in applied))
             if reason:
-                return record.finish("failed", t, x, after_mode, reason)
-            mode = after_mode
-            fresh = starting + self.table[mode].still_fresh(before, unsettled, starting) if unsettled else starting
+                return record.finish("failed", t, x, mode, reason)
+            fresh, before = after.fresh, entry
+            if unsettled:
+                fresh += self.table[mode].still_fresh(before, unsettled, fresh)
             entry, fresh, falls = self.table.entered(mode, t, x, fresh, before.model.idle)
 
     def _low_flight(self, entry: ModeEntry, fresh: Sequence[Fresh], t: float, x: Sequence[float]) -> Stop | None:

@@ -63,9 +63,7 @@ class After(NamedTuple):
 
 Key = tuple[Mode, frozenset[int]]
 """A mode and its idle surfaces."""
-Followed = tuple[Mode, tuple[float, ...], tuple[Fresh, ...], float]
-"""The first four fields of :class:`After`; a plain tuple, because every ordinary event builds one."""
-Exit = Callable[[float, Sequence[float]], Followed | None]
+Exit = Callable[[float, Sequence[float]], After | None]
 """Returns the mode and state after an ordinary event at (t, x); None if the two signs do not decide it."""
 
 
@@ -112,42 +110,38 @@ class ModeEntry:
         landing = model.landing(i)
         stick, slip = replaced(mode, i, 0), {s: replaced(mode, i, s) for s in (-1, 1)}
         beyond = guard.to_sign
-        hold = self._hold(i) if guard.kind == "surface" else None
+        hold = None
+        """Release guards that decide whether surface i holds; None if its slip fields decide it."""
+        if guard.kind == "surface" and model.system.held_inside(i):
+            held = model.system.hold_guards(i, mode)
+            hold = scalar(model.states, [model.system.numeric(g.expression) for g in held])
         released = slip[beyond] if guard.kind == "release" else None
         # Guards of the surfaces in slip come first, by index.
         position = sum(s != 0 for s in mode[:i])
 
-        def take(t: float, x: Sequence[float]) -> Followed | None:
+        def take(t: float, x: Sequence[float]) -> After | None:
             try:
                 values = landing(t, *x)
                 room = hold(t, *values[3:]) if hold is not None else ()
             except ARITHMETIC:
                 return None
             h, below, above = values[:3]
-            speed = abs(below) + abs(above)
+            point, drift, speed = values[3:], abs(h), abs(below) + abs(above)
             if released is not None:
-                return released, values[3:], ((position, speed, beyond * (above if beyond > 0 else below)),), abs(h)
+                rate = beyond * (above if beyond > 0 else below)
+                return After(released, point, ((position, speed, rate),), drift)
             sign = sign_after(below, above)
+            sticks = sign == 0
             if room:
-                edge = CLEAR * max(map(abs, room))
-                if len(room) == 1 or abs(min(room)) <= edge:  # a single guard has no other value to compare with
+                # A single guard has no other value to compare with.
+                if len(room) == 1 or abs(min(room)) <= CLEAR * max(map(abs, room)):
                     return None
-                if min(room) > 0:
-                    return stick, values[3:], (), abs(h)
-            elif sign == 0:
-                return stick, values[3:], (), abs(h)
-            if sign == beyond:
-                return slip[beyond], values[3:], ((position, speed, speed),), abs(h)
-            return None
+                sticks = min(room) > 0
+            if sticks:
+                return After(stick, point, (), drift)
+            return After(slip[beyond], point, ((position, speed, speed),), drift) if sign == beyond else None
 
         return take
-
-    def _hold(self, i: int) -> Scalar | None:
-        """Release guards that decide whether surface i holds; None if its slip fields decide it."""
-        system = self.model.system
-        if not system.held_inside(i):
-            return None
-        return scalar(system.states, [system.numeric(g.expression) for g in system.hold_guards(i, self.model.mode)])
 
 
 class ModeTable:
@@ -220,7 +214,7 @@ class ModeTable:
         guards = [model.guards[k] for k in hits]
         sliding = {i for i, s in enumerate(model.mode) if s == 0}
         involved = self.system.closed({g.index for g in guards if g.ends is None}, sliding) | model.idle
-        x, drift = projected([surface(self.system, i) for i in sorted(involved)], t, x)
+        x, drift = projected(self.system, sorted(involved), t, x)
         for i, entry_now in enumerate(model.mode):  # errors may have given a body at rest a speed
             impact = impact_of(self.system, i) if entry_now == 0 and self.system.rests(i) else None
             x = x if impact is None else tuple(without_speed(impact, self, t, x))
@@ -277,10 +271,6 @@ class ModeTable:
     def text(self, t: float) -> str:
         """Format a time for messages."""
         return f"{t:.17g}"
-
-    def on_surface(self, index: int, t: float, x: Sequence[float]) -> tuple[tuple[float, ...], float]:
-        """Project a state onto a surface; return the state and its abs(h) before."""
-        return projected([surface(self.system, index)], t, x)
 
     def fresh_at(self, entry: ModeEntry, t: float, x: Sequence[float], involved: Sequence[int]) -> tuple[Fresh, ...]:
         """Guards of a mode that start at zero: those of the ``involved`` surfaces, and others within rounding."""
