@@ -20,10 +20,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
-from henon_ref.baselines.library import DeadlinePassed, Library, Stop, Work
+from henon_ref.baselines.library import DeadlinePassed, Library, Stop, Times, Work
 from henon_ref.baselines.mode_functions import EPSILON
 from henon_ref.baselines.mode_table import ModeEntry, ModeTable
 from henon_ref.baselines.record import Record, ended
@@ -61,7 +58,7 @@ class Driver:
         problem: Problem,
         library: Library,
         work: Work,
-        sample_times: NDArray[np.float64] | None = None,
+        sample_times: Times = None,
         known: ModeTable | None = None,
     ) -> None:
         self.problem, self.library, self.work, self.sample_times = problem, library, work, sample_times

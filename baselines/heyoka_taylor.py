@@ -24,12 +24,10 @@ from functools import cached_property, partial
 from math import isfinite
 from typing import Any, Literal
 
-import numpy as np
 import sympy as sp
-from numpy.typing import NDArray
 
 from henon_ref.baselines.adapter import Adapter
-from henon_ref.baselines.library import LIMIT, Library, Stop, Work
+from henon_ref.baselines.library import LIMIT, Library, Stop, Times, Work
 from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
 from henon_ref.baselines.restart import LEAST, LIFT, SPAN, Fresh, Restart, dips, lift, quiet_until
 from henon_ref.baselines.scipy_ivp import scouting
@@ -124,13 +122,7 @@ class _Mode:
         self._state, self._lifts = self._taylor.state, self._taylor.pars
 
     def advance(
-        self,
-        t: float,
-        low: float,
-        x: Sequence[float],
-        until: float,
-        fresh: Sequence[Fresh],
-        wanted: NDArray[np.float64] | None,
+        self, t: float, low: float, x: Sequence[float], until: float, fresh: Sequence[Fresh], wanted: Times
     ) -> Stop:
         """See :data:`henon_ref.baselines.library.Advance`."""
         if fresh and self._policy == "event-free-step":

@@ -10,7 +10,7 @@ from typing import overload
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.baselines.library import LIMIT, Stop, Work
+from henon_ref.baselines.library import LIMIT, Stop, Times, Work
 from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
 from henon_ref.baselines.restart import MARGIN
 from henon_ref.modes.callables import ARITHMETIC, Scalar
@@ -52,8 +52,7 @@ class Transitions(Sequence[Transition]):
     """
 
     def __init__(self, events: list[_Fields], landing: str) -> None:
-        self._events = events
-        self._landing = landing
+        self._events, self._landing = events, landing
 
     def __len__(self) -> int:
         return len(self._events)
@@ -76,12 +75,7 @@ class Record:
     """
 
     def __init__(
-        self,
-        work: Work,
-        problem: Problem,
-        landing: str,
-        blur: float = 0.0,
-        sample_times: NDArray[np.float64] | None = None,
+        self, work: Work, problem: Problem, landing: str, blur: float = 0.0, sample_times: Times = None
     ) -> None:
         self.work, self.landing = work, landing
         self.events: list[_Fields] = []
@@ -168,7 +162,7 @@ class Record:
                 return f"events accumulate near t = {times[-1]:.17g}: the last 4 took {latest:.3g} s; there: {reason}"
         return reason
 
-    def wanted(self, t: float, x: Sequence[float], mode: Mode) -> NDArray[np.float64] | None:
+    def wanted(self, t: float, x: Sequence[float], mode: Mode) -> Times:
         """Return the sample times after t, or None if none remain. Samples up to t get the state x."""
         if self._sample_times is None or self._samples is None:
             return None
@@ -193,17 +187,9 @@ class Record:
         if self._samples is not None:
             modes = tuple(self._sample_modes) + (mode,) * (len(self._samples) - len(self._sample_modes))
         return Trajectory(
-            status=status,
-            transitions=Transitions(self.events, self.landing),
-            end_time=t,
-            end_state=tuple(x),
-            end_mode=mode,
-            reason=reason,
-            counts=self.work.counts,
-            max_surface_drift=self.drift,
-            samples=self._samples,
-            sample_modes=modes,
-        )
+            status, Transitions(self.events, self.landing), t, tuple(x), mode, reason, self.work.counts, self.drift,
+            self._samples, modes,
+        )  # fmt: skip
 
 
 def blown_up(field: Scalar, began: Sequence[float], t: float, x: Sequence[float]) -> bool:
