@@ -24,7 +24,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from types import SimpleNamespace
+from functools import cache
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -60,30 +60,37 @@ class _Mode(SmoothMode):
         method = library.solver.method
         self._stages = STAGES if method == "Dopri8" else 0
         source, values = mode_source(model)
-        self._solve = _compiled(library.module, method, library.solver.restart == "none", source)
+        self._solve = _compiled(method, library.solver.restart == "none", source)
         self._numbers = np.array(values, dtype=float)
         self._tolerances = np.array([library.rtol, library.atol])
 
     def integrate(self, t: float, x: NDArray[np.float64], until: float) -> Stop:
         """See :class:`henon_ref.baselines.smooth_mode.SmoothMode`."""
         self._lift(t, x)
-        signs = self._unarmed(t, x)
+        signs, n, count = self._unarmed(t, x), len(x), len(self.model.guards)
         while True:
+            watch = np.array([signs[:-1], self.lifts, self.quiet])
             try:
-                solved = self._run(t, x, until, signs)
+                packed, result = self._solve(float(t), x, float(until), self._numbers, watch, self._tolerances)
+                row = np.asarray(packed)
             except RuntimeError as error:  # raised by compiled code, with a traceback in its text
                 return self.failed(f"diffrax: {_message(error)}")
-            self.divergence(solved.t, solved.x)
-            risen = [k for k in solved.fallen if signs[k] < 0]
-            if risen:
-                signs[risen] = 1.0
-            elif solved.event or solved.arrived:
-                return self.stopped(solved.t, solved.x, solved.fallen if solved.event else None)
-            elif not solved.more:
-                return self.failed(f"diffrax: {solved.message}")
-            if not risen and solved.t - t <= 4.0 * EPSILON * abs(solved.t):
-                return self.failed(f"diffrax does not advance from t = {t:.17g}")
-            t, x = solved.t, solved.x
+            began, t, x = t, float(row[0]), row[1 : n + 1]
+            event, arrived, more = (bool(flag) for flag in row[-5:-2])
+            steps, tried = int(row[-2]), int(row[-1])
+            self.work.steps += steps
+            self.work.rhs += self._stages * tried
+            self.work.events += (count + 1) * steps
+            hit = self._nearest(row[n + 1 : n + 2 + count], t, x) if event else count
+            self.divergence(t, x)
+            if signs[hit] < 0:
+                signs[hit] = 1.0
+            elif event or arrived:
+                return self.stopped(t, x, [hit] if event else None)
+            elif not more:
+                return self.failed(f"diffrax: {result}")
+            elif t - began <= 4.0 * EPSILON * abs(t):
+                return self.failed(f"diffrax does not advance from t = {began:.17g}")
             self.work.check()
 
     def _lift(self, t: float, x: NDArray[np.float64]) -> None:
@@ -110,27 +117,6 @@ class _Mode(SmoothMode):
         except ARITHMETIC:
             return -1.0
 
-    def _run(self, t: float, x: NDArray[np.float64], until: float, signs: NDArray[np.float64]) -> SimpleNamespace:
-        n, count = len(x), len(self.model.guards)
-        watch = np.array([signs[:-1], self.lifts, self.quiet])
-        packed, result = self._solve(float(t), x, float(until), self._numbers, watch, self._tolerances)
-        row = np.asarray(packed)
-        steps, tried = int(row[-2]), int(row[-1])
-        self.work.steps += steps
-        self.work.rhs += self._stages * tried
-        self.work.events += (count + 1) * steps
-        event, arrived, more = (bool(flag) for flag in row[-5:-2])
-        values = row[n + 1 : n + 2 + count]
-        return SimpleNamespace(
-            t=float(row[0]),
-            x=row[1 : n + 1],
-            event=event,
-            arrived=arrived,
-            more=more,
-            fallen=[self._nearest(values, float(row[0]), row[1 : n + 1])] if event else [],
-            message="" if event or arrived or more else str(result),
-        )
-
     def _nearest(self, values: NDArray[np.float64], t: float, x: NDArray[np.float64]) -> int:
         """Return the guard whose root is nearest in time; the last entry of ``values`` is that of divergence.
 
@@ -150,32 +136,30 @@ def _message(error: RuntimeError) -> str:
     return found[1] if found else str(error).partition("\n")[0]
 
 
-_SOLVES: dict[tuple[str, bool, ModeSource], Any] = {}
-"""Compiled solves of this process."""
+@cache
+def _compiled(method: str, either: bool, source: ModeSource) -> Any:
+    """Return the compiled ``solve(t, x, until, numbers, watch, tolerances)`` of one mode, once per process."""
+    import jax
+
+    shapes = [(), (len(source.unknowns),), (), (len(source.numbers),), (3, len(source.guards)), (2,)]
+    wanted = [jax.ShapeDtypeStruct(shape, np.float64) for shape in shapes]
+    return jax.jit(_solve(method, either, source)).lower(*wanted).compile()
 
 
-def _compiled(module: Any, method: str, either: bool, source: ModeSource) -> Any:
-    """Return the compiled ``solve(t, x, until, numbers, watch, tolerances)`` of one mode."""
-    key = (method, either, source)
-    if key not in _SOLVES:
-        jax, n = module.jax, len(source.unknowns)
-        shapes = [(), (n,), (), (len(source.numbers),), (3, len(source.guards)), (2,)]
-        wanted = [jax.ShapeDtypeStruct(shape, np.float64) for shape in shapes]
-        _SOLVES[key] = jax.jit(_solve(module, method, either, source)).lower(*wanted).compile()
-    return _SOLVES[key]
-
-
-def _solve(module: Any, method: str, either: bool, source: ModeSource) -> Any:
+def _solve(method: str, either: bool, source: ModeSource) -> Any:
     """Return the function ``solve`` for jax to trace; it returns the solve's end as an array, and diffrax's result.
 
     ``watch`` holds each guard's sign, lift, and the time up to which its value is 1, shape (3, m). The returned array
     holds time, unknowns, watched guards, the guard against divergence, three flags (stopped by an event, arrived at
     the horizon, ``max_steps`` used), the accepted steps, and all steps.
     """
-    diffrax, jnp = module.diffrax, module.jax.numpy
+    import diffrax
+    import jax.numpy as jnp
+    import optimistix
+
     rates, guards = jax_function(source, source.right), jax_function(source, source.guards)
     states = source.states
-    finder = module.optimistix.Bisection(4.0 * EPSILON, 4.0 * EPSILON, flip="detect" if either else True)
+    finder = optimistix.Bisection(4.0 * EPSILON, 4.0 * EPSILON, flip="detect" if either else True)
 
     def watched(t: Any, x: Any, numbers: Any, watch: Any) -> Any:
         signs, lifts, quiet = watch
@@ -275,13 +259,12 @@ class DiffraxOde(Adapter):
     def load(self) -> Any:
         import diffrax
         import jax
-        import optimistix
 
         jax.config.update("jax_enable_x64", True)
         jax.config.update("jax_platforms", "cpu")
         # The processor time of a run is measured for its own thread.
         jax.config.update("jax_cpu_enable_async_dispatch", False)
-        return SimpleNamespace(jax=jax, diffrax=diffrax, optimistix=optimistix)
+        return diffrax
 
     @property
     def implicit(self) -> bool:  # type: ignore[override]

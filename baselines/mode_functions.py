@@ -52,7 +52,7 @@ class CommonFunctions:
 
     def __init__(self, system: FilippovSystem) -> None:
         assert system.shared is not None
-        self._shared, self._states = system.shared, system.states
+        self._shared, self.states = system.shared, system.states
         self.symbols: tuple[sp.Symbol, ...] = tuple(self._shared.owner)
         """Symbols of the switches."""
         self.field_expressions = tuple(system.numeric(f) for f in self._shared.field)
@@ -70,25 +70,25 @@ class CommonFunctions:
     @cached_property
     def field(self) -> Scalar:
         """Time derivatives of the states."""
-        return scalar((*self._states, *self.symbols), self.field_expressions)
+        return scalar((*self.states, *self.symbols), self.field_expressions)
 
     @cached_property
     def compiled_field(self) -> Fill:
         """Compiled ``fill(t, y, out)``; ``y`` holds the states and the switches."""
-        return compiled((*self._states, *self.symbols), self.field_expressions)
+        return compiled((*self.states, *self.symbols), self.field_expressions)
 
     def rate(self, row: int) -> Scalar:
         """Function of a guard and its time derivative."""
         if row not in self._rates:
             guard = self.guard_expressions[row]
-            slope = along(guard, self._states, self.field_expressions)
-            self._rates[row] = of_few((*self._states, *self.symbols), (guard, slope))
+            slope = along(guard, self.states, self.field_expressions)
+            self._rates[row] = of_few((*self.states, *self.symbols), (guard, slope))
         return self._rates[row]
 
     def jacobian(self, callbacks: Callbacks) -> Jacobian:
         """Jacobian of the field in the states."""
         if callbacks not in self._jacobians:
-            self._jacobians[callbacks] = jacobian(self._states, self.field_expressions, callbacks, self.symbols)
+            self._jacobians[callbacks] = jacobian(self.states, self.field_expressions, callbacks, self.symbols)
         return self._jacobians[callbacks]
 
 
@@ -124,6 +124,9 @@ class ModeFunctions:
         self.guards: tuple[Guard, ...] = tuple(guards[k] for k in self._watched)
         self.guard_expressions = tuple(system.numeric(g.expression) for g in self.guards)
         self._bends: dict[int, Scalar] = {}
+        self.symbols: tuple[sp.Symbol, ...] = ()
+        self.kept: dict[Any, Any] = {}
+        """See :class:`CommonFunctions`."""
         self.surface_guard = {g.index: k for k, g in enumerate(self.guards) if g.kind == "surface"}
 
     @cached_property
