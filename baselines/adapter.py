@@ -91,22 +91,18 @@ class LibrarySolver(ABC):
         try:
             return self.load()
         except ImportError as error:
-            raise UnavailableError(self._absent) from error
+            raise self._absent() from error
 
-    def unavailable(self) -> str:
-        """Reason why the library cannot be used; empty if it can. A library of an extra is not imported to check."""
-        if self.extra:
-            return "" if self.version else self._absent
-        try:
-            self.load()
-        except ImportError:
-            return self._absent
-        return ""
+    def check(self) -> None:
+        """Raise an error if the library cannot be used, as :meth:`loaded`; one of an extra is not imported for it."""
+        if not self.extra:
+            self.loaded()
+        elif not self.version:
+            raise self._absent()
 
-    @property
-    def _absent(self) -> str:
+    def _absent(self) -> UnavailableError:
         line = f": pip install 'henon-ref[{self.extra}]'" if self.extra else ""
-        return f"{self.distribution} is not installed{line}"
+        return UnavailableError(f"{self.distribution} is not installed{line}")
 
 
 @dataclass(frozen=True)

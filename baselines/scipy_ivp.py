@@ -16,7 +16,6 @@ less accurate than the steps.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -42,7 +41,10 @@ class _Mode(SmoothMode):
         self._options: dict[str, Any] = {"method": own.method, "rtol": library.rtol, "atol": library.atol}
         if own.method in IMPLICIT:
             self._options["jac"] = model.jacobian(own.callbacks)
-        self._events = [*(_event(g, self.root_direction) for g in self.watchers), _event(self.divergence, -1)]
+        self._events: list[Any] = [*self.watchers, lambda t, x: self.divergence(t, x)]
+        for event in self._events:  # SciPy reads both attributes
+            event.terminal, event.direction = True, self.root_direction
+        self._events[-1].direction = -1
 
     def integrate(self, t: float, x: NDArray[np.float64], until: float) -> Stop:
         """See :class:`henon_ref.baselines.smooth_mode.SmoothMode`."""
@@ -88,19 +90,6 @@ class _Mode(SmoothMode):
         if value(step.t_old) * value(step.t) < 0.0:
             end = brentq(value, step.t_old, step.t, xtol=tolerance, rtol=4.0 * EPSILON)
         return end, tuple(step(end)[: self.states].tolist())
-
-
-def _event(
-    function: Callable[[float, NDArray[np.float64]], float], direction: int
-) -> Callable[[float, NDArray[np.float64]], float]:
-    """Return a terminal event function. SciPy reads the attributes ``terminal`` and ``direction``."""
-
-    def event(t: float, x: NDArray[np.float64]) -> float:
-        return function(t, x)
-
-    event.terminal = True  # type: ignore[attr-defined]
-    event.direction = direction  # type: ignore[attr-defined]
-    return event
 
 
 @dataclass(frozen=True)
