@@ -41,16 +41,6 @@ from henon_ref.modes.callables import ARITHMETIC
 from henon_ref.modes.equations import along
 from henon_ref.taylor.tape import TIME
 
-MAX_STEPS = 4096
-"""Steps between two checks of the clock (diffrax's default for ``max_steps``)."""
-STAGES = 13
-"""Right-hand sides per step of Dopri8: 14 stages, the first of which is the last of the step before."""
-DENSE_OUTPUT = 64.0
-"""Error of a root on the dense output, in roundings of its time: for x' = 1 the root t = 1 is 1.4e-14 off."""
-SCALE = 1e-100
-"""Factor of the condition. Bisection stops only when the condition, too, is below the absolute tolerance, which is
-chosen for the time; the factor makes the condition irrelevant."""
-
 
 class _Mode(SmoothMode):
     """One mode on diffrax."""
@@ -58,7 +48,8 @@ class _Mode(SmoothMode):
     def __init__(self, library: Library, model: ModeFunctions, work: Work, horizon: float) -> None:
         super().__init__(library, model, work, horizon)
         method = library.solver.method
-        self._stages = STAGES if method == "Dopri8" else 0
+        # Right-hand sides per step of Dopri8: 14 stages, the first of which is the last of the step before.
+        self._stages = 13 if method == "Dopri8" else 0
         source, values = mode_source(model)
         self._solve = _compiled(method, library.solver.restart == "none", source)
         self._numbers = np.array(values, dtype=float)
@@ -166,6 +157,11 @@ def _solve(method: str, either: bool, source: ModeSource) -> Any:
         values = jnp.where(t <= quiet, 1.0, signs * (guards(t, x, numbers) + lifts))
         return jnp.append(values, LIMIT - jnp.sum(jnp.abs(x[:states])))
 
+    def least(t: Any, x: Any, args: Any, **_: Any) -> Any:
+        # Bisection stops only when the condition, too, is below the absolute tolerance, which is chosen for the time;
+        # the factor makes the condition irrelevant.
+        return 1e-100 * jnp.min(watched(t, x, *args))
+
     def solve(t: Any, x: Any, until: Any, numbers: Any, watch: Any, tolerances: Any) -> Any:
         solution = diffrax.diffeqsolve(
             diffrax.ODETerm(lambda t, y, args: rates(t, y, args[0])),
@@ -177,10 +173,8 @@ def _solve(method: str, either: bool, source: ModeSource) -> Any:
             args=(numbers, watch),
             saveat=diffrax.SaveAt(t1=True),
             stepsize_controller=diffrax.PIDController(rtol=tolerances[0], atol=tolerances[1]),
-            event=diffrax.Event(
-                lambda t, y, args, **_: SCALE * jnp.min(watched(t, y, *args)), finder, None if either else False
-            ),
-            max_steps=MAX_STEPS,
+            event=diffrax.Event(least, finder, None if either else False),
+            max_steps=4096,  # between two checks of the clock; diffrax's default
             adjoint=diffrax.ForwardMode(),
             throw=False,
         )
@@ -254,7 +248,7 @@ class DiffraxOde(Adapter):
     landing = "bisection"
     distribution = "diffrax"
     extra = "peers"
-    located = (DENSE_OUTPUT, 1.0)
+    located = (64.0, 1.0)  # of the dense output: for x' = 1 the root t = 1 is 1.4e-14 off
 
     def load(self) -> Any:
         import diffrax

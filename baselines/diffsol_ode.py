@@ -34,20 +34,10 @@ from henon_ref.expressions.traversal import Rules, Walk, fold, fraction
 from henon_ref.modes.callables import ARITHMETIC, rounded
 from henon_ref.taylor.tape import TIME
 
-STAGES = 6
-"""Right-hand sides per step of Tsit45: seven stages, the first of which is the last of the step before."""
-
-SHORTEST = 1e-13
-"""diffsol's default for the shortest step [s]; a shorter step makes the run fail. diffsol's first step from a state
-near zero may be shorter, so that the limit is lowered to the rounding of the horizon if that is smaller."""
-KEPT = 64
-"""Largest number of compiled modes that a process caches; a system visits fewer."""
 FUNCTIONS = ("sin", "cos", "sinh", "cosh", "tanh", "exp", "log")
 """Supported functions of DiffSL (https://martinjrobins.github.io/diffsl/functions.html). DiffSL cannot differentiate
 inverse trigonometric functions, acosh and atanh. Its ``tan`` aborts the process (Enzyme does not support LLVM's
 intrinsic), so that a tangent is written as a quotient."""
-MOST_FACTORS = 4
-"""Largest integer exponent that is written as a product; the derivative of a product has a value at zero."""
 
 
 class _Mode(SmoothMode):
@@ -57,7 +47,8 @@ class _Mode(SmoothMode):
         super().__init__(library, model, work, horizon)
         self._ode = _compiled(library.module, library.solver.method, mode_text(model))
         self._tolerances = library.rtol, library.atol
-        self._stages = STAGES if library.solver.method == "tsit45" else 0
+        # Right-hand sides per step of Tsit45: seven stages, the first of which is the last of the step before.
+        self._stages = 6 if library.solver.method == "tsit45" else 0
 
     def integrate(self, t: float, x: NDArray[np.float64], until: float) -> Stop:
         """See :class:`henon_ref.baselines.smooth_mode.SmoothMode`."""
@@ -88,7 +79,9 @@ class _Mode(SmoothMode):
         """Return times, shape (k,), and unknowns, shape (k, N), of the steps from (t, x)."""
         lifts, quiet = self.lifts, np.maximum(self.quiet, -1e300)
         self._ode.rtol, self._ode.atol = self._tolerances
-        self._ode.options.min_timestep = min(SHORTEST, EPSILON * abs(until))
+        # A step shorter than 1e-13 s (diffsol's default) makes the run fail; the first step from a state near zero may
+        # be shorter.
+        self._ode.options.min_timestep = min(1e-13, EPSILON * abs(until))
         self._ode.t0 = t
         self._ode.h0 = min(1.0, until - t)
         solution = self._ode.solve(np.concatenate([x, lifts, quiet]), until)
@@ -119,7 +112,7 @@ class _Mode(SmoothMode):
         return [], True
 
 
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=64)  # a system visits fewer modes
 def _compiled(module: Any, method: str, text: str) -> Any:
     """Compile the ``Ode`` of one mode; tolerances and start are set at every solve."""
     return module.Ode(text, ode_solver=getattr(module, method))
@@ -178,7 +171,7 @@ def to_diffsl(expression: sp.Expr, names: Mapping[sp.Symbol, str]) -> str:
         if e.exp.is_Rational and e.exp.is_negative:
             return f"(1.0 / {walk(sp.Pow(e.base, -e.exp))})"
         base = walk(e.base)
-        if e.exp.is_Integer and int(e.exp) <= MOST_FACTORS:
+        if e.exp.is_Integer and int(e.exp) <= 4:  # the derivative of a product has a value at zero
             return "(" + " * ".join([base] * int(e.exp)) + ")"
         if e.exp == sp.Rational(1, 2):
             return f"sqrt({base})"

@@ -35,8 +35,6 @@ from henon_ref.trajectory import Trajectory
 
 _LOG = logging.getLogger(__name__)
 
-FALLING = 1e-6
-"""A guard falls if its rate is below minus this part of its surface's normal velocities; a smaller one is rounding."""
 LATE = 1e3
 """A guard whose value is below minus this multiple of its error by the tolerances has been stepped over."""
 
@@ -241,8 +239,9 @@ class Driver:
                 continue
             if value < -abs(reach) - LATE * model.size(k, t, x, *self.library.accuracy):
                 return (), (), f"a root of {guard.expression} was stepped over: it is {value:.3g} at t = {t:.17g}"
-            # A guard that started at zero, is within its noise and does not fall has not left zero yet.
-            settled = k not in started or rate < -FALLING * started[k][1]
+            # A guard that started at zero, is within its noise and does not fall has not left zero yet. It falls if its
+            # rate is more than a small part of its surface's normal velocities; a smaller one is rounding.
+            settled = k not in started or rate < -1e-6 * started[k][1]
             if not settled and value > -model.size(k, t, x, *self.library.errors):
                 unsettled.append(started[k])
             elif rate * (self.until - self.start) <= -value:

@@ -41,8 +41,6 @@ from henon_ref.taylor.tape import TIME
 
 CHUNK = 4096
 """Largest number of steps between two checks of the clock and of the size of the state."""
-COMPACT = 20
-"""From this number of states on heyoka compiles in compact mode (shorter compilation, slower steps)."""
 OUTCOMES = -(2**32)
 """Outcomes above this value are terminal events, -index - 1; outcomes up to it are heyoka's status codes."""
 TIME_LIMIT = OUTCOMES - 3
@@ -64,7 +62,8 @@ class _Integrators:
         symbols = variables | {s: hy.par[len(self.moving) + k] for k, s in enumerate(functions.symbols)}
         field = (to_heyoka(f, symbols) for f in functions.field_expressions)
         equations = list(zip(variables.values(), field, strict=True))
-        start, compact = [0.0] * len(equations), len(equations) >= COMPACT
+        # In compact mode the compilation is shorter and the steps are slower.
+        start, compact = [0.0] * len(equations), len(equations) >= 20
         make = partial(
             hy.taylor_adaptive, equations, start, tol=library.rtol, fast_math=solver.fast_math, compact_mode=compact
         )

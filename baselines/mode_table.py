@@ -31,12 +31,6 @@ from henon_ref.modes.selection import after_event, mode_by_signs, sign_after
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.trajectory import Status
 
-ROUNDING = 1e-13
-"""A value below this part of the size of its terms is zero but for rounding."""
-ON = 8.0
-"""A guard starts at zero if its value is within this number of roundings of its terms."""
-
-
 Rest = tuple[Mode, float, tuple[float, ...]]
 """Mode, time [s] and state at which a body comes to rest after the last of its impacts."""
 
@@ -150,7 +144,8 @@ class ModeTable:
     ``known`` is a table of the same system for another library; its callables are used again.
     """
 
-    rounding = ROUNDING
+    rounding = 1e-13
+    """A value below this part of the size of its terms is zero but for rounding."""
 
     def __init__(
         self, system: FilippovSystem, library: Library, work: Work, horizon: float, known: ModeTable | None = None
@@ -279,7 +274,7 @@ class ModeTable:
             if guard.kind != "surface" or guard.index not in involved:
                 try:
                     value = model.guard[k](t, *x)[0]
-                    if abs(value) > ON * model.size(k, t, x, EPSILON, 0.0):
+                    if abs(value) > 8.0 * model.size(k, t, x, EPSILON, 0.0):
                         continue
                     rate = model.rates(t, *x)[2 * k + 1] if guard.ends else 0.0
                 except ARITHMETIC:

@@ -38,25 +38,14 @@ STOPPED = 0.01
 """Part of the tolerances at which an implicit method stops its iteration in the first step."""
 MARGIN = 16.0
 """A guard differs from zero if its value is this multiple of its noise (``event-free-step``)."""
-ORDER = 4
-"""Order of the Taylor series that sets the length of the event-free step."""
 SPAN = 1e-9
 """Part of the horizon over which a surface's normal velocity gives the rounding of a guard whose terms vanish."""
-TANGENT = 1e-11
-"""A rate below this part of the speed is rounding; the lift covers its effect."""
-NEARLY_TANGENT = 1e-2
-"""A release is tangential only if the guard's rate is below this part of the speed."""
 LONGEST = 1e-3
 """Longest event-free step, as a part of the horizon."""
 LEAST = 1e-300
 """Smallest lift; it only avoids an exact zero."""
-ROUGHEST = 1e-9
-"""Smallest tolerance for which :func:`low_flight` takes the noise of a guard; below it, rounding dominates the error
-of a restart, which is 1e-7 of the length of such a low flight."""
 FLIGHT_ORDER = 8
 """Order of the Taylor polynomials of low flights."""
-ROUNDS = 4
-"""Newton steps from the root of the parabola to the root of the polynomial."""
 
 
 Fresh = tuple[int, float, float]
@@ -74,8 +63,11 @@ def lift(model: ModeFunctions, fresh: Fresh, t: float, x: Sequence[float], horiz
 
 
 def dips(speed: float, rate: float) -> bool:
-    """Check whether a guard falls before it rises, because a tangential release was located slightly early or late."""
-    return -NEARLY_TANGENT * speed < rate < -TANGENT * speed
+    """Check whether a guard falls before it rises, because a tangential release was located slightly early or late.
+
+    A rate below 1e-11 of the speed is rounding, which the lift covers; above 1e-2 the release is not tangential.
+    """
+    return -1e-2 * speed < rate < -1e-11 * speed
 
 
 def dip(model: ModeFunctions, fresh: Fresh, t: float, x: Sequence[float]) -> float:
@@ -95,9 +87,9 @@ def quiet_until(
     ``levels`` is the noise of each guard's value, ``longest`` the longest event-free step [s].
     """
     try:
-        series = model.series(t, x, ORDER)[1]
+        series = model.series(t, x, 4)[1]
     except ARITHMETIC:
-        series = [[0.0] * (ORDER + 1)] * len(model.guards)
+        series = [[0.0]] * len(model.guards)
     ends = []
     for (guard, *_), level in zip(fresh, levels, strict=True):
         coefficients = series[guard]
@@ -120,7 +112,8 @@ def low_flight(
     """
     try:
         rate, bend = model.bend(guard)(t, *x)
-        noise = MARGIN * model.size(guard, t, x, *(max(part, ROUGHEST) for part in accuracy))
+        # Below a tolerance of 1e-9 rounding dominates the error of a restart, 1e-7 of the length of such a low flight.
+        noise = MARGIN * model.size(guard, t, x, *(max(part, 1e-9) for part in accuracy))
         if not (rate > 0.0 > bend) or rate * rate > -2.0 * bend * noise:
             return None
         states, guards = model.series(t, x, FLIGHT_ORDER)
@@ -129,7 +122,7 @@ def low_flight(
     own = guards[guard][1:]
     slopes = [k * c for k, c in enumerate(own)][1:]
     length = -own[0] / own[1]
-    for _ in range(ROUNDS):
+    for _ in range(4):  # Newton steps from the root of the parabola
         slope = _value(slopes, length)
         if not slope < 0.0:
             return None

@@ -40,15 +40,6 @@ from henon_ref.modes.problem import Problem
 from henon_ref.solver import Run
 from henon_ref.trajectory import Status, Trajectory, Transition
 
-WIDTH = 100.0
-"""Width of the smoothing, in units of ``atol``."""
-BAND = {"tanh": 20.0, "sign": 200.0}
-"""Half-width of the band: in widths of the smoothing (at 20 of them tanh is 1 to the last place), or in tolerances (the
-state jumps over the surface by tens of them)."""
-BUDGET = 100_000
-"""Largest number of right-hand sides of a run of ``scipy-sign``."""
-SUBSTEPS = 4
-"""Points per step at which a surface is evaluated."""
 LINGERS = 3.5
 """A stay in the band is a stick if it lasts longer than this multiple of the passing time by the slopes at the edges.
 
@@ -99,8 +90,10 @@ class _Naive:
         self.initial = tuple(float(v) for v in problem.initial)
         self.options: dict[str, Any] = {"rtol": rtol, "atol": atol}
         smooth = solver.sign == "tanh"
-        eps = WIDTH * atol if smooth else atol + rtol
-        self.width = BAND[solver.sign] * eps
+        eps = 100.0 * atol if smooth else atol + rtol
+        # Half-width of the band: at 20 widths of the smoothing tanh is 1 to the last place; with sign the state jumps
+        # over the surface by tens of tolerances.
+        self.width = (20.0 if smooth else 200.0) * eps
         # The field with every sign symbol replaced by a function of its surface.
         surfaces = [system.numeric(h) for h in system.surfaces]
         sign = (lambda h: sp.tanh(h / sp.Float(eps))) if smooth else sp.Function("sgn")
@@ -225,7 +218,7 @@ class Band:
         if self._region == 0 and abs(end) <= self._width:
             self._check_crossings(t, end, dense)
             return
-        times = np.linspace(t_old, t, SUBSTEPS + 1)[1:]
+        times = np.linspace(t_old, t, 5)[1:]
         states = dense(times)
         for time, state in zip(times.tolist(), states.T, strict=True):
             self._check_crossings(time, self._h(time, *state.tolist())[0], dense)
@@ -297,4 +290,4 @@ def joined(bands: Sequence[Band]) -> tuple[list[Transition], Mode]:
 
 
 SMOOTHED = ScipyNaive("scipy-smoothed", "tanh", "LSODA")
-SIGN = ScipyNaive("scipy-sign", "sign", "RK45", budget=BUDGET)
+SIGN = ScipyNaive("scipy-sign", "sign", "RK45", budget=100_000)

@@ -22,8 +22,6 @@ from henon_ref.modes.callables import ARITHMETIC, Jacobian
 
 Watcher = Callable[[float, NDArray[np.float64]], float]
 """A guard as an event function ``g(t, x)`` of a library."""
-STALL = 2000
-"""Largest number of successive evaluations within four roundings of the same time; more mean that steps stall."""
 
 
 class SmoothMode(ABC):
@@ -193,7 +191,7 @@ class SmoothMode(ABC):
         Raises
         ------
         Stalled
-            If the time has not moved for :data:`STALL` evaluations.
+            If the time has not moved by more than four roundings for 2000 evaluations.
         """
         self.work.count_event()
         values = x[: self.states].tolist()
@@ -201,7 +199,7 @@ class SmoothMode(ABC):
             self._mark, self._still = t, 0
         else:
             self._still += 1
-            if self._still > STALL:
+            if self._still > 2000:
                 raise Stalled(f"the steps no longer move the time t = {t:.17g}")
         size = sum(map(abs, values))
         if t > self.last[0] and size < math.inf:  # false if a value is NaN

@@ -29,13 +29,6 @@ WALL = 2.5
 """Largest wall time of a program, without its waiting for a processor, as a multiple of its limit of processor time."""
 OUTPUT = 64 * 2**20
 """Largest standard error of a program, and default limit of its standard output [bytes]."""
-REASON_LENGTH = 2000
-"""Length of the end of the standard error that becomes the reason of a failure [bytes]."""
-LONGEST_PAUSE = 0.02
-"""Time between two checks whether the program has ended [s]."""
-CHARGED = 0.5
-"""A program that was killed counts as stopped by its limit if it has used this part of it. The system charges whole
-clock ticks against the limit; on a busy machine these were up to a third more than the time that was used."""
 VERSION_SECONDS = 60.0
 """Wall time within which a program must print its version [s]."""
 
@@ -67,10 +60,11 @@ class _Program(subprocess.Popen[bytes]):
         """Check whether the system has stopped the process for using more processor time than ``seconds``.
 
         The system sends SIGXCPU and, if the process ignores it, SIGKILL. SIGKILL may have other causes; the processor
-        time that was used decides.
+        time that was used decides. The system charges whole clock ticks against the limit, on a busy machine up to a
+        third more than that time.
         """
         by = -self.returncode
-        return by == signal.SIGXCPU or (by == signal.SIGKILL and self.used > CHARGED * seconds)
+        return by == signal.SIGXCPU or (by == signal.SIGKILL and self.used > 0.5 * seconds)
 
 
 def exchange(
@@ -123,7 +117,7 @@ def exchange(
         if process.returncode == 0:
             output.seek(0)
             return output.read()
-        errors.seek(max(0, _size(errors) - REASON_LENGTH))
+        errors.seek(max(0, _size(errors) - 2000))
         text = short_line(errors.read().decode("utf-8", "replace"))
     ended = f"ended with exit status {process.returncode}"
     if process.returncode < 0:
@@ -168,7 +162,7 @@ def _wait(process: _Program, seconds: float, streams: Sequence[tuple[str, IO[byt
             if monotonic() - began - waited_seconds(process.pid) > WALL * seconds:
                 raise ProgramTimeoutError(f"the program gave no response within {WALL * seconds:.3g} s")
             sleep(pause)
-            pause = min(2 * pause, LONGEST_PAUSE)
+            pause = min(2 * pause, 0.02)
 
 
 def _size(file: IO[bytes]) -> int:

@@ -24,10 +24,6 @@ from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.text import spelled
 
-RESERVED = ("t", "pow")
-"""Names that have another meaning in expressions."""
-MULTIPLIED = 4
-"""Largest power of a name that is written as a product."""
 _NAME = re.compile(r"(?<![\w.])[^\W\d_]\w*")
 
 
@@ -49,7 +45,7 @@ def problem_text(problem: Problem, start: Mode) -> messages.Problem:
     if start[0] not in [text.mode for text in modes]:
         raise UnsupportedError("the initial mode has no equations")
     names = [spelled(str(name)) for name in (*system.states, *system.parameters)]
-    if clash := sorted(set(names) & set(RESERVED)):
+    if clash := sorted({"t", "pow"}.intersection(names)):
         raise UnsupportedError(f"the protocol reserves the name {clash[0]}; rename the state or parameter")
     if twice := sorted(name for name in set(names) if names.count(name) > 1):
         raise UnsupportedError(f"two names become {twice[0]} with Greek letters spelled out; rename one of them")
@@ -149,7 +145,7 @@ class _Printer(StrPrinter):
             return f"1.0/{self._factor(1 / expr)}"
         if exponent == sp.Rational(1, 2):
             return f"sqrt({self._print(base)})"
-        if base.is_Symbol and exponent.is_Integer and exponent <= MULTIPLIED:
+        if base.is_Symbol and exponent.is_Integer and exponent <= 4:
             return "*".join([self._print(base)] * int(exponent))
         return f"pow({self._print(base)}, {self._print(exponent)})"
 

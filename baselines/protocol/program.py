@@ -33,19 +33,6 @@ from henon_ref.solver import Run
 from henon_ref.text import short_line
 from henon_ref.trajectory import Counts, Trajectory, Transition
 
-FOREVER = 86400.0
-"""Deadline of a run that has none [s]."""
-BEYOND = 0.25
-"""A run may exceed its deadline by this part of it before the program is stopped."""
-START_SECONDS = 0.8
-"""Processor time that a program may use in addition, to start, read and write [s]."""
-MOST_TRANSITIONS = 100_000
-ROUNDINGS = 64
-"""Allowed error of a time, in roundings of the largest time of the problem."""
-FIELDS = 10
-"""Upper bound of the commas and brackets of a transition in JSON, without its state."""
-TEXT = 20_000
-"""Upper bound of the commas and brackets in the rest of a response, texts included."""
 MOST_FIELDS = 100
 """Largest number of fields of one object."""
 SHOWN = 60
@@ -105,8 +92,8 @@ class ProgramSolver:
             step=step,
             untimed=0,
             timed=1,
-            seconds=FOREVER if deadline is None else deadline,
-            most_transitions=MOST_TRANSITIONS,
+            seconds=86400.0 if deadline is None else deadline,
+            most_transitions=100_000,
         )
         return ProgramRun(self, self.built(text), problem, request)
 
@@ -164,7 +151,8 @@ class ProgramRun:
 
     def _response(self, request: Request) -> Response:
         runs = request.untimed + request.timed
-        seconds = (1.0 + BEYOND) * request.seconds * runs + START_SECONDS
+        # A run may exceed its deadline by a quarter; 0.8 s are for the program's start, reading and writing.
+        seconds = 1.25 * request.seconds * runs + 0.8
         sent = request.model_dump_json().encode()
         return read_response(exchange(self._command, sent, seconds, self._solver.environment), request)
 
@@ -199,7 +187,8 @@ def read_response(output: bytes, request: Request) -> Response:
 
 def _check_size(output: bytes, request: Request) -> None:
     """Refuse an output that is longer than any response to the request, before it is parsed."""
-    most = (request.most_transitions + 1) * (FIELDS + len(request.problem.states)) + request.timed + TEXT
+    # Bounds of the commas and brackets: 10 in a transition without its state, 20,000 in the rest, texts included.
+    most = (request.most_transitions + 1) * (10 + len(request.problem.states)) + request.timed + 20_000
     if output.count(b",") + output.count(b"[") + output.count(b"{") > most:
         raise _refused(f"transitions: the response is longer than one of {request.most_transitions} transitions")
 
@@ -259,7 +248,7 @@ def _end(response: Response, request: Request) -> Point:
 def _check(response: Response, request: Request) -> None:
     """Refuse a response that contradicts the request or itself."""
     start, until = request.problem.start, request.problem.until
-    slack = ROUNDINGS * sys.float_info.epsilon * max(abs(start.time), abs(until))
+    slack = 64 * sys.float_info.epsilon * max(abs(start.time), abs(until))
     latest, mode = start.time, start.mode
     for k, event in enumerate(response.transitions):
         _check_point(f"transitions.{k}", event, request, slack)
