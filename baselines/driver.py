@@ -146,7 +146,9 @@ class Driver:
                 record.drift = max(record.drift, self.table.drift(entry, t, x))
                 return record.finish("ok", t, x, mode)
             take = entry.exit(hits[0]) if len(hits) == 1 else None
-            after = (take(t, x) if take is not None else None) or self.table.decided(entry, hits, t, x)
+            after = None if take is None else take(t, x)
+            if after is None:
+                after = self.table.decided(entry, hits, t, x)
             if after.mode is None:
                 return record.finish(after.status, t, x, mode, record.explained(after.status, after.reason))
             if after.drift > record.drift:
@@ -161,10 +163,10 @@ class Driver:
             reason = record.accumulated(resting=bool(applied) and all(self.table.system.rests(i) for i, _ in applied))
             if reason:
                 return record.finish("failed", t, x, mode, reason)
-            fresh, before = after.fresh, entry
+            fresh = after.fresh
             if unsettled:
-                fresh += self.table[mode].still_fresh(before, unsettled, fresh)
-            entry, fresh, falls = self.table.entered(mode, t, x, fresh, before.model.idle)
+                fresh += self.table[mode].still_fresh(entry, unsettled, fresh)
+            entry, fresh, falls = self.table.entered(mode, t, x, fresh, entry.model.idle)
 
     def _low_flight(self, entry: ModeEntry, fresh: Sequence[Fresh], t: float, x: Sequence[float]) -> Stop | None:
         """End of a flight that is too low for the library; None if the library is to find the end."""

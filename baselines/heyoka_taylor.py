@@ -32,6 +32,7 @@ from henon_ref.baselines.library import LIMIT, Library, Stop, Times, Work
 from henon_ref.baselines.mode_functions import EPSILON, CommonFunctions, ModeFunctions
 from henon_ref.baselines.restart import LEAST, LIFT, SPAN, Fresh, Restart, dips, lift, quiet_until
 from henon_ref.baselines.scipy_ivp import scouting
+from henon_ref.baselines.surface_functions import slopes_of
 from henon_ref.errors import UnsupportedError
 from henon_ref.expressions.grammar import ELEMENTARY
 from henon_ref.expressions.traversal import Rules, Walk, fold, fraction
@@ -196,11 +197,11 @@ class _Mode:
 
     def _lift(self, item: Fresh, t: float, x: Sequence[float]) -> float:
         guard, speed, rate = item
-        slopes = self._model.slopes(guard)
-        if slopes.constants is None or dips(speed, rate):
+        places, _, slopes = slopes_of(self._model.guard_expressions[guard], self._model.states)
+        if slopes is None or dips(speed, rate):
             return lift(self._model, item, t, x, self._horizon)
         size = speed * SPAN * self._horizon
-        for k, slope in zip(slopes.places, slopes.constants, strict=True):
+        for k, slope in zip(places, slopes, strict=True):
             size += abs(slope * x[k])
         return max(LIFT * EPSILON * size, LEAST)
 

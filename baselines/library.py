@@ -122,5 +122,6 @@ class Library(NamedTuple):
 
     def location_error(self, t: float) -> float:
         """Return the largest error of an event time [s]. Roots of several guards within this time are one event."""
+        roundings: float
         roundings, more = self.solver.located
-        return float(roundings * EPSILON * (more + abs(t)))
+        return roundings * EPSILON * (more + abs(t))

@@ -16,7 +16,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.baselines.surface_functions import Slopes, is_linear, landing, normal_velocity, of_few, slopes_of
+from henon_ref.baselines.surface_functions import is_linear, landing, normal_velocity, of_few, slopes_of
 from henon_ref.errors import UnavailableError
 from henon_ref.jit.target import target
 from henon_ref.modes.callables import (
@@ -235,15 +235,12 @@ class ModeFunctions:
 
     def size(self, index: int, t: float, x: Sequence[float], rtol: float, atol: float) -> float:
         """Error of a guard for these errors of x: sum of abs(dg/dx_k) (rtol abs(x_k) + atol)."""
-        slopes = self.slopes(index)
+        places, slopes, _ = slopes_of(self.guard_expressions[index], self.states)
         try:
-            values = slopes.values(t, *x)
+            values = slopes(t, *x)
         except ARITHMETIC:
             return 0.0
-        return math.fsum(abs(d) * (rtol * abs(x[k]) + atol) for k, d in zip(slopes.places, values, strict=True))
-
-    def slopes(self, index: int) -> Slopes:
-        return slopes_of(self.guard_expressions[index], self.states)
+        return math.fsum(abs(d) * (rtol * abs(x[k]) + atol) for k, d in zip(places, values, strict=True))
 
     def jacobian(self, callbacks: Callbacks) -> Jacobian:
         """Jacobian of :attr:`right` in :attr:`unknowns`."""

@@ -188,6 +188,8 @@ class ModeTable:
         guards = whole.model.guards
         still = {guards[k].index for k, _, rate in fresh if guards[k].kind == "surface" and rate == 0.0}
         still.update(i for i in before if mode[i] != 0)
+        if not still:
+            return whole, tuple(fresh), ()
         idle = frozenset(i for i in still if self._stays(t, x, mode, i))
         moved = [whole.model.surface_guard[i] for i in sorted(set(before) & still - idle)]
         known = {k for k, *_ in fresh}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 import sympy as sp
@@ -38,22 +37,15 @@ def is_linear(expression: sp.Expr, states: tuple[sp.Symbol, ...]) -> bool:
     return not any(sp.diff(expression, v).free_symbols & moving for v in moving)
 
 
-class Slopes(NamedTuple):
-    """Derivatives of a guard in the states that it contains."""
-
-    places: tuple[int, ...]
-    """Indices of these states."""
-    values: Scalar
-    constants: tuple[float, ...] | None
-    """The derivatives if all are constant, otherwise None."""
-
-
 @lru_cache(maxsize=4096)
-def slopes_of(guard: sp.Expr, states: tuple[sp.Symbol, ...]) -> Slopes:
+def slopes_of(
+    guard: sp.Expr, states: tuple[sp.Symbol, ...]
+) -> tuple[tuple[int, ...], Scalar, tuple[float, ...] | None]:
+    """Return the indices of the states in a guard, its derivatives in these, and their values if all are constant."""
     places = tuple(k for k, x in enumerate(states) if guard.has(x))
     slopes = [sp.diff(guard, states[k]) for k in places]
     constants = tuple(map(float, slopes)) if all(d.is_number for d in slopes) else None
-    return Slopes(places, of_few(states, tuple(slopes)), constants)
+    return places, of_few(states, tuple(slopes)), constants
 
 
 @lru_cache(maxsize=4096)
