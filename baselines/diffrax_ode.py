@@ -56,7 +56,6 @@ class _Mode(SmoothMode):
         self._tolerances = np.array([library.rtol, library.atol])
 
     def integrate(self, t: float, x: NDArray[np.float64], until: float) -> Stop:
-        """See :class:`henon_ref.baselines.smooth_mode.SmoothMode`."""
         self._lift(t, x)
         signs, n, count = self._unarmed(t, x), len(x), len(self.model.guards)
         while True:

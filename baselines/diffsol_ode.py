@@ -51,7 +51,6 @@ class _Mode(SmoothMode):
         self._stages = 6 if library.solver.method == "tsit45" else 0
 
     def integrate(self, t: float, x: NDArray[np.float64], until: float) -> Stop:
-        """See :class:`henon_ref.baselines.smooth_mode.SmoothMode`."""
         while True:
             try:
                 times, rows = self._solve(t, x, until)

@@ -47,7 +47,6 @@ class _Mode(SmoothMode):
         self._events[-1].direction = -1
 
     def integrate(self, t: float, x: NDArray[np.float64], until: float) -> Stop:
-        """See :class:`henon_ref.baselines.smooth_mode.SmoothMode`."""
         wanted = self.wanted
         with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always")

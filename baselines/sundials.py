@@ -83,7 +83,6 @@ class _SundialsMode(SmoothMode):
         """
 
     def integrate(self, t: float, x: NDArray[np.float64], until: float) -> Stop:
-        """See :class:`henon_ref.baselines.smooth_mode.SmoothMode`."""
         try:
             start = self.start(t, x)
         except ARITHMETIC as error:
