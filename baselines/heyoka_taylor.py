@@ -30,7 +30,7 @@ from henon_ref.baselines.adapter import Adapter
 from henon_ref.baselines.driver import LATE
 from henon_ref.baselines.library import LIMIT, Library, Stop, Times, Work
 from henon_ref.baselines.mode_functions import EPSILON, CommonFunctions, ModeFunctions
-from henon_ref.baselines.restart import LEAST, LIFT, SPAN, Fresh, Restart, dips, lift, quiet_until
+from henon_ref.baselines.restart import LEAST, LIFT, LONGEST, SPAN, Fresh, Restart, dips, lift, quiet_until
 from henon_ref.baselines.scipy_ivp import scouting
 from henon_ref.baselines.surface_functions import slopes_of
 from henon_ref.errors import UnsupportedError
@@ -212,7 +212,7 @@ class _Mode:
         """
         model, quiet = self._model, self._made.quiet
         levels = [model.size(guard, t, x, self._rtol, self._rtol) for guard, *_ in fresh]
-        end = min(max(quiet_until(model, fresh, t, x, levels, 1e-3 * self._horizon)), until)
+        end = min(max(quiet_until(model, fresh, t, x, levels, LONGEST * self._horizon)), until)
         if self._switches:
             pars = quiet.pars[self._guards :]  # the switches, up to the last one in the field
             pars[:] = self._switches[: len(pars)]

@@ -46,7 +46,7 @@ class SmoothMode(ABC):
         Length of the whole run [s].
     """
 
-    wanted: Times = None
+    wanted: NDArray[np.float64] | None = None
     """Increasing sample times [s] after the start, for figures only; None if no samples are requested."""
 
     def __init__(self, library: Library, model: ModeFunctions, work: Work, horizon: float) -> None:
@@ -118,6 +118,61 @@ class SmoothMode(ABC):
     def jacobian(self, t: float, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Jacobian of :meth:`rhs`, shape (N, N) [unit of row / (s unit of column)]."""
         return self._jacobian(t, x)
+
+    def stopped(
+        self,
+        t: float,
+        x: Sequence[float] | NDArray[np.float64],
+        fallen: Sequence[int] | NDArray[np.intp] | None = None,
+        samples: NDArray[np.float64] | None = None,
+    ) -> Stop:
+        """Return the stop of the library at an event or the horizon.
+
+        Parameters
+        ----------
+        t, x
+            Time [s], and the unknowns at that time (the states are enough).
+        fallen : sequence of int, optional
+            Components of :meth:`guards` that have a root at t; None at the horizon.
+        samples : ndarray, optional
+            States at the sample times up to t, shape (k, n).
+
+        Raises
+        ------
+        ContractError
+            If ``fallen`` contains a value that is not an index; the run is then ``failed``.
+        """
+        state = tuple(map(float, x[: self.states]))
+        if not all(map(math.isfinite, state)):
+            return self.failed(f"the state is not finite after t = {self.last[0]:.17g}")
+        if fallen is None:
+            return Stop("horizon", t, 0.0, state, samples=samples)
+        last = len(self.model.guards)
+        for k in fallen:
+            if isinstance(k, (bool, np.bool_)) or not 0 <= k <= last:
+                raise ContractError(f"'fallen' must contain indices of guards, 0 to {last}, not {k!r}")
+        hits = tuple(int(k) for k in fallen if k < last)
+        return Stop("event" if hits else "diverged", t, 0.0, state, hits, samples=samples)
+
+    def failed(self, reason: str) -> Stop:
+        """Return the stop of a library that gave up or raised; time and state are those of the last event function."""
+        return Stop("failed", self.last[0], 0.0, self.last[1], reason=reason)
+
+    def advance(
+        self, t: float, low: float, x: Sequence[float], until: float, fresh: Sequence[Fresh], wanted: Times
+    ) -> Stop:
+        """Set the guards and call :meth:`integrate`; the driver calls this (:data:`.library.Advance`)."""
+        self._restart(t, x, fresh)
+        self.last, self.wanted = (t, tuple(x)), wanted
+        self._mark, self._still = t, 0
+        with np.errstate(all="ignore"):
+            try:
+                stop = self.integrate(t, self.model.start(t, x), until)
+            except Stalled as error:
+                return self.failed(str(error))
+        if not isinstance(stop, Stop):
+            raise ContractError(f"integrate must return the result of self.stopped or self.failed, not {stop!r}")
+        return stop
 
     @cached_property
     def _field(self) -> Callable[[float, NDArray[np.float64]], Any]:
@@ -222,58 +277,3 @@ class SmoothMode(ABC):
             ends = quiet_until(model, fresh, t, x, levels, LONGEST * horizon)
             for (guard, *_), end in zip(fresh, ends, strict=True):
                 self.quiet[guard] = end
-
-    def advance(
-        self, t: float, low: float, x: Sequence[float], until: float, fresh: Sequence[Fresh], wanted: Times
-    ) -> Stop:
-        """Set the guards and call :meth:`integrate`; the driver calls this (:data:`.library.Advance`)."""
-        self._restart(t, x, fresh)
-        self.last, self.wanted = (t, tuple(x)), wanted
-        self._mark, self._still = t, 0
-        with np.errstate(all="ignore"):
-            try:
-                stop = self.integrate(t, self.model.start(t, x), until)
-            except Stalled as error:
-                return self.failed(str(error))
-        if not isinstance(stop, Stop):
-            raise ContractError(f"integrate must return the result of self.stopped or self.failed, not {stop!r}")
-        return stop
-
-    def stopped(
-        self,
-        t: float,
-        x: Sequence[float] | NDArray[np.float64],
-        fallen: Sequence[int] | NDArray[np.intp] | None = None,
-        samples: NDArray[np.float64] | None = None,
-    ) -> Stop:
-        """Return the stop of the library at an event or the horizon.
-
-        Parameters
-        ----------
-        t, x
-            Time [s], and the unknowns at that time (the states are enough).
-        fallen : sequence of int, optional
-            Components of :meth:`guards` that have a root at t; None at the horizon.
-        samples : ndarray, optional
-            States at the sample times up to t, shape (k, n).
-
-        Raises
-        ------
-        ContractError
-            If ``fallen`` contains a value that is not an index; the run is then ``failed``.
-        """
-        state = tuple(map(float, x[: self.states]))
-        if not all(map(math.isfinite, state)):
-            return self.failed(f"the state is not finite after t = {self.last[0]:.17g}")
-        if fallen is None:
-            return Stop("horizon", t, 0.0, state, samples=samples)
-        last = len(self.model.guards)
-        for k in fallen:
-            if isinstance(k, (bool, np.bool_)) or not 0 <= k <= last:
-                raise ContractError(f"'fallen' must contain indices of guards, 0 to {last}, not {k!r}")
-        hits = tuple(int(k) for k in fallen if k < last)
-        return Stop("event" if hits else "diverged", t, 0.0, state, hits, samples=samples)
-
-    def failed(self, reason: str) -> Stop:
-        """Return the stop of a library that gave up or raised; time and state are those of the last event function."""
-        return Stop("failed", self.last[0], 0.0, self.last[1], reason=reason)
