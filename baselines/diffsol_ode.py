@@ -69,9 +69,9 @@ class _Mode(SmoothMode):
             t, x = float(times[-1]), rows[-1]
             if t >= until:
                 return self.stopped(t, x)
-            fallen, risen = self._by_which(t, x)
-            if not risen:
-                return self.stopped(t, x, fallen)
+            fallen = self._by_which(t, x)
+            if fallen is not None:
+                return self.stopped(t, x, [fallen])
             self.work.check()
 
     def _solve(self, t: float, x: NDArray[np.float64], until: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -86,8 +86,8 @@ class _Mode(SmoothMode):
         solution = self._ode.solve(np.concatenate([x, lifts, quiet]), until)
         return np.asarray(solution.ts), np.asarray(solution.ys).T
 
-    def _by_which(self, t: float, x: NDArray[np.float64]) -> tuple[list[int], bool]:
-        """Find the guard that stopped the run: return ([k], False) if it fell, ([], True) if it rose.
+    def _by_which(self, t: float, x: NDArray[np.float64]) -> int | None:
+        """Find the guard that stopped the run by falling; None if it rose.
 
         A guard that rose is lifted, so that the continued run does not stop at the same root.
         """
@@ -95,20 +95,20 @@ class _Mode(SmoothMode):
         try:
             rates = model.rates(t, *state)
         except ARITHMETIC:
-            return [len(model.guards)], False
+            return len(model.guards)
         aside = [
             (abs(rates[2 * k] + lifts[k]) / (abs(rates[2 * k + 1]) + 1e-300), k)
             for k in range(len(model.guards))
             if t > self.quiet[k]
         ]
         if not aside or sum(map(abs, state)) >= 0.5e100:
-            return [len(model.guards)], False
+            return len(model.guards)
         k = min(aside)[1]
         value, rate = rates[2 * k] + lifts[k], rates[2 * k + 1]
         if rate <= 0.0 or self.root_direction == 0:
-            return [k], False
+            return k
         lifts[k] += 2.0 * abs(value) + LIFT * EPSILON * model.size(k, t, state, 1.0, 0.0)
-        return [], True
+        return None
 
 
 @lru_cache(maxsize=64)  # a system visits fewer modes

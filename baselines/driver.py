@@ -64,14 +64,15 @@ class Driver:
         self.initial = tuple(float(v) for v in problem.initial)
         self.table = ModeTable(problem.system, library, work, self.until - self.start, known)
         self.decision = initial_mode(self.table.in_doubles, problem.start, problem.initial, problem.initial_mode)
-        self._first: tuple[ModeEntry, tuple[Fresh, ...]] | None = None
+        self._first: tuple[Mode, ModeEntry, tuple[Fresh, ...]] | None = None
         if self.decision.mode is not None:
             try:
                 entry = self.table[self.decision.mode]
             except ModelError as error:
                 raise UnsupportedError(f"the initial mode has no equations: {error}") from error
             fresh = self.table.fresh_at(entry, self.start, self.initial, ())
-            self._first = self.table.entered(self.decision.mode, self.start, self.initial, fresh)[:2]
+            entry, fresh, _ = self.table.entered(self.decision.mode, self.start, self.initial, fresh)
+            self._first = self.decision.mode, entry, fresh
 
     def compile(self) -> None:
         """Prepare all modes of a system with one surface; otherwise those that a run at loose tolerances visits."""
@@ -96,10 +97,10 @@ class Driver:
         self.work.start()
         library = self.library
         record = Record(self.work, self.problem, library.solver.landing, library.errors[1], self.sample_times)
-        if self.decision.mode is None or self._first is None:
+        if self._first is None:
             nowhere = (0,) * len(self.problem.system.surfaces)
             return record.finish(self.decision.ending, self.start, self.initial, nowhere, self.decision.reason)
-        return self._march(record, self.decision.mode, *self._first)
+        return self._march(record, *self._first)
 
     def _march(self, record: Record, mode: Mode, entry: ModeEntry, fresh: tuple[Fresh, ...]) -> Trajectory:
         t, low, x, until = self.start, 0.0, self.initial, self.until
