@@ -76,6 +76,10 @@ class ScipyNaive(LibrarySolver):
         return _Naive(self, problem, max(rtol, 100.0 * EPSILON), atol, work).run
 
 
+def _state(dense: Dense, t: float) -> tuple[float, ...]:
+    return tuple(dense(np.array([t]))[:, 0].tolist())
+
+
 def _sgn(value: float) -> float:
     return float(value > 0.0) - float(value < 0.0)  # SciPy's times are NumPy's, whose booleans do not subtract
 
@@ -149,7 +153,7 @@ class _Naive:
                         return "diverged", f"the state passed {LIMIT:g} at t = {t:.17g}"
                     ended = self._left_model(t_old, t, dense)
                     t = t if ended is None else ended
-                    self.t, self.x = t, tuple(dense(np.array([t]))[:, 0].tolist())
+                    self.t, self.x = t, _state(dense, t)
                     for band in bands:
                         band.step(t_old, t, dense)
                     if ended is not None:
@@ -166,7 +170,7 @@ class _Naive:
         for expression in self.valid:
 
             def value(time: float, expression: Scalar = expression) -> float:
-                return expression(time, *dense(np.array([time]))[:, 0].tolist())[0]
+                return expression(time, *_state(dense, time))[0]
 
             if value(t) <= 0.0:
                 ends.append(float(brentq(value, t_old, t)) if value(t_old) > 0.0 else t_old)
@@ -189,24 +193,16 @@ class Band:
     """
 
     def __init__(self, h: Scalar, width: float, t: float, x: Sequence[float]) -> None:
-        self._h = h
-        self._width = width
+        self._h, self._width = h, width
         value = h(t, *x)[0]
-        self._region = self._side(value)
         self._last = (t, value)
-        self._entered: _Point | None = None
-        self._root: Callable[[], _Point] | None = None
-        self.initial = self._region
-        """Entry of the mode at the start: a side, or 0 (corrected when the surface first leaves its band)."""
-        self._mode = self._region
+        self._region = self._mode = self.initial = 0 if abs(value) <= width else 1 if value > 0 else -1
+        """Where the surface is now, the entry of the mode, and that at the start (0 until it first leaves its band)."""
         self._open = self._region == 0
-        if self._open:
-            self._entered = _Point(t, tuple(x), 0.0)
+        self._entered = _Point(t, tuple(x), 0.0) if self._open else None
+        self._root: Callable[[], _Point] | None = None
         self.changes: list[tuple[float, int, tuple[float, ...]]] = []
         """(time, new entry of the mode, state)."""
-
-    def _side(self, value: float) -> int:
-        return 0 if abs(value) <= self._width else 1 if value > 0 else -1
 
     def step(self, t_old: float, t: float, dense: Dense) -> None:
         """Process one accepted step.
@@ -214,11 +210,11 @@ class Band:
         A step that begins and ends inside the band is evaluated at its end only: with a jumping right-hand side a stick
         consists of hundreds of thousands of such steps.
         """
-        end = self._h(t, *dense(np.array([t]))[:, 0].tolist())[0]
+        end = self._h(t, *_state(dense, t))[0]
         if self._region == 0 and abs(end) <= self._width:
             self._check_crossings(t, end, dense)
             return
-        times = np.linspace(t_old, t, 5)[1:]
+        times = np.linspace(t_old, t, 5)[1:]  # the surface is evaluated at four points
         states = dense(times)
         for time, state in zip(times.tolist(), states.T, strict=True):
             self._check_crossings(time, self._h(time, *state.tolist())[0], dense)
@@ -239,11 +235,11 @@ class Band:
 
     def _locate(self, t_old: float, t: float, level: float, slope: float, dense: Dense) -> _Point:
         def above(time: float) -> float:
-            return self._h(time, *dense(np.array([time]))[:, 0].tolist())[0] - level
+            return self._h(time, *_state(dense, time))[0] - level
 
         low, high = above(t_old), above(t)
         time = t if low * high > 0.0 else float(brentq(above, t_old, t, xtol=1e-300, rtol=1e-15))
-        return _Point(time, tuple(dense(np.array([time]))[:, 0].tolist()), slope)
+        return _Point(time, _state(dense, time), slope)
 
     def _leave(self, point: _Point, side: int) -> None:
         entered, self._region = self._entered, side
