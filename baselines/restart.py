@@ -59,7 +59,14 @@ def lift(model: ModeFunctions, fresh: Fresh, t: float, x: Sequence[float], horiz
     value = max(LIFT * EPSILON * (model.size(guard, t, x, 1.0, 0.0) + speed * SPAN * horizon), LEAST)
     if model.guards[guard].rising_only:
         return -value
-    return value + dip(model, fresh, t, x) if dips(speed, rate) else value
+    if not dips(speed, rate):
+        return value
+    try:
+        slope, bend = model.bend(guard)(t, *x)
+    except ARITHMETIC:
+        return value
+    # Twice the depth to which the guard falls; 0 if it does not rise again.
+    return value + (slope * slope / bend if bend > 0.0 else 0.0)
 
 
 def dips(speed: float, rate: float) -> bool:
@@ -68,15 +75,6 @@ def dips(speed: float, rate: float) -> bool:
     A rate below 1e-11 of the speed is rounding, which the lift covers; above 1e-2 the release is not tangential.
     """
     return -1e-2 * speed < rate < -1e-11 * speed
-
-
-def dip(model: ModeFunctions, fresh: Fresh, t: float, x: Sequence[float]) -> float:
-    """Twice the depth to which a guard falls before it rises; 0 if it does not rise."""
-    try:
-        slope, bend = model.bend(fresh[0])(t, *x)
-    except ARITHMETIC:
-        return 0.0
-    return slope * slope / bend if bend > 0.0 else 0.0
 
 
 def quiet_until(
