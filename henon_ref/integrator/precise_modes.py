@@ -18,12 +18,10 @@ from henon_ref.integrator.constant_program import ConstantProgram, constant_prog
 from henon_ref.integrator.pairs import Pair
 from henon_ref.jit.processor_time import compiling
 from henon_ref.kernel.shared import EPS
-from henon_ref.modes.arithmetic import BALLS, DOUBLES, RING
-from henon_ref.modes.decision import Decision
+from henon_ref.modes.arithmetic import BALLS, DOUBLES, RING, Arithmetic
 from henon_ref.modes.equations import Guard, gradient
 from henon_ref.modes.mode import Mode
-from henon_ref.modes.mode_evaluation import ModeEvaluation, ModeWithTape, ball_function, mode_with_tape
-from henon_ref.modes.selection import mode_by_signs
+from henon_ref.modes.mode_evaluation import GuardsAndTape, ModeEvaluation, TapePoint, ball_function, guards_and_tape
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.precision import one_at_a_time, working_precision
 from henon_ref.roots.multiprecision import BITS
@@ -56,7 +54,7 @@ class SharedTapes:
     """
 
     def __init__(self, system: FilippovSystem, parameters: tuple[sp.Symbol, ...]) -> None:
-        self._system, self._parameters = system, parameters
+        self.system, self._parameters = system, parameters
         self.mode = cache(self._mode)
         self.program = cache(self._program)
         self.tape = cache(self._tape)
@@ -64,11 +62,11 @@ class SharedTapes:
 
     def in_doubles(self, values: tuple[float, ...]) -> ModeEvaluation:
         """Return the modes in double precision at parameter values."""
-        return ModeEvaluation(self._system, DOUBLES, _InDoubles(self, values))
+        return _InDoubles(self, DOUBLES, values)
 
     def in_balls(self, values: tuple[sp.Expr, ...]) -> ModeEvaluation:
         """Return the modes in ball arithmetic of the working precision at exact parameter values."""
-        return ModeEvaluation(self._system, BALLS, _InBalls(self, values))
+        return _InBalls(self, BALLS, values)
 
     def constants(self, tape: Tape) -> ConstantProgram:
         """Return the program of the constants of one of these tapes."""
@@ -77,9 +75,9 @@ class SharedTapes:
                 self._programs[id(tape)] = tape, constant_program(self._parameters, tape.constants)
         return self._programs[id(tape)][1]
 
-    def _mode(self, mode: Mode) -> ModeWithTape | None:
+    def _mode(self, mode: Mode) -> GuardsAndTape | None:
         with one_at_a_time():
-            return mode_with_tape(self._system, mode)
+            return guards_and_tape(self.system, mode)
 
     def _program(self, names: tuple[sp.Symbol, ...], expressions: tuple[sp.Expr, ...]) -> ConstantProgram:
         """Write a program of expressions in time, ``names`` and parameters."""
@@ -92,29 +90,31 @@ class SharedTapes:
             return build_tape(names, (), expressions)
 
 
-class _InDoubles:
-    """Tapes of a system at given parameter values (:class:`henon_ref.modes.mode_evaluation.Tapes`)."""
+class _InDoubles(ModeEvaluation):
+    def __init__(self, shared: SharedTapes, arithmetic: Arithmetic, values: tuple[Any, ...]) -> None:
+        super().__init__(shared.system, arithmetic)
+        self._tapes, self._values = shared, values
 
-    def __init__(self, shared: SharedTapes, values: tuple[Any, ...]) -> None:
-        self.mode, self._shared, self._values = shared.mode, shared, values
+    def guards_and_tape(self, mode: Mode) -> GuardsAndTape | None:
+        return self._tapes.mode(mode)
 
     def constants(self, tape: Tape) -> list[Any]:
-        program = self._shared.constants(tape)
+        program = self._tapes.constants(tape)
         registers = program.registers(np.array([self._values]))[0]
         found: list[float] = registers[program.places, 0].tolist()
         return found
 
     def function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
-        program, values = self._shared.program(tuple(names), tuple(expressions)), self._values
+        program, values = self._tapes.program(tuple(names), tuple(expressions)), self._values
         return lambda *point: program.in_doubles((*point, *values))
 
 
 class _InBalls(_InDoubles):
     def constants(self, tape: Tape) -> list[Any]:
-        return [ball.mid() for ball in self._shared.constants(tape).balls(self._values)]
+        return [ball.mid() for ball in self._tapes.constants(tape).balls(self._values)]
 
     def function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
-        tape = self._shared.tape(tuple(names), tuple(expressions))
+        tape = self._tapes.tape(tuple(names), tuple(expressions))
         return ball_function(tape, self.constants(tape))
 
 
@@ -157,20 +157,13 @@ class PreciseModes:
         """Return the sign; 0 if the ball contains zero."""
         return 0 if value.contains(0) else 1 if value > 0 else -1
 
-    def decide(self, t: arb, x: Sequence[arb], surfaces: Sequence[int], valid: Sequence[int]) -> Decision:
-        """Decide the mode after a jump, in double precision."""
-        at = self.in_doubles.at(float(t), [float(value) for value in x])
-        return mode_by_signs(at, surfaces, valid, where="after the reset")
-
-    def text(self, t: arb) -> str:
-        """Format a time for messages."""
-        return f"{float(t):.17g}"
+    def at(self, t: arb, x: Sequence[arb]) -> TapePoint:
+        """Return the point, in double precision, at which the mode after a jump is decided."""
+        return self.in_doubles.at(float(t), [float(value) for value in x])
 
     def guards(self, mode: Mode) -> tuple[Guard, ...]:
         """Return the guards of a mode in the order of :meth:`FilippovSystem.equations`."""
-        found = self.in_balls.equations(mode)
-        assert found is not None
-        return found[0].guards
+        return self.in_balls.guards(mode) or ()
 
     def expand(
         self, mode: Mode, time: arb, state: Sequence[arb], unit: arb
