@@ -25,9 +25,9 @@ from henon_ref.harness.result_files import read_rows
 from henon_ref.harness.rows import RunRow
 from henon_ref.harness.studies.page import shipped_problem
 from henon_ref.harness.studies.pairs import PairRow, TimedPair
-from henon_ref.harness.studies.price import compiling, effects
+from henon_ref.harness.studies.price import compiling
+from henon_ref.harness.studies.price.chains import ManyContacts, Size, contact_table, many_contacts, sizes
 from henon_ref.harness.studies.price.compiling import Ready, readiness, ready_table
-from henon_ref.harness.studies.price.contacts import ManyContacts, contact_table, many_contacts
 from henon_ref.harness.studies.price.growth import STICKS, Horizon, horizons
 from henon_ref.harness.studies.price.ladder import (
     ALONE,
@@ -41,27 +41,26 @@ from henon_ref.harness.studies.price.ladder import (
     why_not,
 )
 from henon_ref.harness.studies.price.landings import Landed, crest_crossings, landing_table, landings
-from henon_ref.harness.studies.price.measure import fitted, power
-from henon_ref.harness.studies.price.operations import Work, count, work
-from henon_ref.harness.studies.price.page import Prices, write_page
-from henon_ref.harness.studies.price.states import Size, sizes
+from henon_ref.harness.studies.price.measure import fitted
+from henon_ref.harness.studies.price.operations import BODIES, Body, Work, additions, count, work
+from henon_ref.harness.studies.price.page import write_page
 from henon_ref.jit.cache_folder import VARIABLE
 from henon_ref.modes.problem import Problem
 
 CASES = Path(__file__).parents[3] / "cases"
 
 
-@pytest.mark.parametrize("body", effects.BODIES, ids=lambda body: body.name)
-def test_effects_that_are_named_cost_operations_even_at_zero(body: effects.Body) -> None:
-    *added, _ = effects.additions(body)
+@pytest.mark.parametrize("body", BODIES, ids=lambda body: body.name)
+def test_effects_that_are_named_cost_operations_even_at_zero(body: Body) -> None:
+    *added, _ = additions(body)
     every = operations(mode_tape(added[-1][1].system))
     for _, own, carried in added:
         assert operations(mode_tape(own.system)) <= operations(mode_tape(carried.system)) == every
 
 
 def test_runs_of_added_effects_have_no_transition_and_those_that_stick_have() -> None:
-    for body in effects.BODIES:
-        problems = [own for _, own, _ in effects.additions(body)]
+    for body in BODIES:
+        problems = [own for _, own, _ in additions(body)]
         counts = [len(HENON_SOLVER.prepare(problem, rtol=1e-6)().transitions) for problem in problems]
         assert not any(counts[:-1])
         assert counts[-1] > 10
@@ -86,11 +85,14 @@ def test_long_runs_hand_out_every_transition_and_keep_their_sticks() -> None:
 
 
 def test_powers_are_fitted_with_their_errors() -> None:
-    assert str(power([1, 10, 100], [2, 200, 20000])) == "2.00 ± 0.00"
-    tilted = power([1, 10, 100], [1, 10 * 2, 100])  # the middle one is off by log10(2)
-    assert (tilted.power, tilted.error) == pytest.approx((1.0, math.log10(2) * math.sqrt(2 / 3) / math.sqrt(2)))
-    runs = [Horizon("a", t, 1, 1e-6 * t, 0.0, 0.0) for t in (1e2, 1e3, 1e4, 1e5)]
-    assert fitted([replace(runs[0], wall_s=1.0), *runs[1:]], "a", "until", "wall_s", 1e3).power == pytest.approx(1.0)
+    def power(*walls: float) -> str:
+        runs = [Horizon("a", 10.0 ** (k + 2), 1, wall, 0.0, 0.0) for k, wall in enumerate(walls)]
+        return fitted(runs, "a", "until", "wall_s", 1e3)
+
+    assert power(1.0, 2.0, 200.0, 20000.0) == "2.00 ± 0.00"  # the first one is before the smallest horizon
+    error = math.log10(2) * math.sqrt(2 / 3) / math.sqrt(2)
+    assert power(1.0, 1.0, 10 * 2, 100.0) == f"1.00 ± {error:.2f}"  # the middle one is off by log10(2)
+    assert (power(1.0, 1.0, 10.0), power(1.0, 1.0)) == ("1.00", "?")
 
 
 def test_landings_find_the_same_and_the_swap_takes_fewest_evaluations() -> None:
@@ -246,12 +248,12 @@ def test_chains_of_every_length_agree() -> None:
     assert [size.states for size in found] == [2, 2, 6, 6]
     assert all(size.agrees and size.transitions > 5 for size in found)
     same = [Size(n, "a", 1, n**1.5, 1.0, 1.0, 10, n**2.0, 1.0, True) for n in (2, 16, 64)]
-    assert fitted(same, "a", "states", "per_second", 16).power == pytest.approx(2.0)
-    assert fitted(same, "a", "states", "ready_s", 16).power == pytest.approx(1.5)
+    assert fitted(same, "a", "states", "per_second", 16) == "2.00"
+    assert fitted(same, "a", "states", "ready_s", 16) == "1.50"
 
 
 def test_many_contacts_have_the_transitions_of_a_run_by_hand() -> None:
-    (found,) = many_contacts((3,))
+    found = many_contacts(3)
     assert found.transitions > 20
     assert found.by_hand_s is not None
     assert contact_table([found, replace(found, by_hand_s=None)]).rows[1][-1] == "other result"
@@ -298,29 +300,28 @@ def timed_run(solver: str, wall: float, iqr: float | None) -> RunRow:
     return RunRow(**own | counts, wall_s_iqr=iqr)
 
 
-def prices() -> Prices:
+def test_the_page_shows_what_was_measured_and_every_link_leads_to_a_file(tmp_path: Path) -> None:
+    rows = [timed_run("henon", 1e-5, 1e-7), timed_run("heyoka", 4e-5, 1e-5), timed_run("scipy-dop853", 1e-2, None)]
     timed = TimedPair(
         "c", "late", 9, "heyoka", rtol=1e-9, rival="heyoka", rival_rtol=1e-9, rival_step_s=None, wall_s=1e-5,
         rival_wall_s=4e-5, ratio=0.25, ratio_low=0.2, ratio_high=0.3, rounds=3, rival_own_s=2e-5,
         samples_s=(1e-5,) * 3, rival_samples_s=(4e-5,) * 3,
     )  # fmt: skip
-    ways = ("henon", "henon-newton", "henon-brent")
-    return Prices(
-        rows=[timed_run("henon", 1e-5, 1e-7), timed_run("heyoka", 4e-5, 1e-5), timed_run("scipy-dop853", 1e-2, None)],
-        pairs=[timed],
-        failed=["c, late, against ida: it *died*"],
-        ready=[Ready("c", "late", "henon", 1e-9, 1e-5, 4.0, 1.0)],
-        landings=[Landed("c", "late", solver, 5, 2.0, 1e-5, 0.75, 1e-15) for solver in ways],
-        work=Work(100, 50, 10, 20, 20, 4, 6, 30, 1e-5, 1e10),
-        effects=[],
-        growth=[Horizon("henon", until, 10, 1e-3, 0.0, 1e-13) for until in (1e3, 1e4)],
-        sizes=[Size(2, solver, 5, 1.0, 1e-5, 1.0, 10, 1e-5, 1.0, True) for solver in ("henon", "heyoka")],
-        contacts=[ManyContacts(4, 56, 1e-2, 1e-3, 0.2)],
-    )
-
-
-def test_the_page_shows_what_was_measured_and_every_link_leads_to_a_file(tmp_path: Path) -> None:
-    text = write_page(prices(), provenance("make it again"), tmp_path).read_text(encoding="utf-8")
+    parts = {
+        "ready": [Ready("c", "late", "henon", 1e-9, 1e-5, 4.0, 1.0)],
+        "landings": [
+            Landed("c", "late", solver, 5, 2.0, 1e-5, 0.75, 1e-15)
+            for solver in ("henon", "henon-newton", "henon-brent")
+        ],
+        "effects": [],
+        "growth": [Horizon("henon", until, 10, 1e-3, 0.0, 1e-13) for until in (1e3, 1e4)],
+        "sizes": [Size(2, solver, 5, 1.0, 1e-5, 1.0, 10, 1e-5, 1.0, True) for solver in ("henon", "heyoka")],
+        "contacts": [ManyContacts(4, 56, 1e-2, 1e-3, 0.2)],
+    }
+    done = Work(100, 50, 10, 20, 20, 4, 6, 30, 1e-5, 1e10)
+    failed = ["c, late, against ida: it *died*"]
+    page = write_page(tmp_path, provenance("make it again"), rows, [timed], failed, done, parts)
+    text = page.read_text(encoding="utf-8")
     links = {link for link in re.findall(r"\]\(([^)]+)\)", text) if not link.startswith(("#", "../"))}
     assert {path.name for path in tmp_path.iterdir()} == links | {"README.md"}
     assert len(read_rows(RunRow, tmp_path / "price.csv")) == 3
