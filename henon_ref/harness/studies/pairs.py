@@ -279,27 +279,26 @@ class PairedTiming(Job):
 
 
 def time_pairs(
-    timings: Mapping[str, Sequence[PairedTiming]], options: Options, observer: Observer
+    timings: Sequence[PairedTiming], options: Options, observer: Observer
 ) -> tuple[list[TimedPair], list[str]]:
-    """Time pairs by case, each job in one worker; return the rows, and a sentence for each that cannot be timed."""
-    rows: list[TimedPair] = []
+    """Time pairs, each job in one worker; return the rows, and a sentence for each job that fails."""
+    rows: dict[int, list[TimedPair]] = {}
     failed: list[str] = []
 
-    def jobs(own: Sequence[PairedTiming]) -> Jobs:
-        for timing in own:
-            result = yield timing
-            if isinstance(result, Failure):
-                whom = ", ".join(dict.fromkeys(pair.against for pair in timing.pairs))
-                failed.append(f"{timing.case}, {timing.reading}, against {whom}: {result.reason}")
-                _LOG.info("no alternating runs: %s", failed[-1])
-            else:
-                rows.extend(result)
+    def job(k: int, timing: PairedTiming) -> Jobs:
+        result = yield timing
+        if isinstance(result, Failure):
+            whom = ", ".join(dict.fromkeys(pair.against for pair in timing.pairs))
+            failed.append(f"{timing.case}, {timing.reading}, against {whom}: {result.reason}")
+            _LOG.info("no alternating runs: %s", failed[-1])
+        else:
+            rows[k] = result
 
     pool = WorkerPool(workers=options.processes, memory=options.memory)
-    for own in timings.values():
-        pool.add("timings", jobs(own))
+    for k, timing in enumerate(timings):
+        pool.add("timings", job(k, timing))
     pool.run(observer.tick)
-    return [row for case in timings for row in rows if row.case == case], failed
+    return [row for k in sorted(rows) for row in rows[k]], failed
 
 
 def own_words(rows: Sequence[PairRow]) -> str:

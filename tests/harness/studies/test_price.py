@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import math
 import os
 import re
@@ -32,10 +34,9 @@ from henon_ref.harness.studies.price.growth import STICKS, Horizon, horizons
 from henon_ref.harness.studies.price.ladder import (
     ALONE,
     WHEN_NAMED,
-    SampleRow,
     mean_costs,
     rival_table,
-    samples_of,
+    samples_text,
     solvers,
     time_ladder_pairs,
     why_not,
@@ -183,9 +184,9 @@ def test_pairs_run_in_turn_at_the_cheapest_settings_for_the_same_digits() -> Non
         assert pair.rival_wall_s > 0
     table = rival_table(found).rows
     assert [cells[:2] for cells in table] == [(case.name, "3"), (case.name, "6"), (case.name, "9")]
-    samples = samples_of(found)
-    assert [(own.solver, own.digits) for own in samples[:2]] == [("henon", 3), ("heyoka", 3)]
-    assert all(len(own.samples_us.split()) == found[0].rounds for own in samples)
+    samples = list(csv.DictReader(io.StringIO(samples_text(found))))
+    assert [(own["solver"], own["digits"]) for own in samples[:2]] == [("henon", "3"), ("heyoka", "3")]
+    assert all(len(own["samples_us"].split()) == found[0].rounds for own in samples)
 
 
 def test_a_change_of_the_machines_pace_does_not_change_a_ratio() -> None:
@@ -325,7 +326,7 @@ def test_the_page_shows_what_was_measured_and_every_link_leads_to_a_file(tmp_pat
     links = {link for link in re.findall(r"\]\(([^)]+)\)", text) if not link.startswith(("#", "../"))}
     assert {path.name for path in tmp_path.iterdir()} == links | {"README.md"}
     assert len(read_rows(RunRow, tmp_path / "price.csv")) == 3
-    assert len(read_rows(SampleRow, tmp_path / "samples.csv")) == 2
+    assert len((tmp_path / "samples.csv").read_text().splitlines()) == 1 + 2
     assert "## c, late" in text
     assert "| 4 (3.3 to 5) | 2 |" in text
     assert "| `heyoka`, its own calls alone |  |  | 2 |  |" in text

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from statistics import geometric_mean
 
 from matplotlib.figure import Figure
@@ -17,7 +17,8 @@ from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.campaign.progress import Observer
 from henon_ref.harness.figures.labels import label_column
 from henon_ref.harness.report.text.ranking import LEVELS, by_solver, reaching, readings_of, right
-from henon_ref.harness.rows import Row, RunRow, number
+from henon_ref.harness.result_files import csv_text
+from henon_ref.harness.rows import RunRow, number
 from henon_ref.harness.studies.page import rows_of, title
 from henon_ref.harness.studies.pairs import FIRST, SECOND, PairedTiming, PairRow, TimedPair, bound, pairs_of, time_pairs
 from henon_ref.harness.studies.price.measure import draw_line
@@ -84,44 +85,27 @@ def time_ladder_pairs(
     """Time the pairs on every reading that both solvers solve; return the rows, and sentences on failed timings."""
     by_reading = readings_of(rows)
     rivals = [solver for solver in by_solver(rows) if solver != FIRST]
-    timings = {
-        case.name: [
-            PairedTiming(case.name, reading.name, reading.problem, found, seconds, TIMEOUT, fewest=FEWEST)
-            for reading in case.readings
-            for rival in rivals
-            if (found := tuple(pairs_of(by_reading.get((case.name, reading.name), []), {rival: (rival,)}, LEVELS)))
-        ]
+    timings = [
+        PairedTiming(case.name, reading.name, reading.problem, found, seconds, TIMEOUT, fewest=FEWEST)
         for case in cases
-    }
+        for reading in case.readings
+        for rival in rivals
+        if (found := tuple(pairs_of(by_reading.get((case.name, reading.name), []), {rival: (rival,)}, LEVELS)))
+    ]
     return time_pairs(timings, options, observer)
 
 
-@dataclass(frozen=True)
-class SampleRow(Row):
-    """Raw samples of one solver of a pair."""
-
-    case: str
-    reading: str
-    against: str
-    digits: int | None
-    solver: str
-    rtol: float | None
-    step_s: float | None
-    samples_us: str
-    """Times in their order, separated by blanks [µs]."""
-
-
-def samples_of(found: Sequence[TimedPair]) -> list[SampleRow]:
-    """Raw samples of the pairs' ratios, two rows per pair."""
+def samples_text(found: Sequence[TimedPair]) -> str:
+    """Write the raw samples of the pairs' ratios as CSV: a row per solver, times [µs] in order, separated by blanks."""
     rows = []
     for row in found:
-        pair = (*row.problem, row.against, row.digits)
         for solver, rtol, step, samples in (
             (FIRST, row.rtol, None, row.samples_s),
             (row.rival, row.rival_rtol, row.rival_step_s, row.rival_samples_s),
         ):
-            rows.append(SampleRow(*pair, solver, rtol, step, " ".join(f"{1e6 * sample:.5g}" for sample in samples)))
-    return rows
+            times = " ".join(f"{1e6 * sample:.5g}" for sample in samples)
+            rows.append((*row.problem, row.against, row.digits, solver, rtol, step, times))
+    return csv_text(("case", "reading", "against", "digits", "solver", "rtol", "step_s", "samples_us"), rows)
 
 
 def mean_costs(found: Sequence[PairRow], digits: int) -> dict[str, float]:

@@ -29,12 +29,11 @@ from henon_ref.harness.studies.price.ladder import (
     COUNTS,
     FEWEST,
     TIMEOUT,
-    SampleRow,
     draw_ladder,
     own_times,
     rival_table,
     run_ladder,
-    samples_of,
+    samples_text,
     scatter,
     solvers,
     time_ladder_pairs,
@@ -123,7 +122,7 @@ def write_page(
     files = {file: rows_text(kind, parts[name]) for name, (file, kind, _) in PARTS.items()} | {
         "price.csv": rows_text(RunRow, rows),
         "pairs.csv": rows_text(PairRow, pairs),
-        "samples.csv": rows_text(SampleRow, samples_of(pairs)),
+        "samples.csv": samples_text(pairs),
         "operations.csv": rows_text(Work, [work]),
     }
     return write(folder, "price", context, files, figures)
