@@ -17,7 +17,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.baselines.paper.compiled import COMPILER
+from henon_ref.baselines.paper import COMPILER
 from henon_ref.baselines.paper.rk4_kernel import EVENT, NO_GUARD, NOT_FINITE, Floats, Kernel, crossed_guards, land
 from henon_ref.errors import UnsupportedError
 from henon_ref.jit.processor_time import Deadline, compiling

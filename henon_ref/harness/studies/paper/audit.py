@@ -15,8 +15,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.baselines.paper.listing import PRINTED_STEP
-from henon_ref.baselines.paper.listing_variants import DEFECTS, VariantRun, run_variant
+from henon_ref.baselines.paper.listing import DEFECTS, PRINTED_STEP, VariantRun, run_variant
 from henon_ref.figures import style
 from henon_ref.figures.motion import Motion, portrait
 from henon_ref.harness.result_files import rows_text
