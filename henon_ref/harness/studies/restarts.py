@@ -118,7 +118,7 @@ def run_restarts(request: StudyRequest) -> StudyResult:
     options = options_of(libraries)
     solvers: tuple[Any, ...] = (*ways, *(solver for *_, solver in options))
     changed = replace(request.options, solvers=solvers, timed=False, folder=request.folder)
-    every = [row for own in rows_of(cases, changed, request.observer).values() for row in own]
+    every = rows_of(cases, changed, request.observer)
     rows = [row for row in every if row.solver in ways]
     suite = merged(suite_rows(rows), earlier_rows(SuiteRow, request.folder / SUITE))
     tried = option_rows(options, every)

@@ -42,7 +42,7 @@ from henon_ref.harness.studies.price.ladder import (
     why_not,
 )
 from henon_ref.harness.studies.price.landings import Landed, crest_crossings, landing_table, landings
-from henon_ref.harness.studies.price.measure import fitted
+from henon_ref.harness.studies.price.measure import fitted, in_fresh_process
 from henon_ref.harness.studies.price.operations import BODIES, Body, Work, additions, count, work
 from henon_ref.harness.studies.price.page import write_page
 from henon_ref.jit.cache_folder import VARIABLE
@@ -269,10 +269,10 @@ def test_compiling_is_paid_for_after_so_many_runs() -> None:
 
 def test_getting_ready_is_measured_twice_in_new_processes(monkeypatch: pytest.MonkeyPatch) -> None:
     """With an empty folder of compiled code, and with what the first process has left there."""
-    seen: list[tuple[str, Path]] = []
+    seen: list[tuple[str, str]] = []
 
-    def measured(function: object, problem: Problem, solver: str, rtol: float) -> float:
-        seen.append((solver, Path(os.environ[VARIABLE])))
+    def measured(function: object, problem: Problem, solver: str, rtol: float, cache: str) -> float:
+        seen.append((solver, cache))
         return float(len(seen))
 
     monkeypatch.setattr(compiling, "in_fresh_process", measured)
@@ -284,6 +284,11 @@ def test_getting_ready_is_measured_twice_in_new_processes(monkeypatch: pytest.Mo
     assert [solver for solver, _ in seen] == ["henon", "henon", "heyoka", "heyoka"]
     places = [place for _, place in seen]
     assert places[0] == places[1] != places[2] == places[3]
+
+
+def test_a_fresh_process_keeps_its_compiled_code_in_its_own_folder(tmp_path: Path) -> None:
+    assert in_fresh_process(os.getenv, VARIABLE, cache=str(tmp_path)) == str(tmp_path)
+    assert os.getenv(VARIABLE) == in_fresh_process(os.getenv, VARIABLE) != str(tmp_path)
 
 
 @pytest.mark.slow  # daily: the one above, where nothing is compiled

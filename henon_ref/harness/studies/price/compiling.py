@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-import tempfile
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from tempfile import TemporaryDirectory
 
 from henon_ref.casefile.case import Case
 from henon_ref.harness import registry
@@ -15,7 +15,7 @@ from henon_ref.harness.rows import Row, number
 from henon_ref.harness.studies.page import title
 from henon_ref.harness.studies.pairs import FIRST, PairRow
 from henon_ref.harness.studies.price.ladder import TIMEOUT
-from henon_ref.harness.studies.price.measure import caches_in, in_fresh_process
+from henon_ref.harness.studies.price.measure import in_fresh_process
 from henon_ref.harness.table import Table, duration, significant
 from henon_ref.modes.problem import Problem
 from henon_ref.text import code
@@ -32,8 +32,6 @@ AGAINST = {
     "diffsol-bdf": ("scipy-radau",),
 }
 """Solvers that compile, and the solvers with which each is compared: quicker to prepare, slower to run."""
-WARM_RUNS = 3
-"""Number of runs after the first one; the shortest is the time of a run."""
 
 
 @dataclass(frozen=True)
@@ -71,19 +69,20 @@ def readiness(cases: Sequence[Case], pairs: Iterable[PairRow]) -> list[Ready]:
                 settings[(*row.problem, row.rival)] = number(row.rival_rtol), row.rival_wall_s
     found = []
     for (case, reading, solver), (rtol, wall) in settings.items():
-        with tempfile.TemporaryDirectory() as folder, caches_in(folder):
-            cold, kept = (in_fresh_process(getting_ready, problems[case, reading], solver, rtol) for _ in range(2))
+        with TemporaryDirectory() as folder:
+            given = problems[case, reading], solver, rtol
+            cold, kept = (in_fresh_process(getting_ready, *given, cache=folder) for _ in range(2))
         found.append(Ready(case, reading, solver, rtol, wall, cold, kept))
     return found
 
 
 def getting_ready(problem: Problem, solver: str, rtol: float) -> float:
-    """Time to the end of the first run, minus the time of a later run [s]."""
+    """Time to the end of the first run, minus the shortest time of three later runs [s]."""
     began = time.perf_counter()
     run = registry.solver(solver).prepare(problem, rtol=rtol, atol=rtol, deadline=TIMEOUT)
     run()
     first = time.perf_counter() - began
-    return first - min(timed(run) for _ in range(WARM_RUNS))
+    return first - min(timed(run) for _ in range(3))
 
 
 def ready_table(found: Sequence[Ready]) -> Table:

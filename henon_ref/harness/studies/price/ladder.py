@@ -48,13 +48,9 @@ COUNTS = {
 
 
 def solvers(chosen: Sequence[str] = ()) -> tuple[str, ...]:
-    """Names of the ladder's solvers. Solvers with a fixed step use the steps of the case.
+    """Names of the ladder's solvers: the reference and ``chosen``, or the default solvers and :data:`WHEN_NAMED`.
 
-    Parameters
-    ----------
-    chosen : sequence of str
-        Requested solvers; the reference is added. Empty: the default solvers and :data:`WHEN_NAMED`. ``all`` includes
-        the installed peers.
+    ``all`` includes the installed peers. Solvers with a fixed step use the steps of the case.
 
     Raises
     ------
@@ -76,7 +72,7 @@ def run_ladder(cases: Sequence[Case], options: Options, observer: Observer) -> l
     """
     changed = replace(options, tolerances=LADDER, timeout=TIMEOUT)
     open_to_all = [replace(case, readings=tuple(r for r in case.readings if r.solvers is None)) for case in cases]
-    return [row for own in rows_of(open_to_all, changed, observer).values() for row in own]
+    return rows_of(open_to_all, changed, observer)
 
 
 def time_ladder_pairs(

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
-from typing import Any, ParamSpec, TypeVar
+from multiprocessing import get_context
+from typing import Any, TypeVar
 
 import numpy as np
 import sympy as sp
@@ -20,7 +19,6 @@ from henon_ref.jit.cache_folder import VARIABLE
 from henon_ref.modes.problem import Problem
 from henon_ref.simulation.system import System
 
-P = ParamSpec("P")
 T = TypeVar("T")
 
 
@@ -30,22 +28,18 @@ def problem_of(system: System, initial: Mapping[str, float | str], until: float 
     return Problem(system.model, sp.Integer(0), start, system.number(until))
 
 
-def in_fresh_process(function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
-    """Call a function in a new interpreter, in which nothing has been imported or compiled before."""
-    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
-        return pool.submit(function, *args, **kwargs).result()
+def in_fresh_process(function: Callable[..., T], *args: Any, cache: str | None = None) -> T:
+    """Call a function in a new interpreter, in which nothing has been imported or compiled before.
+
+    ``cache`` is the folder of its compiled code, by default that of this process.
+    """
+    with ProcessPoolExecutor(1, get_context("spawn"), _keep_code_in, (cache,)) as pool:
+        return pool.submit(function, *args).result()
 
 
-@contextmanager
-def caches_in(folder: str) -> Iterator[None]:
-    """Let processes that are started inside keep compiled code in ``folder``."""
-    before = os.environ.get(VARIABLE)
-    os.environ[VARIABLE] = folder
-    try:
-        yield
-    finally:
-        del os.environ[VARIABLE]
-        os.environ.update({} if before is None else {VARIABLE: before})
+def _keep_code_in(folder: str | None) -> None:
+    if folder is not None:
+        os.environ[VARIABLE] = folder
 
 
 def fitted(rows: Sequence[Any], solver: str, x: str, y: str, since: float) -> str:

@@ -40,7 +40,7 @@ from henon_ref.harness.studies.price.ladder import (
     whole_table,
 )
 from henon_ref.harness.studies.price.landings import Landed, crest_crossings, landing_table, landings
-from henon_ref.harness.studies.price.measure import caches_in, in_fresh_process
+from henon_ref.harness.studies.price.measure import in_fresh_process
 from henon_ref.harness.studies.price.operations import Step, Work, effect_costs, effect_table, work
 from henon_ref.harness.studies.study import StudyRequest, StudyResult
 from henon_ref.harness.table import Table, duration
@@ -64,8 +64,8 @@ def run_price(request: StudyRequest) -> StudyResult:
     rows = run_ladder(request.cases, options, request.observer)
     timed, failed = time_ladder_pairs(request.cases, rows, options, request.observer)
     # The measurements below run one at a time, in this process or a new one, with no worker busy.
-    with TemporaryDirectory() as empty, caches_in(empty):
-        chains = in_fresh_process(sizes)
+    with TemporaryDirectory() as empty:
+        chains = in_fresh_process(sizes, cache=empty)
     problem = shipped_problem("fig8", "listing_limit")
     done = work(problem)
     parts: dict[str, Sequence[Row]] = {
