@@ -14,15 +14,15 @@ from matplotlib.figure import Figure
 from ruamel.yaml import YAML
 
 from henon_ref.harness.studies.page import write
-from henon_ref.harness.studies.paper import audit, fig8, section3, section5, tangents
+from henon_ref.harness.studies.paper import audit, equations, fig8, section3, section5
 from henon_ref.harness.studies.paper.systems import Findings
 from henon_ref.harness.studies.study import StudyRequest, StudyResult
 from henon_ref.harness.table import Table
 
 SECTIONS: Mapping[str, Callable[[], Findings]] = {
-    "section_2": tangents.section_2,
+    "section_2": equations.section_2,
     "section_3": section3.section,
-    "section_4": tangents.section_4,
+    "section_4": equations.section_4,
     "fig_8": fig8.section,
     "section_5": section5.section,
     "appendix": audit.section,
