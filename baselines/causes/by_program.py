@@ -9,7 +9,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from henon_ref.baselines.causes.base import PROGRAMS, ClaimError, Printed, cause, holds, printed
-from henon_ref.baselines.programs.cvode_c import LIBRARIES, tools
+from henon_ref.baselines.programs.cvode_c import compile_program
 from henon_ref.baselines.programs.interpreted import ENVIRONMENT, OCTAVE, siconos_python
 from henon_ref.errors import UnavailableError
 
@@ -20,15 +20,14 @@ siconos = partial(cause, "siconos", docs="https://nonsmooth.gricad-pages.univ-gr
 @cache
 def printed_from_c() -> Printed:
     """Return the output of ``cvode_events.c``: flag, time, state and steps of each run."""
-    try:
-        compiler, include = tools()
-    except UnavailableError as error:
-        raise ClaimError(str(error)) from error
+    source = PROGRAMS / "cvode_events.c"
     with TemporaryDirectory() as folder:
-        libraries = [f"-L{include.parent / 'lib'}", *(f"-l{name}" for name in LIBRARIES)]
-        source, program = PROGRAMS / "cvode_events.c", str(Path(folder) / "program")
-        printed([compiler, "-O2", f"-I{include}", str(source), "-o", program, *libraries])
-        return printed([program])
+        program = Path(folder, "cvode_events")
+        try:
+            compile_program({source.name: source.read_text(encoding="utf-8")}, program)
+        except UnavailableError as error:
+            raise ClaimError(str(error)) from error
+        return printed([str(program)])
 
 
 @cache
