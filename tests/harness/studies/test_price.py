@@ -27,14 +27,16 @@ from henon_ref.harness.result_files import read_rows
 from henon_ref.harness.rows import RunRow
 from henon_ref.harness.studies.page import shipped_problem
 from henon_ref.harness.studies.pairs import PairRow, TimedPair
-from henon_ref.harness.studies.price import compiling
+from henon_ref.harness.studies.price import ladder
 from henon_ref.harness.studies.price.chains import ManyContacts, Size, contact_table, many_contacts, sizes
-from henon_ref.harness.studies.price.compiling import Ready, readiness, ready_table
 from henon_ref.harness.studies.price.growth import STICKS, Horizon, horizons
 from henon_ref.harness.studies.price.ladder import (
     ALONE,
     WHEN_NAMED,
+    Ready,
     mean_costs,
+    readiness,
+    ready_table,
     rival_table,
     samples_text,
     solvers,
@@ -275,7 +277,7 @@ def test_getting_ready_is_measured_twice_in_new_processes(monkeypatch: pytest.Mo
         seen.append((solver, cache))
         return float(len(seen))
 
-    monkeypatch.setattr(compiling, "in_fresh_process", measured)
+    monkeypatch.setattr(ladder, "in_fresh_process", measured)
     own = [pair("heyoka", 0.1, 9, case="free_coulomb"), pair("scipy-rk45", 0.1, 9, case="free_coulomb")]
     first, other = readiness([load_case(CASES / "free_coulomb.yaml")], own)
     assert [(ready.solver, ready.rtol, ready.cold_s, ready.kept_s) for ready in (first, other)] == [

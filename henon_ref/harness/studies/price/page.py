@@ -23,14 +23,16 @@ from henon_ref.harness.studies.price.chains import (
     size_table,
     sizes,
 )
-from henon_ref.harness.studies.price.compiling import Ready, readiness, ready_table
 from henon_ref.harness.studies.price.growth import Horizon, draw_growth, growth_table, horizons
 from henon_ref.harness.studies.price.ladder import (
     COUNTS,
     FEWEST,
     TIMEOUT,
+    Ready,
     draw_ladder,
     own_times,
+    readiness,
+    ready_table,
     rival_table,
     run_ladder,
     samples_text,
