@@ -121,10 +121,7 @@ def run_restarts(request: StudyRequest) -> StudyResult:
     every = rows_of(cases, changed, request.observer)
     rows = [row for row in every if row.solver in ways]
     suite = merged(suite_rows(rows), earlier_rows(SuiteRow, request.folder / SUITE))
-    tried = option_rows(options, every)
-    ran = {row.solver for row in tried}
-    tried += [row for row in earlier_rows(OptionRow, request.folder / OPTIONS) if row.solver not in ran]
-    tried = by_library(tried)
+    tried = merged(option_rows(options, every), earlier_rows(OptionRow, request.folder / OPTIONS))
     context = {
         "runs": f"{sum(row.runs for row in suite)}",
         "cases": len({row.case for row in suite}),
@@ -193,22 +190,21 @@ def ending(row: RunRow) -> Ending:
     return "ended_early" if row.status in EARLY else "wrong"
 
 
-def merged(fresh: Sequence[SuiteRow], earlier: Sequence[SuiteRow]) -> list[SuiteRow]:
+def merged(fresh: Sequence[LibraryRow], earlier: Sequence[LibraryRow]) -> list[LibraryRow]:
     """Fresh rows, and earlier rows of cases and libraries without fresh ones, sorted by case and library."""
-    present = {(row.case, row.solver) for row in fresh}
-    rows = [*fresh, *(row for row in earlier if (row.case, row.solver) not in present)]
-    return sorted(by_library(rows), key=lambda row: row.case)
+
+    def key(row: LibraryRow) -> tuple[str, str]:
+        return getattr(row, "case", ""), row.solver  # the row of an option is for all cases
+
+    present = set(map(key, fresh))
+    rows = [*fresh, *(row for row in earlier if key(row) not in present)]
+    libraries = libraries_of(rows)
+    return sorted(rows, key=lambda row: (key(row)[0], libraries.index(row.solver)))
 
 
 def libraries_of(rows: Iterable[SuiteRow | OptionRow]) -> list[str]:
     """Libraries of the rows, in the registry's order."""
     return registry.in_order(row.solver for row in rows)
-
-
-def by_library(rows: Sequence[LibraryRow]) -> list[LibraryRow]:
-    """Rows in the registry's order of their libraries."""
-    libraries = libraries_of(rows)
-    return sorted(rows, key=lambda row: libraries.index(row.solver))
 
 
 def merits(rows: Sequence[SuiteRow], library: str) -> dict[str, Merit]:
