@@ -14,47 +14,19 @@ from henon_ref.harness.result_files import rows_text
 from henon_ref.harness.rows import Row, RunRow
 from henon_ref.harness.studies.page import shipped_problem, title, write
 from henon_ref.harness.studies.pairs import PairRow, TimedPair, own_words
-from henon_ref.harness.studies.price.chains import (
-    ManyContacts,
-    Size,
-    contact_table,
-    draw_sizes,
-    many_contacts,
-    size_table,
-    sizes,
-)
-from henon_ref.harness.studies.price.growth import Horizon, draw_growth, growth_table, horizons
-from henon_ref.harness.studies.price.ladder import (
-    COUNTS,
-    FEWEST,
-    TIMEOUT,
-    Ready,
-    draw_ladder,
-    own_times,
-    readiness,
-    ready_table,
-    rival_table,
-    run_ladder,
-    samples_text,
-    scatter,
-    solvers,
-    time_ladder_pairs,
-    whole_table,
-)
-from henon_ref.harness.studies.price.landings import Landed, crest_crossings, landing_table, landings
+from henon_ref.harness.studies.price import chains, growth, ladder, landings, operations
 from henon_ref.harness.studies.price.measure import in_fresh_process
-from henon_ref.harness.studies.price.operations import Step, Work, effect_costs, effect_table, work
 from henon_ref.harness.studies.study import StudyRequest, StudyResult
 from henon_ref.harness.table import Table, duration
 from henon_ref.text import markdown
 
 PARTS: Mapping[str, tuple[str, type[Row], Callable[[Any], Table]]] = {
-    "ready": ("compiling.csv", Ready, ready_table),
-    "landings": ("landings.csv", Landed, landing_table),
-    "effects": ("effects.csv", Step, effect_table),
-    "growth": ("horizons.csv", Horizon, growth_table),
-    "sizes": ("states.csv", Size, size_table),
-    "contacts": ("contacts.csv", ManyContacts, contact_table),
+    "ready": ("compiling.csv", ladder.Ready, ladder.ready_table),
+    "landings": ("landings.csv", landings.Landed, landings.landing_table),
+    "effects": ("effects.csv", operations.Step, operations.effect_table),
+    "growth": ("horizons.csv", growth.Horizon, growth.growth_table),
+    "sizes": ("states.csv", chains.Size, chains.size_table),
+    "contacts": ("contacts.csv", chains.ManyContacts, chains.contact_table),
 }
 """File, type of the rows, and table of each measurement."""
 
@@ -62,21 +34,21 @@ PARTS: Mapping[str, tuple[str, type[Row], Callable[[Any], Table]]] = {
 def run_price(request: StudyRequest) -> StudyResult:
     """Measure everything and write the page; the ladder includes the peers if ``all`` is among the solvers."""
     named = request.options.solvers or ()
-    options = replace(request.options, solvers=solvers([str(name) for name in named]), folder=request.folder)
-    rows = run_ladder(request.cases, options, request.observer)
-    timed, failed = time_ladder_pairs(request.cases, rows, options, request.observer)
+    options = replace(request.options, solvers=ladder.solvers([str(name) for name in named]), folder=request.folder)
+    rows = ladder.run_ladder(request.cases, options, request.observer)
+    timed, failed = ladder.time_ladder_pairs(request.cases, rows, options, request.observer)
     # The measurements below run one at a time, in this process or a new one, with no worker busy.
     with TemporaryDirectory() as empty:
-        chains = in_fresh_process(sizes, cache=empty)
+        sizes = in_fresh_process(chains.sizes, cache=empty)
     problem = shipped_problem("fig8", "listing_limit")
-    done = work(problem)
+    done = operations.work(problem)
     parts: dict[str, Sequence[Row]] = {
-        "ready": readiness(request.cases, timed),
-        "landings": [*landings(request.cases), *crest_crossings()],
-        "effects": effect_costs(),
-        "growth": horizons(problem),
-        "sizes": chains,
-        "contacts": [many_contacts(blocks) for blocks in (4, 8, 16, 64)],
+        "ready": ladder.readiness(request.cases, timed),
+        "landings": [*landings.landings(request.cases), *landings.crest_crossings()],
+        "effects": operations.effect_costs(),
+        "growth": growth.horizons(problem),
+        "sizes": sizes,
+        "contacts": [chains.many_contacts(blocks) for blocks in (4, 8, 16, 64)],
     }
     return StudyResult(write_page(request.folder, request.origin, rows, timed, failed, done, parts))
 
@@ -87,7 +59,7 @@ def write_page(
     rows: Sequence[RunRow],
     pairs: Sequence[TimedPair],
     failed: Sequence[str],
-    work: Work,
+    work: operations.Work,
     parts: Mapping[str, Sequence[Any]],
 ) -> Path:
     """Write rows, figures and page.
@@ -100,17 +72,18 @@ def write_page(
     OSError
         If the folder cannot be written.
     """
-    sections, figures = [], {"growth.svg": draw_growth(parts["growth"]), "states.svg": draw_sizes(parts["sizes"])}
+    sections = []
+    figures = {"growth.svg": growth.draw_growth(parts["growth"]), "states.svg": chains.draw_sizes(parts["sizes"])}
     for (case, reading), own in readings_of(rows).items():
-        shown = [(words, f"{case}_{reading}_{count}.svg") for count, words in COUNTS.items()]
-        figures |= {file: draw_ladder(own, count) for count, (_, file) in zip(COUNTS, shown, strict=True)}
-        sections.append({"title": title(case, reading), "figures": shown, "scatter": scatter(own)})
+        shown = [(words, f"{case}_{reading}_{count}.svg") for count, words in ladder.COUNTS.items()]
+        figures |= {file: ladder.draw_ladder(own, count) for count, (_, file) in zip(ladder.COUNTS, shown, strict=True)}
+        sections.append({"title": title(case, reading), "figures": shown, "scatter": ladder.scatter(own)})
     context = {name: table(parts[name]).markdown for name, (_, _, table) in PARTS.items()} | {
-        "whole": whole_table(rows, pairs).markdown,
-        "rivals": rival_table(pairs).markdown,
-        "own_times": own_times(pairs),
-        "deadline": f"{TIMEOUT:g}",
-        "fewest": FEWEST,
+        "whole": ladder.whole_table(rows, pairs).markdown,
+        "rivals": ladder.rival_table(pairs).markdown,
+        "own_times": ladder.own_times(pairs),
+        "deadline": f"{ladder.TIMEOUT:g}",
+        "fewest": ladder.FEWEST,
         "own": own_words(pairs),
         "failed": [markdown(words) for words in failed],
         "sections": sections,
@@ -124,7 +97,7 @@ def write_page(
     files = {file: rows_text(kind, parts[name]) for name, (file, kind, _) in PARTS.items()} | {
         "price.csv": rows_text(RunRow, rows),
         "pairs.csv": rows_text(PairRow, pairs),
-        "samples.csv": samples_text(pairs),
-        "operations.csv": rows_text(Work, [work]),
+        "samples.csv": ladder.samples_text(pairs),
+        "operations.csv": rows_text(operations.Work, [work]),
     }
     return write(folder, "price", context, files, figures)
