@@ -14,10 +14,10 @@ from henon_ref.casefile.case import Case
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.truth_job import stored_statement
 from henon_ref.harness.report.folder import RUNS
-from henon_ref.harness.report.text.ranking import LEVELS, grouped
 from henon_ref.harness.result_files import earlier_rows, rows_text
 from henon_ref.harness.rows import NOT_RUN, Row, RunRow
 from henon_ref.harness.score.errors import EARLY
+from henon_ref.harness.score.ranking import LEVELS, grouped
 from henon_ref.harness.studies.page import report_link, rows_of, write
 from henon_ref.harness.studies.study import StudyRequest, StudyResult
 from henon_ref.harness.table import Table, duration
@@ -79,7 +79,7 @@ class OptionRow(Row):
     digits_with: float
 
 
-LibraryRow = TypeVar("LibraryRow", SuiteRow, OptionRow)
+LibraryRow = TypeVar("LibraryRow", bound=SuiteRow | OptionRow)
 
 
 @dataclass(frozen=True)
@@ -193,7 +193,7 @@ def ending(row: RunRow) -> Ending:
 def merged(fresh: Sequence[LibraryRow], earlier: Sequence[LibraryRow]) -> list[LibraryRow]:
     """Fresh rows, and earlier rows of cases and libraries without fresh ones, sorted by case and library."""
 
-    def key(row: LibraryRow) -> tuple[str, str]:
+    def key(row: SuiteRow | OptionRow) -> tuple[str, str]:
         return getattr(row, "case", ""), row.solver  # the row of an option is for all cases
 
     present = set(map(key, fresh))
