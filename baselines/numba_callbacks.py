@@ -14,7 +14,7 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.errors import UnavailableError
-from henon_ref.jit.target import target
+from henon_ref.jit.native_module import target
 from henon_ref.modes.callables import Jacobian, ScalarPrinter, interpreted, with_rounded_constants
 from henon_ref.taylor.tape import TIME
 
@@ -25,7 +25,7 @@ Fill = Callable[[float, Any, Any], None]
 
 
 def njit(function: Callable[..., Any]) -> Any:
-    """Compile a function by numba, for the same processor as the reference's modes (:mod:`henon_ref.jit.target`).
+    """Compile a function by numba, for the same processor as the reference's modes (see ``target``).
 
     A division by zero gives infinity or NaN (numba's ``numpy`` error model).
 

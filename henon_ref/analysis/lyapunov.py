@@ -21,11 +21,11 @@ from numpy.typing import NDArray
 from henon_ref.analysis.tangent_frame import LOCAL_ERROR, TangentFrame
 from henon_ref.analysis.variational import TangentFlow, fundamental_matrix
 from henon_ref.errors import ArgumentError
-from henon_ref.integrator.prepared_run import local_error
+from henon_ref.integrator.integrator import local_error
 from henon_ref.modes.problem import Problem
 from henon_ref.simulation.arguments import problem_of, tolerance_of
 from henon_ref.simulation.system import System
-from henon_ref.system.python_values import written
+from henon_ref.system.tree import written
 from henon_ref.trajectory import Status
 
 BATCHES = 10

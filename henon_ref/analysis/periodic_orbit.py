@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from henon_ref.enclosure.periodic_orbit import PeriodicOrbit, find_periodic_orbit
 from henon_ref.enclosure.return_map import Guess, OrbitError
 from henon_ref.errors import ArgumentError
-from henon_ref.integrator.prepared_run import prepared_run
+from henon_ref.integrator.run import prepared_run
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.simulation.arguments import problem_of, tolerance_of

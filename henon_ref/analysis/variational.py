@@ -31,8 +31,7 @@ from numpy.typing import NDArray
 from henon_ref.analysis.saltation import Matrix, Saltation, TangentSpace, rank_lost
 from henon_ref.errors import UnsupportedError
 from henon_ref.expressions.bounds import double_double
-from henon_ref.integrator.integrator import Integrator
-from henon_ref.integrator.prepared_run import order_for
+from henon_ref.integrator.integrator import Integrator, order_for
 from henon_ref.integrator.records import HENON
 from henon_ref.integrator.run import Run
 from henon_ref.modes.equations import ModeEquations

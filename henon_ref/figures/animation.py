@@ -16,8 +16,7 @@ from henon_ref.figures import style
 from henon_ref.figures.motion import Motion
 from henon_ref.figures.scene import HALF, blank, draw_body, draw_symbol, lines_of, places_of
 from henon_ref.modes.system import FilippovSystem
-from henon_ref.system.assembly import Scene
-from henon_ref.system.bodies import Body
+from henon_ref.system.assembly import Body, Scene
 from henon_ref.taylor.tape import TIME
 
 Vector = NDArray[np.float64]
@@ -57,7 +56,7 @@ def animated(axes: Axes, scene: Scene, system: FilippovSystem, motion: Motion, f
         }
         held = {sign.name for sign, entry in zip(system.signs, motion.modes[frame], strict=False) if entry == 0}
         for connection, ends, shift in lines_of(scene, at):
-            sticks = bool(held & {surface.sign.name for surface in connection.surfaces})
+            sticks = bool(held & {sign.name for sign in connection.surfaces})
             own = {"lw": 2.6} if sticks else {"color": style.GREY} if connection.kind == "friction" else {}
             draw_symbol(axes, connection, ends, shift, elastic=connection.kind == "spring", **own)
         for body in scene.bodies.values():

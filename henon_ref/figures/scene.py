@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.figures import style
-from henon_ref.system.assembly import Connection, Scene
-from henon_ref.system.bodies import Body
+from henon_ref.system.assembly import Body, Connection, Scene
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -200,7 +199,7 @@ def _dense(corners: Place) -> Place:
 
 def _texts(connection: Connection) -> list[str]:
     """Return a connection's kind and name on one line, and on two lines, which is narrower."""
-    signs = [surface.sign.name for surface in connection.surfaces]
+    signs = [sign.name for sign in connection.surfaces]
     words = [connection.kind, *(signs or ([connection.name] if connection.name else []))]
     return [" ".join(words), "\n".join(words)]
 

@@ -10,8 +10,7 @@ from threading import Lock
 from typing import Any
 
 from henon_ref.errors import ArgumentError
-from henon_ref.integrator.integrator import Integrator
-from henon_ref.integrator.prepared_run import local_error, order_for
+from henon_ref.integrator.integrator import Integrator, local_error, order_for
 from henon_ref.integrator.records import HENON
 from henon_ref.integrator.start import MOST_STEPS, NO_LIMIT, Start
 from henon_ref.integrator.transition_array import shown

@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 
 from henon_ref.expressions.algebra import signed_form
 from henon_ref.expressions.evaluation import parse_expression
-from henon_ref.integrator.integrator import Integrator
+from henon_ref.integrator.integrator import Integrator, local_error
 from henon_ref.integrator.pairs import decimal_pairs
 from henon_ref.integrator.points import NOTHING, Keep
-from henon_ref.integrator.prepared_run import local_error
 from henon_ref.integrator.records import transition_dtype
 from henon_ref.integrator.start import MOST_STEPS
 from henon_ref.modes.kinks import HiddenKinks
@@ -25,7 +24,7 @@ from henon_ref.simulation.launch import integrator_of
 from henon_ref.simulation.quick_start import Number, following
 from henon_ref.simulation.system import System
 from henon_ref.sweeps.table_files import Columns, Vector
-from henon_ref.system.python_values import as_given, python_number
+from henon_ref.system.tree import as_given, python_number
 from henon_ref.text import listed
 
 NO_KINKS = frozenset[int]()

@@ -18,8 +18,7 @@ from henon_ref.figures.time_series import draw_modes
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.run_jobs import sample_times
 from henon_ref.harness.campaign.truth_job import statement_of
-from henon_ref.harness.figures.cost import draw_cost
-from henon_ref.harness.figures.errors import draw_errors, running_maximum
+from henon_ref.harness.figures import draw_cost, draw_errors, running_maximum
 from henon_ref.harness.rows import RunRow, TransitionRow
 from henon_ref.harness.score.reference import Expected
 from henon_ref.taylor.tape import TIME
