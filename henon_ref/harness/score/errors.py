@@ -21,8 +21,6 @@ from henon_ref.trajectory import Event, Status, Trajectory
 
 EARLY = ("diverged", "nonunique", "invalid")
 """Statuses with which a run may correctly end before the horizon."""
-CROWD_FRACTION = 1e-6
-"""Part of the run before the end in which accumulating transitions may be left out."""
 END_FRACTION = 1e-3
 """Largest distance of a correct early end from the truth's end, as a part of the run."""
 
@@ -135,8 +133,8 @@ def _last_scored(expected: Expected) -> float:
 def _end_slack(expected: Expected, tolerance: float | None) -> float:
     """Time before the end [s] in which transitions of a run at this tolerance are not counted against it."""
     fraction = FIXED_STEP_TOLERANCE if tolerance is None else tolerance
-    if expected.status == "failed":
-        fraction = max(fraction, CROWD_FRACTION)
+    if expected.status == "failed":  # transitions that accumulate at the end may be left out
+        fraction = max(fraction, 1e-6)
     return fraction * (expected.until - expected.start)
 
 

@@ -16,12 +16,6 @@ from henon_ref.trajectory import Status
 
 LOST = 0.5
 """Digits of time accuracy that a row may lose."""
-_RANKS = {
-    **dict.fromkeys(("ok", "wrong", "diverged", "nonunique", "invalid"), 1),
-    **dict.fromkeys(("timeout", "failed"), 2),
-    **dict.fromkeys(NOT_RUN, 3),
-}
-"""Rank of rows that are not right, by status: another result, no result, not run. Right rows have rank 0."""
 STATUSES: tuple[str, ...] = get_args(Status)
 
 
@@ -184,7 +178,10 @@ def _change(before: RunRow, now: RunRow) -> str:
 
 
 def _rank(row: RunRow) -> int:
-    return 0 if row.verdict == "right" or (row.verdict is None and row.status == "ok") else _RANKS[row.status]
+    """Rank a row: right, another result, no result, not run."""
+    if row.verdict == "right" or (row.verdict is None and row.status == "ok"):
+        return 0
+    return 3 if row.status in NOT_RUN else 2 if row.status in ("timeout", "failed") else 1
 
 
 def _floor(row: RunRow) -> float:

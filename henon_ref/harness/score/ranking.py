@@ -15,8 +15,6 @@ from henon_ref.harness.table import Table, digits, duration, significant
 
 LEVELS = (3, 6, 9, 12)
 """Numbers of digits for which prices are given."""
-AS_GOOD = 0.3
-"""Largest difference of two runs that count as equally accurate [digits], a factor of two."""
 R = TypeVar("R")
 K = TypeVar("K", bound=Hashable)
 AnyRun = TypeVar("AnyRun", bound=RunRow)
@@ -59,7 +57,8 @@ def cheapest(rows: Sequence[RunRow], digits: int) -> tuple[RunRow | None, RunRow
 def most_accurate(rows: Sequence[AnyRun]) -> AnyRun | None:
     """Return the row with the most digits; among equally accurate rows the cheapest."""
     most = max((row.digits or 0.0 for row in rows), default=0.0)
-    return min((row for row in rows if (row.digits or 0.0) >= most - AS_GOOD), key=_price, default=None)
+    as_good = [row for row in rows if (row.digits or 0.0) >= most - 0.3]  # 0.3 digits are a factor of two
+    return min(as_good, key=_price, default=None)
 
 
 def best_of(rows: Sequence[RunRow]) -> RunRow:

@@ -25,12 +25,8 @@ from henon_ref.harness.score.matching import Matching
 from henon_ref.harness.score.reference import Expected, ReferenceTransition
 from henon_ref.trajectory import Trajectory, Transition
 
-Word = Literal["right", "solver defect", "ill-conditioned", "not unique", "not judged"]
-
 FIXED_STEP_TOLERANCE = 1e-12
 """Tolerance that is assumed for a run without tolerances."""
-END_TOLERANCES = 200.0
-"""Growth of a run's error up to its end, in tolerances (as measured for BDF at 1e-12)."""
 PARABOLA_PART = 0.25
 """Part of the distance to its neighbour by which a transition has to move for the pair to vanish (a parabola)."""
 
@@ -39,7 +35,7 @@ PARABOLA_PART = 0.25
 class Verdict:
     """A verdict with its reason."""
 
-    word: Word
+    word: Literal["right", "solver defect", "ill-conditioned", "not unique", "not judged"]
     basis: str = ""
     """Reason in one phrase; empty for ``right``."""
 
@@ -68,7 +64,8 @@ def verdict(expected: Expected, matching: Matching, run: Trajectory, *, toleranc
     if run.status == "timeout" and (where is None or (where > ended and not invented)):
         return Verdict("not judged", f"right up to t = {ended:.9g} s, where the time limit stopped it")
     if where is None:
-        allowed_time = math.sqrt(END_TOLERANCES * allowed / expected.scale) * (expected.until - expected.start)
+        # The error of a run grows up to its end: to 200 tolerances, as measured for BDF at 1e-12.
+        allowed_time = math.sqrt(200.0 * allowed / expected.scale) * (expected.until - expected.start)
         if run.status == expected.status == "failed" and abs(ended - expected.end_time) <= allowed_time:
             basis = f"an error of its tolerances moves an end like that by {allowed_time:.1e} s: t = {ended:.9g} s"
             return Verdict("ill-conditioned", basis)
