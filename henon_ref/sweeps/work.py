@@ -232,7 +232,7 @@ class Runs:
     @cached_property
     def run(self) -> NDArray[np.int64]:
         """Run of each transition, shape (R,)."""
-        return self.records["point"].astype(np.int64)
+        return self.records["point"].astype(np.int64) if self._records else np.zeros(0, dtype=np.int64)
 
     @cached_property
     def modes(self) -> tuple[Mode, ...]:
