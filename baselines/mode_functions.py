@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from henon_ref.baselines.surface_functions import is_linear, landing, normal_velocity, of_few, slopes_of
 from henon_ref.errors import UnavailableError
-from henon_ref.jit.target import target
+from henon_ref.jit.native_module import target
 from henon_ref.modes.callables import (
     ARITHMETIC,
     Jacobian,
@@ -284,7 +284,7 @@ class ModeFunctions:
 
 
 def njit(function: Callable[..., Any]) -> Any:
-    """Compile a function by numba, for the same processor as the reference's modes (:mod:`henon_ref.jit.target`).
+    """Compile a function by numba, for the same processor as the reference's modes (see ``target``).
 
     A division by zero gives infinity or NaN (numba's ``numpy`` error model).
 

@@ -19,15 +19,12 @@ from henon_ref.baselines.restart import Fresh
 from henon_ref.baselines.surface_functions import projected, surface
 from henon_ref.jit.processor_time import compiling
 from henon_ref.modes.after_jump import after_jump, without_speed
-from henon_ref.modes.arithmetic import CLEAR
 from henon_ref.modes.callables import ARITHMETIC, Scalar, scalar
-from henon_ref.modes.consistency import stays
-from henon_ref.modes.decision import Decision
 from henon_ref.modes.equations import Guard
-from henon_ref.modes.mode import Mode, replaced
-from henon_ref.modes.mode_evaluation import ModeEvaluation, in_doubles
+from henon_ref.modes.mode import CLEAR, Mode, replaced, sign_after
+from henon_ref.modes.mode_evaluation import ModeEvaluation, TapePoint, in_doubles
 from henon_ref.modes.resets import REMAINING, impact_of, resetting
-from henon_ref.modes.selection import after_event, mode_by_signs, sign_after
+from henon_ref.modes.selection import after_event, stays
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.trajectory import Status
 
@@ -261,13 +258,8 @@ class ModeTable:
     def sign(self, value: float) -> int:
         return (value > 0.0) - (value < 0.0)
 
-    def decide(self, t: float, x: Sequence[float], surfaces: Sequence[int], valid: Sequence[int]) -> Decision:
-        """Select the mode at a point from the signs of the surfaces and of the ``valid`` expressions."""
-        return mode_by_signs(self.in_doubles.at(t, x), surfaces, valid, where="after the reset")
-
-    def text(self, t: float) -> str:
-        """Format a time for messages."""
-        return f"{t:.17g}"
+    def at(self, t: float, x: Sequence[float]) -> TapePoint:
+        return self.in_doubles.at(t, x)
 
     def fresh_at(self, entry: ModeEntry, t: float, x: Sequence[float], involved: Sequence[int]) -> tuple[Fresh, ...]:
         """Guards of a mode that start at zero: those of the ``involved`` surfaces, and others within rounding."""

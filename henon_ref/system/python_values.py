@@ -18,7 +18,7 @@ import sympy as sp
 from henon_ref.errors import ArgumentError, HenonRefError
 from henon_ref.expressions.evaluation import Written
 from henon_ref.expressions.grammar import LONGEST_WHOLE, MAX_DIGITS, MAX_LENGTH, MAX_STATES, MOST_STATES
-from henon_ref.expressions.operations import Work
+from henon_ref.expressions.operations import Work, spelled_out
 from henon_ref.expressions.traversal import size
 from henon_ref.system.source import Source
 from henon_ref.system.tree import MappingNode, Node, Place, ScalarNode, SequenceNode, child
@@ -69,8 +69,6 @@ def written(value: object, what: str) -> str:
     if isinstance(value, str):
         return str(value)
     if isinstance(value, sp.Expr):
-        from henon_ref.expressions.sympy_form import spelled_out  # for files and messages
-
         return spelled_out(value)
     if isinstance(value, bool):
         raise ArgumentError(f"{what} is {value}; {_OTHER}")

@@ -38,7 +38,7 @@ class ScalarNode:
         """Text as written; for a SymPy expression, its text as in a case file."""
         if isinstance(self.given, str):
             return self.given
-        from henon_ref.expressions.sympy_form import spelled_out  # not needed for files
+        from henon_ref.expressions.operations import spelled_out  # not needed for files
 
         return spelled_out(self.given)
 
