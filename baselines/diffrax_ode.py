@@ -156,10 +156,10 @@ def _solve(method: str, either: bool, source: ModeSource) -> Any:
         values = jnp.where(t <= quiet, 1.0, signs * (guards(t, x, numbers) + lifts))
         return jnp.append(values, LIMIT - jnp.sum(jnp.abs(x[:states])))
 
-    def least(t: Any, x: Any, args: Any, **_: Any) -> Any:
+    def least(t: Any, y: Any, args: Any, **_: Any) -> Any:  # diffrax passes these by name
         # Bisection stops only when the condition, too, is below the absolute tolerance, which is chosen for the time;
         # the factor makes the condition irrelevant.
-        return 1e-100 * jnp.min(watched(t, x, *args))
+        return 1e-100 * jnp.min(watched(t, y, *args))
 
     def solve(t: Any, x: Any, until: Any, numbers: Any, watch: Any, tolerances: Any) -> Any:
         solution = diffrax.diffeqsolve(
