@@ -10,7 +10,7 @@ import numpy as np
 import sympy as sp
 
 from henon_ref.integrator.constant_program import ConstantProgram, constant_program
-from henon_ref.modes.arithmetic import BALLS, DOUBLES
+from henon_ref.modes.arithmetic import BALLS, DOUBLES, Arithmetic
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.mode_evaluation import GuardsAndTape, ModeEvaluation, ball_function, guards_and_tape
 from henon_ref.modes.system import FilippovSystem
@@ -30,11 +30,11 @@ class SharedTapes:
 
     def in_doubles(self, values: tuple[float, ...]) -> ModeEvaluation:
         """Return the modes in double precision at parameter values."""
-        return _InDoubles(self, values)
+        return _InDoubles(self, DOUBLES, values)
 
     def in_balls(self, values: tuple[sp.Expr, ...]) -> ModeEvaluation:
         """Return the modes in ball arithmetic of the working precision at exact parameter values."""
-        return _InBalls(self, values)
+        return _InBalls(self, BALLS, values)
 
     def constants(self, tape: Tape) -> ConstantProgram:
         """Return the program of the constants of one of these tapes."""
@@ -58,14 +58,18 @@ class SharedTapes:
             return build_tape(names, (), expressions)
 
 
-class _InDoubles(ModeEvaluation):
-    def __init__(self, shared: SharedTapes, values: tuple[float, ...]) -> None:
-        super().__init__(shared.system, DOUBLES)
+class _AtValues(ModeEvaluation):
+    """Evaluation at given parameter values, by shared tapes and programs."""
+
+    def __init__(self, shared: SharedTapes, arithmetic: Arithmetic, values: tuple[Any, ...]) -> None:
+        super().__init__(shared.system, arithmetic)
         self._tapes, self._values = shared, values
 
     def guards_and_tape(self, mode: Mode) -> GuardsAndTape | None:
         return self._tapes.mode(mode)
 
+
+class _InDoubles(_AtValues):
     def constants(self, tape: Tape) -> list[Any]:
         program = self._tapes.constants(tape)
         registers = program.registers(np.array([self._values]))[0]
@@ -77,14 +81,7 @@ class _InDoubles(ModeEvaluation):
         return lambda *point: program.in_doubles((*point, *values))
 
 
-class _InBalls(ModeEvaluation):
-    def __init__(self, shared: SharedTapes, values: tuple[sp.Expr, ...]) -> None:
-        super().__init__(shared.system, BALLS)
-        self._tapes, self._values = shared, values
-
-    def guards_and_tape(self, mode: Mode) -> GuardsAndTape | None:
-        return self._tapes.mode(mode)
-
+class _InBalls(_AtValues):
     def constants(self, tape: Tape) -> list[Any]:
         return [ball.mid() for ball in self._tapes.constants(tape).balls(self._values)]
 
