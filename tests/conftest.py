@@ -91,7 +91,7 @@ def problem():
 @pytest.fixture
 def made_up_solvers(monkeypatch, tmp_path):
     """In place of real ones in the command, whose folder is a temporary one."""
-    monkeypatch.setattr(compare_cases, "figure_job", lambda result, records: Drawing(result.reading.name))
+    monkeypatch.setattr(compare_cases, "FigureJob", lambda result, records: Drawing(result.reading.name))
     monkeypatch.setattr(truth_job, "statement_of", statement)
     monkeypatch.setattr(registry, "solver", SOLVERS.__getitem__)
     for module in worker_process, pool:  # workers have them by fork alone, which threads of earlier tests would prevent

@@ -9,7 +9,7 @@ unless the contact's override has a ``push``.
 A mode states which contacts hold (N_i = 0) and in which direction the others slip. It is found in double precision by
 block principal pivoting (Júdice and Pires, *Comput. Oper. Res.* 21 (1994) 587-596) and, if blocks make no progress, by
 Murty's rule of the last index, which terminates. A proof checks the conditions of the minimum for this solution in ball
-arithmetic (:mod:`henon_ref.enclosure.contact_proof`).
+arithmetic (:mod:`henon_ref.enclosure.consistency`).
 """
 
 from __future__ import annotations

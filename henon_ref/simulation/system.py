@@ -147,8 +147,12 @@ class System:
 
         case, sources = case_and_sources(path)
         chosen = case.readings[0] if reading is None else case.reading(reading)
+        return cls.from_source(sources[chosen.name])
+
+    @classmethod
+    def from_source(cls, source: Source) -> System:
+        """Read the system of a case that has been checked, with its start and horizon."""
         self = cls.__new__(cls)
-        source = sources[chosen.name]
         self._read(source.tree, source=source)
         self.own_start = source.own_start(self.state)
         return self

@@ -6,5 +6,5 @@ WORKERS_NEED = (
     "henon_ref.harness.campaign.truth_job",
 )
 """Modules that every worker of a comparison imports before its first job."""
-DRAWING_NEEDS = ("henon_ref.harness.report.figure_jobs", "matplotlib.mathtext")
+DRAWING_NEEDS = ("henon_ref.harness.report.svg", "matplotlib.mathtext")
 """Modules that a worker imports if it draws figures."""
