@@ -43,5 +43,6 @@ def test_rows_are_given_by_case_in_the_order_of_the_cases(monkeypatch: pytest.Mo
     monkeypatch.setattr(truth_job, "statement_of", statement)
     cases = [case("b"), case("a")]
     found = page.rows_of(cases, Options(solvers=(Fake("one"), Fake("two")), processes=1, timed=False), Observer())
-    assert list(found) == ["b", "a"]
-    assert all({(row.case, row.solver) for row in found[c]} == {(c, "one"), (c, "two")} for c in found)
+    assert list(dict.fromkeys((row.case, row.solver) for row in found)) == [
+        ("b", "one"), ("b", "two"), ("a", "one"), ("a", "two"),
+    ]  # fmt: skip
