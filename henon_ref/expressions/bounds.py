@@ -190,10 +190,7 @@ def terms(value: sp.Expr, limit: int = MAX_TERMS) -> int:
 def put(expression: sp.Expr, values: Mapping[sp.Symbol, sp.Expr]) -> sp.Expr:
     """Substitute values for symbols after checking that SymPy will not compute a giant number.
 
-    Raises
-    ------
-    ModelError
-        If the values make a power that is not finite, not real, or has too many digits.
+    ModelError if the values make a power that is not finite, not real, or has too many digits.
     """
     symbols = set(values)
     if not any(p.exp.free_symbols & symbols for p in expression.atoms(sp.Pow)):
@@ -245,10 +242,7 @@ def exact_sign(number: sp.Expr) -> int:
 def double_double(number: sp.Expr) -> tuple[float, float]:
     """Return an exact number as the nearest double and the remainder, rounded to a double.
 
-    Raises
-    ------
-    ModelError
-        If it is not a finite real number.
+    ModelError if it is not a finite real number.
     """
     rest = sp.N(number, 50)
     if not rest.is_number or not rest.is_real or not rest.is_finite:

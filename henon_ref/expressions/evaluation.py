@@ -87,12 +87,8 @@ def parse_expression(written: Written, names: Mapping[str, sp.Expr], work: Work 
 def parse_field(written: Written, names: Mapping[str, sp.Expr], work: Work) -> tuple[sp.Expr, list[sp.Expr]]:
     """Read a component of a field, which may have kinks and jumps (see :mod:`henon_ref.expressions.kinks`).
 
-    Returns
-    -------
-    expression : Expr
-        With a :class:`henon_ref.expressions.kinks.Sgn` for the sign of each argument.
-    arguments : list of Expr
-        Arguments of these signs, in order of appearance.
+    The expression has a :class:`henon_ref.expressions.kinks.Sgn` for each sign; the arguments of the signs are returned
+    with it, in order of appearance.
     """
     return _worked_out(written, names, work, FIELD)
 

@@ -36,12 +36,7 @@ class Rules(Generic[T]):
 def fold(expression: sp.Expr, rules: Rules[T], known: dict[Any, T]) -> T:
     """Convert an expression by rules.
 
-    Parameters
-    ----------
-    expression : Expr
-    rules : Rules
-    known : dict
-        Results for symbols or larger parts. New results are added, for reuse with the next expression.
+    ``known``: results for symbols or larger parts; new results are added, for reuse with the next expression.
 
     Examples
     --------

@@ -79,10 +79,7 @@ class Accelerations(NamedTuple):
 def solved(problem: ContactProblem) -> Accelerations:
     """Solve a contact problem in double precision.
 
-    Raises
-    ------
-    ModelError
-        If pivoting does not terminate: the forces are not those of friction.
+    ModelError if pivoting does not terminate: the forces are not those of friction.
     """
     count = len(problem.free)
     free = np.array([float(v) for v in problem.free])

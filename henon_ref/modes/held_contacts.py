@@ -39,11 +39,8 @@ def held_sliding(
     ``reacting``: the system with bodies at rest as contacts; ``sliding``: all surfaces that slide, held ones included.
     The guards end the sliding; equivalent signs are those of the surfaces without static friction.
 
-    Raises
-    ------
-    ModelError
-        If the loads of coupled contacts have no unique solution, or if a ``sliding`` override contradicts
-        the balance of forces.
+    ModelError if the loads of coupled contacts have no unique solution, or if a ``sliding`` override contradicts the
+    balance of forces.
     """
     held = sorted(i for i in sliding if i in system.overrides)
     _, on_surface = surfaces_solved(system, independent(system, held))

@@ -118,10 +118,7 @@ def decide_groups(
     ``mode``: entries of the surfaces that are not active; ``active``: surfaces on which the point is and whose entries
     are open; ``slipped``: contacts whose loads have just reached their limits.
 
-    Raises
-    ------
-    ModelError
-        If forces at the contacts are not those of friction, or if a required proof is missing.
+    ModelError if forces at the contacts are not those of friction, or if a required proof is missing.
     """
     mode, left = _with_sections(system, mode, active, numbers)
     loose = [i for i in left if not _is_contact(system, mode, i, numbers)]

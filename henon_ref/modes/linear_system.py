@@ -34,10 +34,7 @@ Matrix = Sequence[Sequence[sp.Expr]]
 def solution(system: SwitchedField, matrix: Matrix, right: Sequence[sp.Expr]) -> list[sp.Expr] | None:
     """Return the solution of a linear system; None unless there is exactly one.
 
-    Raises
-    ------
-    ModelError
-        If the formulas would be too large.
+    ModelError if the formulas would be too large.
     """
     if len(right) <= MAX_SYMBOLIC:
         return _joint_solution(system, matrix, right)
@@ -76,10 +73,7 @@ def _joint_solution(system: SwitchedField, matrix: Matrix, right: Sequence[sp.Ex
 def determinant(system: SwitchedField, matrix: sp.Matrix) -> sp.Expr:
     """Return the determinant of a matrix; a large constant matrix is evaluated in numbers.
 
-    Raises
-    ------
-    ModelError
-        If it has too many terms.
+    ModelError if it has too many terms.
     """
     if matrix.rows > EXPLICIT and not matrix.free_symbols & {TIME, *system.states, *system.signs}:
         return sp.QQ.to_sympy(rational(system, matrix.tolist()).det())
@@ -125,10 +119,7 @@ def _numeric_solution(system: SwitchedField, matrix: Matrix, right: Sequence[sp.
 def rational(system: SwitchedField, matrix: Matrix) -> DomainMatrix:
     """Return a constant matrix with many rows as a matrix of rational numbers.
 
-    Raises
-    ------
-    ModelError
-        If its numbers are not rational.
+    ModelError if its numbers are not rational.
     """
     numbers = sp.Matrix(matrix).applyfunc(system.numeric)
     if not all(entry.is_Rational for entry in numbers):

@@ -15,15 +15,9 @@ def with_kinks(
 ) -> tuple[dict[sp.Symbol, sp.Expr], list[sp.Expr], frozenset[int], tuple[sp.Expr, ...]]:
     """Return the surfaces of a system and of its kinks, and the field in terms of their signs.
 
-    Returns
-    -------
-    surfaces : dict
-        Surfaces of the system (for a surface with kinks, its branches), followed by those of kinks.
-    field : list of Expr
-    kinks : frozenset of int
-        Indices of the surfaces that belong to kinks.
-    sections : tuple of Expr
-        Signs of the surfaces that have kinks, in terms of the signs of their branches.
+    The surfaces of the system (for a surface with kinks, its branches) are followed by those of kinks. Returned in
+    addition are the indices of the surfaces that belong to kinks, and the signs of the surfaces that have kinks, in
+    terms of the signs of their branches.
     """
     kinks = Kinks(names.exact_parameters())
     for sign, (surface, arguments) in surfaces.items():
