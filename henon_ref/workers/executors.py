@@ -13,7 +13,6 @@ from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
 from contextlib import ExitStack, closing, contextmanager
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from henon_ref.errors import ArgumentError, HenonRefError
@@ -148,19 +147,12 @@ def _done(running: dict[Future[Any], Task]) -> Iterator[tuple[int, Any]]:
         yield running.pop(future).number, found
 
 
-@dataclass(frozen=True)
-class _Call(Job):
-    """Task as a job of a worker; its result is whether it succeeded, and its value or exception."""
-
-    function: Callable[..., Any]
-    arguments: tuple[Any, ...]
-    seconds: float = math.inf
-
-    def run(self, state: WorkerState) -> tuple[bool, Any]:
-        try:
-            return True, self.function(*self.arguments)
-        except Exception as error:  # noqa: BLE001 - any exception is raised again in the caller
-            return False, _sendable(error)
+def _call(state: WorkerState, function: Callable[..., Any], *arguments: Any) -> tuple[bool, Any]:
+    """Job: call the function of a task; return whether it succeeded, and its value or exception."""
+    try:
+        return True, function(*arguments)
+    except Exception as error:  # noqa: BLE001 - any exception is raised again in the caller
+        return False, _sendable(error)
 
 
 def _sendable(error: Exception) -> Exception:
@@ -180,7 +172,7 @@ def _by_workers(function: Callable[..., Any], tasks: Iterator[Task], jobs: int) 
     def sequence() -> Jobs:
         for task in tasks:
             for _ in range(TRIES):
-                result = yield _Call(function, task.arguments)
+                result = yield Job(_call, (function, *task.arguments), math.inf)
                 if not isinstance(result, Failure):
                     break
             else:

@@ -17,8 +17,7 @@ from henon_ref.figures.motion import Motion, axes_of_portrait, draw_portrait, mo
 from henon_ref.figures.style import image
 from henon_ref.figures.time_series import draw_modes
 from henon_ref.harness import registry
-from henon_ref.harness.campaign.run_jobs import sample_times
-from henon_ref.harness.campaign.truth_job import statement_of
+from henon_ref.harness.campaign.jobs import sample_times, statement_of
 from henon_ref.harness.figures.cost import draw_cost
 from henon_ref.harness.figures.errors import draw_errors, running_maximum
 from henon_ref.harness.rows import RunRow, TransitionRow

@@ -2,8 +2,7 @@
 
 WORKERS_NEED = (
     "henon_ref.baselines.henon",
-    "henon_ref.harness.campaign.run_jobs",
-    "henon_ref.harness.campaign.truth_job",
+    "henon_ref.harness.campaign.jobs",
 )
 """Modules that every worker of a comparison imports before its first job."""
 DRAWING_NEEDS = ("henon_ref.harness.report.figure_jobs", "matplotlib.mathtext")

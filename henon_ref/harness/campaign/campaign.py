@@ -18,6 +18,20 @@ from henon_ref.errors import CaseError
 from henon_ref.harness import registry
 from henon_ref.harness.campaign import WORKERS_NEED
 from henon_ref.harness.campaign.comparison import Comparison, ReadingResult
+from henon_ref.harness.campaign.jobs import (
+    PREPARE_SECONDS,
+    TOO_LONG_TO_PREPARE,
+    TRUTH_SECONDS,
+    Statement,
+    fetch_truth,
+    most_transitions,
+    prepare,
+    repeats_seconds,
+    run_once,
+    run_seconds,
+    stored_statement,
+    time_repeats,
+)
 from henon_ref.harness.campaign.options import Options, Setting
 from henon_ref.harness.campaign.plan import (
     NOT_RUN,
@@ -30,8 +44,6 @@ from henon_ref.harness.campaign.plan import (
 )
 from henon_ref.harness.campaign.progress import TRUTH, Observer, ProgressLine, is_seen
 from henon_ref.harness.campaign.rows import Outcome, Record, record, scored
-from henon_ref.harness.campaign.run_jobs import TOO_LONG_TO_PREPARE, PrepareJob, RunJob, TimeJob, most_transitions
-from henon_ref.harness.campaign.truth_job import Statement, TruthJob, stored_statement
 from henon_ref.harness.score.verdict import RIGHT
 from henon_ref.jit.cache_folder import cache_root
 from henon_ref.solver import Solver
@@ -182,7 +194,7 @@ class _Campaign:
     def _truth(self, case: Case, reading: Reading) -> Jobs:
         """Compute the truth of a reading; if that fails, the runs are not scored and the report gives the reason."""
         self.observer.begun(case.name, f"{reading.name} {TRUTH}")
-        found: Statement | Failure = yield TruthJob(case, reading)
+        found: Statement | Failure = yield Job(fetch_truth, (case, reading), TRUTH_SECONDS)
         if isinstance(found, Failure):
             found = Statement(None, reason=found.reason)
         self._statements[case.name, reading.name] = found
@@ -244,20 +256,24 @@ class _Campaign:
         self.observer.begun(state.case.name, f"{reading.name} {pending.name} {setting.label}")
         version = registry.library_version(pending.solver) if isinstance(pending.solver, str) else ""
         outcome = Outcome(state.case.name, reading, pending.name, setting, library_version=version)
-        prepared = yield PrepareJob(pending.solver, reading.problem, setting, options.timeout)
+        given = pending.solver, reading.problem, setting, options.timeout
+        prepared = yield Job(prepare, given, PREPARE_SECONDS)
         if isinstance(prepared, Failure):
             if prepared.ignored:  # prepare() has no deadline that it could have kept
                 prepared = Failure("timeout", TOO_LONG_TO_PREPARE)
             return replace(outcome, failure=prepared)
-        outcome = replace(outcome, **vars(prepared))
-        ran = yield RunJob(options.timeout, most_transitions(0 if expected is None else len(expected.transitions)))
+        landing, version, took = prepared
+        outcome = replace(outcome, landing=landing, library_version=version, compile_s=took)
+        most = most_transitions(0 if expected is None else len(expected.transitions))
+        ran = yield Job(run_once, (most,), run_seconds(options.timeout), rests=True)
         if isinstance(ran, Failure):
             return replace(outcome, failure=ran)
-        outcome = scored(replace(outcome, trajectory=ran.trajectory), expected)
+        trajectory, wall_s = ran
+        outcome = scored(replace(outcome, trajectory=trajectory), expected)
         if outcome.score is None or outcome.score.verdict != RIGHT or not options.timed:
-            whole = ran.trajectory.status not in ("timeout", "failed")
-            return replace(outcome, samples=(ran.wall_s,) if whole else ())
-        samples = yield TimeJob(ran.wall_s, options.repeats, cold)
+            return replace(outcome, samples=(wall_s,) if trajectory.status not in ("timeout", "failed") else ())
+        seconds = repeats_seconds(wall_s, options.repeats)
+        samples = yield Job(time_repeats, (wall_s, options.repeats, cold), seconds, rests=True)
         if isinstance(samples, Failure):
             return replace(outcome, repeat_failure=samples)
         return replace(outcome, samples=samples)

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import EntryPoint
 from pathlib import Path
@@ -74,16 +73,9 @@ def fixed_step(name: str) -> bool:
     return _probed(registry.entry_point(name)) if known is None else known
 
 
-@dataclass(frozen=True)
-class LoadJob(Job):
-    """Import a solver and check whether it takes a fixed step."""
-
-    point: tuple[str, str, str]
-    """Name, value and group of the entry point."""
-    seconds: float = LOADING_SECONDS
-
-    def run(self, state: WorkerState) -> bool:
-        return registry.loaded(EntryPoint(*self.point)).fixed_step
+def _load(state: WorkerState, name: str, value: str, group: str) -> bool:
+    """Job: import the solver of an entry point, and check whether it takes a fixed step."""
+    return registry.loaded(EntryPoint(name, value, group)).fixed_step
 
 
 @cache
@@ -92,7 +84,7 @@ def _probed(point: EntryPoint) -> bool:
     found: list[bool | Failure] = []
 
     def loading() -> Jobs:
-        found.append((yield LoadJob((point.name, point.value, point.group), LOADING_SECONDS)))
+        found.append((yield Job(_load, (point.name, point.value, point.group), LOADING_SECONDS)))
 
     pool = WorkerPool(workers=1, memory=Options().memory)
     pool.add(point.name, loading())

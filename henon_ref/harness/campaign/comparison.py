@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 from henon_ref.casefile.case import Case, Reading
 from henon_ref.casefile.notebook import equations_html
 from henon_ref.errors import CaseError
+from henon_ref.harness.campaign.jobs import Statement
 from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.campaign.rows import Record
-from henon_ref.harness.campaign.truth_job import Statement
 from henon_ref.harness.result_files import AnyRow
 from henon_ref.harness.rows import RunRow, StickRow, TransitionRow
 from henon_ref.harness.score.gate import Gate, bounds_of, gate

@@ -11,12 +11,12 @@ from henon_ref.errors import CaseError
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.case_files import fixed_step
 from henon_ref.harness.campaign.comparison import ReadingResult
+from henon_ref.harness.campaign.jobs import PREPARE_SECONDS, Statement, sample, sample_times
 from henon_ref.harness.campaign.journal import Journal, reading_key, row_key
 from henon_ref.harness.campaign.options import MOST_DRAWN, Options, Setting, settings, state_scale
 from henon_ref.harness.campaign.rows import Record
-from henon_ref.harness.campaign.run_jobs import SampleJob, sample_times
-from henon_ref.harness.campaign.truth_job import Statement
 from henon_ref.solver import Solver
+from henon_ref.workers.worker import Job
 
 NOT_RUN = "not run: "
 """First words of the reason of a run that was skipped because a looser setting of the solver timed out."""
@@ -178,7 +178,7 @@ def chosen_solvers(reading: Reading, options: Options) -> dict[str, str | Solver
     return chosen
 
 
-def sample_job(result: ReadingResult, name: str, options: Options) -> SampleJob:
+def sample_job(result: ReadingResult, name: str, options: Options) -> Job:
     """Make the job that samples the motion of a reading for its figures, at the tightest tolerance of its runs."""
     problem, expected = result.reading.problem, result.expected
     times = sample_times(
@@ -189,4 +189,5 @@ def sample_job(result: ReadingResult, name: str, options: Options) -> SampleJob:
     )
     rtol = min(options.tolerances or result.reading.tolerances)
     setting = Setting(rtol=rtol, atol=rtol * state_scale(problem, expected))
-    return SampleJob(name, problem, setting, options.timeout, times)
+    arguments = name, problem, setting, options.timeout, times
+    return Job(sample, arguments, PREPARE_SECONDS + options.timeout)

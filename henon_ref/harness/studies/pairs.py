@@ -207,7 +207,7 @@ def own_part(solver: str, run: Run, prepare: Callable[[Any], Run], *, rounds: in
 
 
 @dataclass(frozen=True)
-class PairedTiming(Job):
+class PairedTiming:
     """Time the settings of pairs on one reading in interleaved runs; make a row per pair for its cheapest settings."""
 
     case: str
@@ -287,7 +287,7 @@ def time_pairs(
 
     def jobs(own: Sequence[PairedTiming]) -> Jobs:
         for timing in own:
-            result = yield timing
+            result = yield Job(timing.run, (), timing.seconds)
             if isinstance(result, Failure):
                 whom = ", ".join(dict.fromkeys(pair.against for pair in timing.pairs))
                 failed.append(f"{timing.case}, {timing.reading}, against {whom}: {result.reason}")

@@ -9,7 +9,7 @@ from typing import Any, Literal, TypeVar, get_args
 
 from henon_ref.casefile.case import Case
 from henon_ref.harness import registry
-from henon_ref.harness.campaign.truth_job import stored_statement
+from henon_ref.harness.campaign.jobs import stored_statement
 from henon_ref.harness.report.folder import RUNS
 from henon_ref.harness.report.text.ranking import LEVELS
 from henon_ref.harness.result_files import earlier_rows, rows_text
