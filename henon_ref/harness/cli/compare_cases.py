@@ -7,21 +7,21 @@ from __future__ import annotations
 
 import json
 import shlex
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from henon_ref.casefile.case import Case
 from henon_ref.commands import status_line
-from henon_ref.commands.exit_status import say
+from henon_ref.commands.exit_status import DONE, NOT_MET, say
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.campaign import compare_all
 from henon_ref.harness.campaign.case_files import load_cases
 from henon_ref.harness.campaign.comparison import Comparison
 from henon_ref.harness.campaign.journal import FILE, read
-from henon_ref.harness.campaign.options import Options
-from henon_ref.harness.campaign.plan import check_required, check_solvers
+from henon_ref.harness.campaign.options import Options, check_required, check_solvers
 from henon_ref.harness.campaign.progress import ProgressLine
 from henon_ref.harness.report.case_report import write_report
 from henon_ref.harness.report.figure_jobs import KINDS, figure_job, file_name
@@ -46,15 +46,6 @@ NOTE = (
 )
 
 
-class Unmet(NamedTuple):
-    """Sentences on unmet requirements, which may affect the exit status."""
-
-    gate: list[str]
-    """Violated bounds of the gate; with ``--gate`` also the fact that no bound was checked."""
-    required: list[str]
-    """Readings in which a required solver is wrong, and required solvers that were not judged in any reading."""
-
-
 def run(
     paths: Sequence[Path],
     options: Mapping[str, Any],
@@ -62,10 +53,12 @@ def run(
     gated: bool = False,
     figures: bool = True,
     as_json: bool = False,
-) -> Unmet:
-    """Compare cases and write reports; ``options`` are arguments of :class:`Options`, with the folder of the reports.
+) -> int:
+    """Compare cases and write reports; return the exit status.
 
-    With ``gated`` the gate decides the exit status. With ``as_json`` the table is printed as a JSON document, and
+    ``options`` are arguments of :class:`Options`, with the folder of the reports. The exit status is 1 if a required
+    solver is wrong or was not judged in any reading. With ``gated``, it is also 1 if a bound of the gate is violated,
+    or if no bound was checked. With ``as_json`` the table is printed as a JSON document, and
     nothing else is printed on standard output.
 
     Raises
@@ -91,7 +84,7 @@ def run(
 
 def _compared(
     cases: Sequence[Case], options: Options, out: Path, rerun: str, *, gated: bool, figures: bool, as_json: bool
-) -> Unmet:
+) -> int:
     """Run the campaign and write its reports; the caller has locked the folders of the cases."""
     written: list[Path] = []
     failures: list[str] = []
@@ -113,7 +106,7 @@ def _compared(
             print(case_line(name, own, written[-1]), flush=True)
 
     status_line.clear()
-    with ProgressLine() as shown:
+    with ProgressLine(sys.stderr) as shown:
         compare_all(cases, options, deliver, draw=figure_job if figures else None, observer=shown)
     with locked([out], wait=True):
         index = write_folder_report(out)
@@ -129,7 +122,10 @@ def _compared(
         failures.append(why_unchecked(gate))
     if gated and gate.left_out:
         say(f"gate: {bounds_left_out(gate)}")
-    return Unmet(failures, [words for solver, own in demands.items() for words in own.unmet(solver)])
+    required = [words for solver, own in demands.items() for words in own.unmet(solver)]
+    for words in [*(f"gate: {words}" for words in failures), *(f"required: {words}" for words in required)]:
+        say(words)
+    return NOT_MET if required or (gated and failures) else DONE
 
 
 def discard(folder: Path, cases: Sequence[Case]) -> None:

@@ -15,7 +15,7 @@ from henon_ref.casefile.files import shipped_folder
 from henon_ref.harness.campaign.campaign import compare_all
 from henon_ref.harness.campaign.comparison import Comparison
 from henon_ref.harness.campaign.options import Options
-from henon_ref.harness.campaign.progress import Observer
+from henon_ref.harness.campaign.progress import ProgressLine
 from henon_ref.harness.report.folder import INDEX, REPORT
 from henon_ref.harness.report.svg import svg
 from henon_ref.harness.report.text.markdown import environment
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 NONE: Mapping[str, Any] = MappingProxyType({})
 
 
-def rows_of(cases: Sequence[Case], options: Options, observer: Observer) -> dict[str, list[RunRow]]:
+def rows_of(cases: Sequence[Case], options: Options, observer: ProgressLine) -> dict[str, list[RunRow]]:
     """Run the cases; return the rows of ``runs.csv`` by the name of the case, in the order of the cases."""
     found: dict[str, list[RunRow]] = {case.name: [] for case in cases}
 

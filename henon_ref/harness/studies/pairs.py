@@ -19,7 +19,7 @@ import numpy as np
 from henon_ref.baselines.heyoka_taylor import HeyokaTaylor
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.options import Options
-from henon_ref.harness.campaign.progress import Observer
+from henon_ref.harness.campaign.progress import ProgressLine
 from henon_ref.harness.campaign.timing import Turns, interleaved, median_interval, timed
 from henon_ref.harness.report.text.ranking import reaching
 from henon_ref.harness.rows import Key, Row, RunRow, number
@@ -279,7 +279,7 @@ class PairedTiming:
 
 
 def time_pairs(
-    timings: Mapping[str, Sequence[PairedTiming]], options: Options, observer: Observer
+    timings: Mapping[str, Sequence[PairedTiming]], options: Options, observer: ProgressLine
 ) -> tuple[list[TimedPair], list[str]]:
     """Time pairs by case, each job in one worker; return the rows, and a sentence for each that cannot be timed."""
     rows: list[TimedPair] = []

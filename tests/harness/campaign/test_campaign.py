@@ -12,7 +12,7 @@ from jobs import memory
 from often import daily
 
 from henon_ref.harness import registry
-from henon_ref.harness.campaign import campaign, jobs
+from henon_ref.harness.campaign import jobs
 from henon_ref.harness.campaign.campaign import compare, compare_all
 from henon_ref.harness.campaign.comparison import Comparison
 from henon_ref.harness.campaign.jobs import Statement
@@ -146,7 +146,7 @@ def test_what_is_demanded_is_run_at_all_its_tolerances_after_a_timeout_too(tmp_p
 
 def test_a_solver_that_is_not_ready_in_time_is_not_judged(monkeypatch):
     """A library that compiles for minutes answers right all the same: that is a limit of ours."""
-    monkeypatch.setattr(campaign, "PREPARE_SECONDS", 0.3)
+    monkeypatch.setattr(jobs, "PREPARE_SECONDS", 0.3)
     runs = run(Fake("compiler", "prepares forever")).runs
     assert list(runs["status"]) == ["timeout", "timeout"]
     assert list(runs["verdict"]) == ["not judged", "not judged"]

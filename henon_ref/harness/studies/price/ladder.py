@@ -14,7 +14,7 @@ from henon_ref.figures import style
 from henon_ref.figures.description import describe
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.options import Options
-from henon_ref.harness.campaign.progress import Observer
+from henon_ref.harness.campaign.progress import ProgressLine
 from henon_ref.harness.figures.labels import label_column
 from henon_ref.harness.report.text.ranking import LEVELS, by_solver, reaching, readings_of, right
 from henon_ref.harness.rows import Row, RunRow, number
@@ -68,7 +68,7 @@ def solvers(chosen: Sequence[str] = ()) -> tuple[str, ...]:
     return tuple(dict.fromkeys((FIRST, *every, *named)))
 
 
-def run_ladder(cases: Sequence[Case], options: Options, observer: Observer) -> list[RunRow]:
+def run_ladder(cases: Sequence[Case], options: Options, observer: ProgressLine) -> list[RunRow]:
     """Run the ladder on the cases' readings, except those for certain solvers only (Listing 1 as printed).
 
     The ladder uses its own tolerances and deadline.
@@ -79,7 +79,7 @@ def run_ladder(cases: Sequence[Case], options: Options, observer: Observer) -> l
 
 
 def time_ladder_pairs(
-    cases: Sequence[Case], rows: Sequence[RunRow], options: Options, observer: Observer, seconds: float = SECONDS
+    cases: Sequence[Case], rows: Sequence[RunRow], options: Options, observer: ProgressLine, seconds: float = SECONDS
 ) -> tuple[list[TimedPair], list[str]]:
     """Time the pairs on every reading that both solvers solve; return the rows, and sentences on failed timings."""
     by_reading = readings_of(rows)
