@@ -27,8 +27,8 @@ NO_TOKEN = bytes(TOKEN)
 _HEAD = struct.Struct(f"=4s{TOKEN}siQ")
 """Magic number, token, process number of the sender, length of the pickle."""
 _CREDENTIALS = struct.Struct("=iii")
-_AT_ONCE, _IN_A_ROW = 1 << 18, 64
-"""Number of bytes read by one call, and number of consecutive calls for one worker."""
+_AT_ONCE = 1 << 18
+"""Number of bytes read by one call."""
 _VOUCHED = sys.platform == "linux"
 
 
@@ -99,7 +99,7 @@ class Channel:
             If the worker has sent other data, or a message that is too large.
         """
         yield from self._messages()
-        for _ in range(_IN_A_ROW):
+        for _ in range(64):  # then the other workers are served
             try:
                 piece, extra = self._piece()
             except BlockingIOError:

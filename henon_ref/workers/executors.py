@@ -19,12 +19,8 @@ from henon_ref.errors import ArgumentError, HenonRefError
 from henon_ref.workers.pool import Jobs, WorkerPool
 from henon_ref.workers.worker import Failure, Job, WorkerState
 
-AHEAD = 3
-"""Number of submitted tasks for each worker of an executor."""
 TRIES = 3
 """Number of attempts at a task whose worker dies."""
-WORKERS_ASSUMED = 16
-"""Assumed number of workers of an executor that does not report it."""
 
 
 class EndedError(HenonRefError):
@@ -81,7 +77,7 @@ def finished(
         If workers die repeatedly, or the executor ends. Exceptions of a task propagate.
     """
     if executor is not None:
-        yield from _on_executor(function, iter(tasks), executor)
+        yield from _on_executor(function, tasks, executor)
     elif jobs == 1:
         for task in tasks:
             yield task.number, function(*task.arguments)
@@ -89,8 +85,9 @@ def finished(
         yield from _by_workers(function, iter(tasks), jobs)
 
 
-def _on_executor(function: Callable[..., Any], tasks: Iterator[Task], executor: Any) -> Iterator[tuple[int, Any]]:
-    workers = getattr(executor, "_max_workers", None) or WORKERS_ASSUMED
+def _on_executor(function: Callable[..., Any], tasks: Iterable[Task], executor: Any) -> Iterator[tuple[int, Any]]:
+    """Execute tasks, three per worker submitted at a time."""
+    workers = getattr(executor, "_max_workers", None) or 16  # if it does not report them
     with ExitStack() as stack:
         if not isinstance(executor, Executor):
             with _reached():
@@ -99,7 +96,13 @@ def _on_executor(function: Callable[..., Any], tasks: Iterator[Task], executor: 
             stack.callback(executor.shutdown, wait=False)
         running: dict[Future[Any], Task] = {}
         try:
-            yield from _flow(function, tasks, executor, running, AHEAD * workers)
+            for task in tasks:
+                with _reached():
+                    running[executor.submit(function, *task.arguments)] = task
+                if len(running) >= 3 * workers:
+                    yield from _done(running)
+            while running:
+                yield from _done(running)
         except (CancelledError, BrokenExecutor) as error:
             raise _ended(error) from error
         finally:
@@ -122,23 +125,6 @@ def _ended(error: Exception) -> EndedError:
         f"the executor has ended or dropped its tasks, for example because the scheduler of a cluster died "
         f"({type(error).__name__}{why:.200})"
     )
-
-
-def _flow(
-    function: Callable[..., Any],
-    tasks: Iterator[Task],
-    executor: Executor,
-    running: dict[Future[Any], Task],
-    most: int,
-) -> Iterator[tuple[int, Any]]:
-    """Keep ``most`` tasks submitted; tasks still in ``running`` at the end are unfinished."""
-    for task in tasks:
-        with _reached():
-            running[executor.submit(function, *task.arguments)] = task
-        if len(running) >= most:
-            yield from _done(running)
-    while running:
-        yield from _done(running)
 
 
 def _done(running: dict[Future[Any], Task]) -> Iterator[tuple[int, Any]]:

@@ -26,9 +26,6 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
-LONGEST_NOTE = 60
-"""Largest length of a note in the printed table [characters]."""
-
 
 @dataclass(eq=False)
 class ReadingResult:
@@ -104,7 +101,7 @@ class Comparison:
         runs = f"{len(self.records)} runs, {right} of them right"
         readings = f"{len(self.readings)} reading{'s' * (len(self.readings) != 1)}"
         head = message(f"Comparison of {self.case.name}: {readings}, {runs}")
-        return f"{head}\n{self._table(LONGEST_NOTE).text}" if self.records else head
+        return f"{head}\n{self._table(longest=60).text}" if self.records else head
 
     def _table(self, longest: int | None = None) -> Table:
         """Table with one row per solver, the best first; ``longest`` limits the characters of a note."""

@@ -25,10 +25,7 @@ ENDS: tuple[Status, ...] = ("ok", "diverged", "nonunique", "invalid", "timeout",
 """Statuses that a run may return."""
 ROUNDINGS = 64
 """Allowed error of a time, and bound on ``time_low``, in roundings of the largest time of the problem."""
-ADDED_UP = 1e-9
-"""Allowed error of a time, relative to the length of the run: a solver may add up its steps."""
 KINDS: tuple[Kind, ...] = get_args(Kind)
-LARGEST_COUNT = 2**63 - 1
 Word = TypeVar("Word", bound=str)
 
 
@@ -151,7 +148,7 @@ def _check_times(run: Trajectory, problem: Problem) -> None:
     """Refuse times outside the interval of the problem, times out of order, and ``time_low`` above a rounding error."""
     start, until = float(problem.start), float(problem.until)
     rounding = ROUNDINGS * sys.float_info.epsilon * max(abs(start), abs(until))
-    slack = max(rounding, ADDED_UP * (until - start))
+    slack = max(rounding, 1e-9 * (until - start))  # a solver may add up its steps
     between = f"a time from {start:.17g} to {until:.17g}"
     latest = start
     for k, event in enumerate(run.transitions):
@@ -251,7 +248,7 @@ def _entries(what: str, value: object, count: int, wanted: str) -> tuple[object,
 def _count(what: str, value: object) -> int:
     """Convert a count to a nonnegative integer of 64 bits."""
     count = _whole(what, value)
-    if not 0 <= count <= LARGEST_COUNT:
+    if not 0 <= count < 2**63:
         raise _Wrong(what, count, "a whole number from 0 to 2**63 - 1")
     return count
 

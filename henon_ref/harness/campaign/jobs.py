@@ -49,8 +49,6 @@ MOST_FOLD, MOST_SPARE = 10, 100_000
 time of scoring, which takes place in the caller's process."""
 MOST_SHOWN = 40
 """Largest number of transitions in a figure of the motion; more would overlap."""
-SAMPLE_COUNT = 1201
-"""Points of a curve in a figure."""
 KEPT, FIRST = "run", "first"
 """Keys in the state of a worker: the prepared run and its problem; the first result and the limit on transitions."""
 
@@ -222,4 +220,4 @@ def sample_times(start: float, after: float, until: float, transitions: Sequence
     inside = [time for time in transitions if begin <= time <= until]
     if len(inside) > MOST_SHOWN:
         begin = inside[-MOST_SHOWN]
-    return tuple(np.linspace(begin, until, SAMPLE_COUNT).tolist())
+    return tuple(np.linspace(begin, until, 1201).tolist())

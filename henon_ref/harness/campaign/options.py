@@ -18,8 +18,6 @@ from henon_ref.solver import Solver, fault
 
 SHORTEST, LONGEST = 0.01, 1e6
 """Smallest and largest time limit of a run [s]."""
-MAIN = b"__main__"
-"""Name of the main module in a pickle."""
 MOST_DRAWN = 6
 """Largest number of readings of a case with figures; the figures of a large family would look alike."""
 
@@ -80,7 +78,7 @@ class Options:
     @property
     def of_main(self) -> bool:
         """Whether a solver is an object of the main module, for example defined in the caller's script."""
-        return any(not isinstance(solver, str) and MAIN in _pickled(solver) for solver in self.solvers or ())
+        return any(not isinstance(solver, str) and b"__main__" in _pickled(solver) for solver in self.solvers or ())
 
 
 def _pickled(value: object) -> bytes:

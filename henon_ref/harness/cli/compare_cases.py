@@ -38,8 +38,6 @@ from henon_ref.text import listed, message
 
 MOST_FAILING = 24
 """Largest number of lines on runs that are not right; the JSON document and the reports list all of them."""
-MOST_PLACES = 3
-"""Largest number of readings named in one such line."""
 NOTE = (
     "Each solver at its tightest setting, over the readings in which it is right: smallest number of digits, median "
     "time, and geometric mean of its time relative to the fastest solver (times as long)."
@@ -208,4 +206,4 @@ def failing(rows: Sequence[RunRow]) -> list[Failing]:
 
 def failing_line(found: Failing) -> str:
     reason = f" ({found.reason.rstrip('.')})" if found.reason else ""
-    return message(f"{found.solver}: {found.status}{reason}: {listed(found.where, MOST_PLACES)}")
+    return message(f"{found.solver}: {found.status}{reason}: {listed(found.where, 3)}")

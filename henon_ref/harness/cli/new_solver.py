@@ -23,8 +23,6 @@ from henon_ref.text import message, shortened
 
 app = application()
 
-TEMPLATES = "new_solver_template"
-"""Folder of the templates, next to this file."""
 NAME = re.compile(r"[a-z][a-z0-9]*([-_][a-z0-9]+)*")
 LONGEST = 40
 """Largest length of a name [characters]."""
@@ -113,7 +111,9 @@ def package_files(name: str, words: tuple[str, ...] = ()) -> dict[str, str]:
     """
     module = module_of(name)
     environment = Environment(
-        loader=PackageLoader("henon_ref.harness.cli", TEMPLATES), undefined=StrictUndefined, keep_trailing_newline=True
+        loader=PackageLoader("henon_ref.harness.cli", "new_solver_template"),
+        undefined=StrictUndefined,
+        keep_trailing_newline=True,
     )
     files = {
         "pyproject.toml": "pyproject.toml",
