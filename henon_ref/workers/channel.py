@@ -93,10 +93,7 @@ class Channel:
     def receive(self) -> Iterator[tuple[bytes, bytes]]:
         """Yield token and pickle of the worker's messages that have arrived; of a large amount of data, a part.
 
-        Raises
-        ------
-        NoReply
-            If the worker has sent other data, or a message that is too large.
+        NoReply if the worker has sent other data, or a message that is too large.
         """
         yield from self._messages()
         for _ in range(64):  # then the other workers are served

@@ -40,13 +40,7 @@ def processors() -> int:
 
 
 def check_executor(executor: Any) -> None:
-    """Check that tasks can be submitted to an executor.
-
-    Raises
-    ------
-    ArgumentError
-        If it is neither an Executor nor a Dask Client, or is a closed client.
-    """
+    """Raise ArgumentError for what is neither an Executor nor a Dask Client, or is a closed client."""
     if executor is not None and not isinstance(executor, Executor) and not hasattr(executor, "get_executor"):
         raise ArgumentError(
             f"executor is a {type(executor).__name__}; wanted a concurrent.futures.Executor, a Dask Client, or None"

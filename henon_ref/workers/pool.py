@@ -266,10 +266,7 @@ class WorkerPool:
     def _replace_unbegun(self, task: _Task, worker: WorkerProcess) -> None:
         """Send a job to a new worker if its worker does not start within 120 s, which is no failure of the job.
 
-        Raises
-        ------
-        HenonRefError
-            If this happens for the fourth time.
+        HenonRefError if this happens for the fourth time.
         """
         if worker.ended is None and time.monotonic() - worker.asked < 120.0:
             return

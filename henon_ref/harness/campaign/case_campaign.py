@@ -192,7 +192,7 @@ class CaseCampaign:
             return replace(outcome, failure=prepared)
         landing, version, took = prepared
         outcome = replace(outcome, landing=landing, library_version=version, compile_s=took)
-        most = jobs.most_transitions(0 if expected is None else len(expected.transitions))
+        most = jobs.MOST_SPARE + jobs.MOST_FOLD * (0 if expected is None else len(expected.transitions))
         ran = yield Job(jobs.run_once, (most,), jobs.run_seconds(options.timeout), rests=True)
         if isinstance(ran, Failure):
             return replace(outcome, failure=ran)

@@ -31,16 +31,8 @@ def read_cases(
 ) -> list[Case]:
     """Read the case files; a folder means all case files in it, except those in a folder ``truth``.
 
-    Parameters
-    ----------
-    paths : sequence of Path
-    solvers, fixed_step : optional
-        See :func:`henon_ref.casefile.case.load_case`.
-
-    Raises
-    ------
-    CaseError
-        If a file is not a case, a folder contains no case, or two cases have the same name.
+    For ``solvers`` and ``fixed_step`` see :func:`henon_ref.casefile.case.load_case`. CaseError if a file is not a case,
+    a folder contains no case, or two cases have the same name.
     """
     cases: dict[str, Case] = {}
     # Several paths may lead to the same file; it is read once, under its first path.
@@ -57,13 +49,7 @@ def read_cases(
 
 
 def load_cases(paths: Sequence[Path]) -> list[Case]:
-    """Read case files and folders of case files, and check the solvers that they name.
-
-    Raises
-    ------
-    CaseError
-        See :func:`read_cases`.
-    """
+    """Read case files and folders of case files (:func:`read_cases`), and check the solvers that they name."""
     return read_cases(paths, solvers=registry.names(), fixed_step=fixed_step)
 
 

@@ -174,11 +174,6 @@ def run_seconds(timeout: float) -> float:
     return 1.25 * timeout + 1.0
 
 
-def most_transitions(exact: int) -> int:
-    """Return the largest number of transitions that a run may return, given the exact number (0 if unknown)."""
-    return MOST_FOLD * exact + MOST_SPARE
-
-
 def time_repeats(state: WorkerState, first: float, repeats: int | None, cold: bool) -> tuple[float, ...]:
     """Job: repeat the prepared run for its wall time; return the samples [s].
 

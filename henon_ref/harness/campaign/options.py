@@ -100,12 +100,7 @@ def shown(value: object) -> str:
 
 
 def check_solvers(cases: Sequence[Case], options: Options) -> None:
-    """Refuse unknown solvers, and a case to which none of the requested solvers applies.
-
-    Raises
-    ------
-    CaseError
-    """
+    """Raise CaseError for an unknown solver, and a case to which none of the requested solvers applies."""
     for entry in options.solvers or ():
         if isinstance(entry, str) and entry != registry.ALL:
             registry.check(entry)
@@ -119,12 +114,7 @@ def check_solvers(cases: Sequence[Case], options: Options) -> None:
 
 
 def check_required(cases: Sequence[Case], options: Options) -> None:
-    """Refuse a required solver that does not run.
-
-    Raises
-    ------
-    CaseError
-    """
+    """Raise CaseError for a required solver that does not run."""
     run = {name for case in cases for reading in case.readings for name in chosen_solvers(reading, options)}
     for name in options.required:
         if registry.check(name) not in run:

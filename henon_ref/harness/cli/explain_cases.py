@@ -41,13 +41,7 @@ command = command_of(app, "explain")
 
 
 def explain(paths: Sequence[Path]) -> None:
-    """Print the explanation of case files.
-
-    Raises
-    ------
-    CaseError
-        If a file is invalid; nothing is printed then.
-    """
+    """Print the explanation of case files; CaseError if a file is invalid, and nothing is printed then."""
     for case in load_cases(paths):
         for line in explanation(case):
             print(_indented(line))

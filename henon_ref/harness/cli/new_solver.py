@@ -66,12 +66,7 @@ def module_of(name: str) -> str:
 
 
 def check_name(name: str) -> None:
-    """Refuse a name that is invalid, or already taken by a solver or a module.
-
-    Raises
-    ------
-    CaseError
-    """
+    """Raise CaseError for a name that is invalid, or already taken by a solver or a module."""
     if not NAME.fullmatch(name) or len(name) > LONGEST:
         raise CaseError(
             f"NAME is {shortened(name)}; a name has lowercase letters and digits, begins with a letter, may contain "
@@ -87,13 +82,7 @@ def check_name(name: str) -> None:
 
 
 def command_words(command: str) -> tuple[str, ...]:
-    """Split a command line into words, and make the paths of existing files absolute.
-
-    Raises
-    ------
-    CaseError
-        If the command line is empty, or a quotation mark is not closed.
-    """
+    """Split a command line into words, and make the paths of existing files absolute."""
     try:
         words = shlex.split(command)
     except ValueError as error:
@@ -128,13 +117,7 @@ def package_files(name: str, words: tuple[str, ...] = ()) -> dict[str, str]:
 
 
 def write_package(name: str, folder: Path, words: tuple[str, ...] = ()) -> None:
-    """Write the package completely, or not at all.
-
-    Raises
-    ------
-    CaseError
-        If the folder exists already, or cannot be written.
-    """
+    """Write the package completely, or not at all; CaseError if the folder exists, or cannot be written."""
     if os.path.lexists(folder):
         raise CaseError(f"{folder} exists already; remove it, or choose another folder with --out")
     try:

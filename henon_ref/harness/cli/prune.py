@@ -39,10 +39,7 @@ from henon_ref.harness.studies.study import STUDIES
 def prune(folder: Path, kept: Sequence[str]) -> int:
     """Remove all files that index and pages do not require, except the reports of some cases; return the bytes left.
 
-    Raises
-    ------
-    CaseError
-        If another program wrote README.md or the matrix; nothing is removed then.
+    CaseError if another program wrote README.md or the matrix; nothing is removed then.
     """
     check_index(folder)
     with locked([folder], wait=True):
