@@ -17,6 +17,7 @@ import socket
 import struct
 import sys
 from collections.abc import Iterator
+from typing import BinaryIO
 
 LARGEST = 2**28
 """Largest size of a solver's message [bytes]."""
@@ -139,21 +140,11 @@ class Channel:
                 yield token, pickled
 
 
-def read_message(theirs: socket.socket) -> tuple[bytes, bytes] | None:
+def read_message(stream: BinaryIO) -> tuple[bytes, bytes] | None:
     """Wait for the next message at the worker's end; return token and pickle, or None if the caller has closed."""
-    head = _exactly(theirs, _HEAD.size)
-    if head is None:
+    head = stream.read(_HEAD.size)
+    if len(head) < _HEAD.size:
         return None
     _, token, _, length = _HEAD.unpack(head)
-    pickled = _exactly(theirs, length)
-    return None if pickled is None else (token, pickled)
-
-
-def _exactly(theirs: socket.socket, count: int) -> bytes | None:
-    parts = bytearray()
-    while len(parts) < count:
-        piece = theirs.recv(min(count - len(parts), _AT_ONCE))
-        if not piece:
-            return None
-        parts += piece
-    return bytes(parts)
+    pickled = stream.read(length)
+    return (token, pickled) if len(pickled) == length else None

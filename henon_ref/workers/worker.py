@@ -196,7 +196,8 @@ def _serve(theirs: socket.socket) -> None:
     gc.freeze()  # objects inherited by the fork need no further collections
     me, state = os.getpid(), WorkerState(lambda kind, value: None)
     theirs.sendall(framed(NO_TOKEN, b""))
-    while (request := read_message(theirs)) is not None:
+    requests = theirs.makefile("rb")
+    while (request := read_message(requests)) is not None:
         token, pickled = request
 
         def tell(kind: str, value: Any, token: bytes = token, me: int = me) -> None:

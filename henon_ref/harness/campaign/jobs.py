@@ -129,7 +129,7 @@ def prepare(
     ``solver`` is a solver or its name in the registry, ``timeout`` the limit on the processor time of one run [s].
     """
     state.kept.clear()
-    own = _solver(solver)
+    own = registry.solver(solver) if isinstance(solver, str) else solver
     version = own.version
     begin = perf_counter()
     run = _prepared(own, problem, setting, timeout)
@@ -137,10 +137,6 @@ def prepare(
     landing, version = check_prepared(run, landing=own.landing, version=version)
     state.kept[KEPT] = run, problem
     return landing, version, took
-
-
-def _solver(solver: str | Solver) -> Solver:
-    return registry.solver(solver) if isinstance(solver, str) else solver
 
 
 def _prepared(

@@ -61,10 +61,6 @@ def main(
 command = command_of(app, "new-solver")
 
 
-def module_of(name: str) -> str:
-    return name.replace("-", "_")
-
-
 def check_name(name: str) -> None:
     """Raise CaseError for a name that is invalid, or already taken by a solver or a module."""
     if not NAME.fullmatch(name) or len(name) > LONGEST:
@@ -72,7 +68,7 @@ def check_name(name: str) -> None:
             f"NAME is {shortened(name)}; a name has lowercase letters and digits, begins with a letter, may contain "
             f"single - or _ inside, and has at most {LONGEST} characters, for example my-rk"
         )
-    module = module_of(name)
+    module = name.replace("-", "_")
     if name in registry.names():
         raise CaseError(f"a solver named '{name}' is installed; choose another name")
     if iskeyword(module) or module in sys.stdlib_module_names:
@@ -98,7 +94,7 @@ def package_files(name: str, words: tuple[str, ...] = ()) -> dict[str, str]:
     The module is in ``src``, because Python would import the folder of the package instead of a module of the same
     name next to it.
     """
-    module = module_of(name)
+    module = name.replace("-", "_")
     environment = Environment(
         loader=PackageLoader("henon_ref.harness.cli", "new_solver_template"),
         undefined=StrictUndefined,
