@@ -39,6 +39,8 @@ CLEAR_LEVEL = 1e-9
 """A guard has no event if the bound from the sizes of its terms stays above this part of its size."""
 EQUAL = 1e-13
 """Relative difference within which a force counts as equal to the friction (as in the compiled loop)."""
+HELD_TOLERANCES = 10
+"""Number of tolerances by which a constant held load exceeds its limit at most (as in the compiled loop)."""
 
 
 @dataclass(frozen=True)
@@ -138,20 +140,26 @@ def _without_known_zeros(c: Sequence[arb], zeros: int) -> list[arb]:
     return [arb(0)] * zeros + q
 
 
-def load_equals_friction(guards: Sequence[Guard], outputs: Sequence[Sequence[arb]], own: int, longer: float) -> bool:
+def load_equals_friction(
+    guards: Sequence[Guard], outputs: Sequence[Sequence[arb]], own: int, longer: float, tolerance: float
+) -> bool:
     """Whether a guard ends a slide and the force equals the friction on the entire step, so that the slide continues.
 
-    ``longer``: length of the step in units of the expansion.
+    See ``load_equals_friction`` in ``henon_ref/kernel/events.c``. ``longer``: length of the step in units of the
+    expansion.
     """
     guard = guards[own]
     if guard.kind != "release":
         return False
     ends = [g for g, end in enumerate(guards) if end.kind == "release" and end.index == guard.index]
     friction = sum(float(outputs[end][0]) for end in ends)
-    size, power = 0.0, 1.0
-    for k, c in enumerate(outputs[own]):
-        size += 0.0 if guard.held and k == 0 else abs(float(c)) * power
+    first, *rest = (abs(float(c)) for c in outputs[own])
+    if guard.held and not first <= (EQUAL + HELD_TOLERANCES * tolerance) * friction:
+        return False
+    size, power = (0.0 if guard.held else first), 1.0
+    for c in rest:
         power = min(power * longer, 1e300)
+        size += c * power
     return size <= EQUAL * friction
 
 

@@ -76,6 +76,7 @@ def locate(run: State) -> Ending | None:
             suspect=float(scalars.suspect),
             guard=None if scalars.guard == kernel.NOWHERE else places[int(scalars.guard)],
             known_zeros=tuple(zeros.get(g, 0) for g in range(len(integrator.system.guards(mode)))),
+            tolerance=float(scalars.tolerance),
         ),
     )
     return ending_of(run, kernel.STALLED) if found is None else _gone_to(run, found)

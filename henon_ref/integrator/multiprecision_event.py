@@ -71,6 +71,8 @@ class UndecidedStep(NamedTuple):
     """Guard that was near zero; None: no guard was."""
     known_zeros: tuple[int, ...]
     """Number of zeros of each guard at the start, which are divided out."""
+    tolerance: float = 0.0
+    """Relative error of a step that led here."""
 
 
 class LocatedEvent(NamedTuple):
@@ -146,7 +148,9 @@ def _events(
         )
         place = found[0].place
     for g, guard in enumerate(guards):
-        if g == step.guard or load_equals_friction(guards, outputs, g, longer) or is_clear(outputs[g], guard, place):
+        if g == step.guard or is_clear(outputs[g], guard, place):
+            continue
+        if load_equals_friction(guards, outputs, g, longer, step.tolerance):
             continue
         series = GuardSeries(outputs[g], step.known_zeros[g], whole)
         if series.positive(place):

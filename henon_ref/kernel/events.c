@@ -17,6 +17,9 @@
 #define TOUCH_PLACES 16
 /* A force that differs from the friction by no more than this part of the friction equals it. */
 #define EQUAL_PART 1e-13
+/* A constant held load exceeds its limit by no more than this many tolerances of the friction (1.8 were measured after
+ * 20,000 s at a tolerance of 1e-4, where the load follows from an oscillation whose error grows). */
+#define HELD_TOLERANCES 10
 
 /* An event on a step. */
 struct event {
@@ -56,7 +59,7 @@ static double near_touch(const double *a, int64_t degree, double level)
 
 /* Check whether a guard is the end of a slide and the force equals the friction on a whole step: the slide holds.
  *
- * A load that is held does not exceed its limit: that it does so without changing on the step results from the tolerance.
+ * A held load that does not change on the step may exceed its limit by what the tolerance explains.
  * The guard is compared with the sum of all guards that end the slide, which has the size of the friction. "natural" is
  * theta of the uncut step: on a shortened step any guard next to zero would stay there.
  */
@@ -69,10 +72,12 @@ static bool load_equals_friction(const struct work *w, int64_t guard, double nat
     for (int64_t g = 0; g < w->mode->guards; g++)
         if (guards[g].kind == RELEASE && guards[g].index == end->index)
             friction += guard_row(w, g)[0];
-    double own = 0.0, power = 1.0;
     const double *row = guard_row(w, guard);
-    for (int64_t k = 0; k <= w->run->order; k++) {
-        own += end->held && k == 0 ? 0.0 : fabs(row[k]) * power;
+    double own = end->held ? 0.0 : fabs(row[0]), power = natural;
+    if (end->held && !(fabs(row[0]) <= (EQUAL_PART + HELD_TOLERANCES * w->run->tolerance) * friction))
+        return false;
+    for (int64_t k = 1; k <= w->run->order; k++) {
+        own += fabs(row[k]) * power;
         if (!(own <= EQUAL_PART * friction))
             return false;
         power *= natural;

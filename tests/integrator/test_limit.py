@@ -9,6 +9,7 @@ import pytest
 from problems import make_problem
 from runs import kinds, run
 
+import henon_ref as hr
 from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.casefile.case import load_case
 
@@ -58,3 +59,16 @@ def test_a_load_that_passes_the_friction_slowly_is_let_go(until: str, rtol: floa
     """Whatever is left of the run there."""
     result = run(make_problem("x", ["1 + (t - 1)/10**9 - s"], {"s": "x"}, [0], until), rtol)
     assert [(q.kind, q.time) for q in result.transitions] == [("release", pytest.approx(1, abs=1e-6))]
+
+
+@pytest.mark.parametrize(("rtol", "excess"), [(1e-10, 5e-10), (1e-12, 6e-12), (1e-13, 1.2e-12)])
+def test_a_held_load_that_creeps_past_its_limit_is_released(rtol: float, excess: float) -> None:
+    """It passes 2 at t = 1000 by 1e-13 a second; no step moves it by 1e-13 of the friction."""
+    scene = hr.Scene()
+    floor = scene.prescribed("floor", velocity="0.1*sin(t)")
+    block = scene.body("block", mass=1)
+    scene.friction(block, floor, law="coulomb", force=1, static=2)
+    scene.force(block, value="2 - 1/10**10 + t/10**13 + 0.1*cos(t)")
+    run = hr.simulate(scene.system(), {"x_block": 0, "v_block": 0}, until=9000, rtol=rtol)
+    assert run.transitions["kind"].iloc[0] == "release"
+    assert 1000 <= run.transitions["time_s"].iloc[0] <= 1000 + excess / 1e-13
